@@ -1,0 +1,145 @@
+"""One decorator for every compiled kernel, and the folder in which compiled code is kept.
+
+numba's own cache looks only at the file that a kernel stands in. A kernel whose *callee* changed
+would go on running the old code. Every kernel of this package is therefore cached in a folder
+whose name carries a hash of all kernel sources, of the versions of numba, llvmlite, NumPy and
+Python, and of the processor that the code was made for.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+import llvmlite
+import llvmlite.binding
+import numba
+import numpy as np
+from numba.core import config as numba_config
+
+__all__ = ["announce_compilation", "cache_folder", "kernel", "vector_kernel"]
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def _fingerprint() -> str:
+    digest = hashlib.sha256()
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.name.encode())
+        digest.update(source.read_bytes())
+    for part in (
+        numba.__version__,
+        llvmlite.__version__,
+        np.__version__,
+        platform.python_version(),
+        platform.machine(),
+        llvmlite.binding.get_host_cpu_name(),
+        llvmlite.binding.get_host_cpu_features().flatten(),
+    ):
+        digest.update(str(part).encode())
+    return digest.hexdigest()[:16]
+
+
+def _base_folder() -> Path:
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    if given:
+        return Path(given)
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return base / "swim_env"
+
+
+def _writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def _find_cache_folder() -> Path:
+    name = f"kernels-{_fingerprint()}"
+    folder = _base_folder() / name
+    if not _writable(folder):
+        user = os.getuid() if hasattr(os, "getuid") else "user"
+        folder = Path(tempfile.gettempdir()) / f"swim_env-{user}" / name
+        folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+_CACHE_FOLDER = _find_cache_folder()
+
+
+def cache_folder() -> Path:
+    """Return the folder that holds this version's compiled kernels."""
+    return _CACHE_FOLDER
+
+
+def _compile(function: Function, **options: Any) -> Function:
+    # The folder is set only while the decorator runs: other packages keep their own cache.
+    before = numba_config.CACHE_DIR
+    numba_config.CACHE_DIR = str(_CACHE_FOLDER)
+    try:
+        compiled: Function = numba.njit(
+            cache=True, nogil=True, error_model="numpy", boundscheck=False, **options
+        )(function)
+    finally:
+        numba_config.CACHE_DIR = before
+    return compiled
+
+
+def kernel(function: Function) -> Function:
+    """Compile a kernel with strict floating-point semantics.
+
+    Everything that decides on finiteness, convergence or the sign of a mass uses this one.
+    """
+    return _compile(function)
+
+
+def vector_kernel(function: Function) -> Function:
+    """Compile a kernel whose sums may be reordered so that they run on vector registers.
+
+    NaN and infinity keep their meaning: only contraction, reassociation, reciprocals and the
+    sign of zero are given up.
+    """
+    return _compile(function, fastmath={"contract", "reassoc", "arcp", "nsz"})
+
+
+@contextmanager
+def announce_compilation() -> Iterator[None]:
+    """Say on stderr that kernels are being compiled, when this version has not been before.
+
+    Wrap the first call of the kernels in it. The marker that silences later runs is written only
+    after the wrapped block has ended without an error.
+    """
+    marker = _CACHE_FOLDER / "compiled"
+    if marker.exists():
+        yield
+        return
+    print(
+        "swim_env: compiling the physics kernels, once for this version and machine "
+        "(usually under 30 s) ...",
+        file=sys.stderr,
+        flush=True,
+    )
+    start = time.perf_counter()
+    yield
+    marker.touch()
+    print(
+        f"swim_env: compiled in {time.perf_counter() - start:.0f} s, kept in the kernel cache",
+        file=sys.stderr,
+        flush=True,
+    )

@@ -1,0 +1,98 @@
+r"""Geometry, strain energy and body inertia of the chain of rigid elements.
+
+The minimal coordinates are q = (c, theta_1, a_2 ... a_N): the mean c of the element centres, the
+angle of element 1 and the joint angles a_k = theta_k - theta_{k-1}. Joint angles are carried
+rather than differenced, so the elastic moments of a stiff beam keep their digits. Momenta are
+carried in the basis of the element angles, p = (p_c, p_theta_1 ... p_theta_N), where joint torques
+and the angular momentum are plain sums.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.physics._compile import kernel
+
+__all__ = ["BeamConstants", "centres", "centres_of_trajectory", "strain_energy"]
+
+Array = NDArray[np.float64]
+
+
+class BeamConstants(NamedTuple):
+    """What a scene says of the beam, per element and joint.
+
+    Attributes
+    ----------
+    elements : int
+        Number N of elements.
+    element_length : float
+        dl (m).
+    element_mass : float
+        dl rho_B A (kg).
+    element_inertia : float
+        dl rho_B I_1 (kg m^2).
+    joint_stiffness : (N - 1,) array
+        EI/dl (N m).
+    joint_damping : (N - 1,) array
+        EI t_kv/dl (N m s).
+    """
+
+    elements: int
+    element_length: float
+    element_mass: float
+    element_inertia: float
+    joint_stiffness: Array
+    joint_damping: Array
+
+
+@kernel
+def chain_weight(element: int, elements: int) -> float:
+    """Return how far the mean centre moves along d3^j per length that element j (0-based) adds."""
+    return (elements - element - 0.5) / elements
+
+
+@kernel
+def centres(q: Array, element_length: float, out: Array) -> None:
+    """Write the element centres (N, 2) in m of the minimal coordinates q (N + 2,).
+
+    Neighbouring elements meet at a node, r^k - r^{k-1} = dl (d3^k + d3^{k-1})/2 (15).
+    """
+    elements = q.size - 2
+    angle = 0.0
+    x = 0.0
+    y = 0.0
+    mean_x = 0.0
+    mean_y = 0.0
+    for k in range(elements):
+        angle += q[2 + k]
+        step_x = 0.5 * element_length * np.cos(angle)
+        step_y = 0.5 * element_length * np.sin(angle)
+        out[k, 0] = x + step_x
+        out[k, 1] = y + step_y
+        mean_x += out[k, 0]
+        mean_y += out[k, 1]
+        x += 2.0 * step_x
+        y += 2.0 * step_y
+    for k in range(elements):
+        out[k, 0] += q[0] - mean_x / elements
+        out[k, 1] += q[1] - mean_y / elements
+
+
+@kernel
+def centres_of_trajectory(q: Array, element_length: float, out: Array) -> None:
+    """Write the element centres (T, N, 2) in m of a trajectory q (T, N + 2)."""
+    for n in range(q.shape[0]):
+        centres(q[n], element_length, out[n])
+
+
+@kernel
+def strain_energy(q: Array, joint_stiffness: Array) -> float:
+    """Return W (33) in J of the pose q (N + 2,): EI sin^2(a)/(2 dl) summed over the joints."""
+    energy = 0.0
+    for j in range(joint_stiffness.size):
+        sine = np.sin(q[3 + j])
+        energy += 0.5 * joint_stiffness[j] * sine * sine
+    return energy

@@ -1,0 +1,198 @@
+"""Dense linear algebra for the sizes of one swimmer, without calls into LAPACK.
+
+The matrices of one body have some ten to a few hundred rows. There the overhead of library calls
+is of the order of the arithmetic, and a plain loop over rows runs on vector registers.
+All functions work in place on the arrays handed in and return whether they succeeded.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.physics._compile import kernel, vector_kernel
+
+__all__ = ["cholesky", "cholesky_solve", "invert", "lu_factor", "lu_solve", "mat_vec", "norm_1"]
+
+Array = NDArray[np.float64]
+
+
+@kernel
+def matrix_view(buffer: Array, start: int, rows: int, columns: int) -> Array:
+    """Return part of a flat buffer as a matrix (rows, columns)."""
+    return buffer[start : start + rows * columns].reshape((rows, columns))
+
+
+@vector_kernel
+def _subtract_multiple(target: Array, source: Array, factor: float) -> None:
+    for j in range(target.size):
+        target[j] -= factor * source[j]
+
+
+@vector_kernel
+def dot(a: Array, b: Array) -> float:
+    """Return the scalar product of two vectors of equal length."""
+    total = 0.0
+    for j in range(a.size):
+        total += a[j] * b[j]
+    return total
+
+
+@kernel
+def mat_vec(matrix: Array, vector: Array, out: Array) -> None:
+    """Write matrix (m, n) times vector (n,) into out (m,)."""
+    for i in range(matrix.shape[0]):
+        out[i] = dot(matrix[i], vector)
+
+
+@vector_kernel
+def mat_vec_transposed(matrix: Array, vector: Array, out: Array) -> None:
+    """Write the transpose of matrix (m, n) times vector (m,) into out (n,)."""
+    for j in range(matrix.shape[1]):
+        out[j] = 0.0
+    for i in range(matrix.shape[0]):
+        factor = vector[i]
+        for j in range(matrix.shape[1]):
+            out[j] += matrix[i, j] * factor
+
+
+@vector_kernel
+def norm_1(matrix: Array) -> float:
+    """Return the largest sum of magnitudes over a row of the transpose, i.e. over a column."""
+    largest = 0.0
+    for j in range(matrix.shape[1]):
+        total = 0.0
+        for i in range(matrix.shape[0]):
+            total += abs(matrix[i, j])
+        largest = max(largest, total)
+    return largest
+
+
+@kernel
+def invert(matrix: Array, permutation: NDArray[np.int64]) -> bool:
+    """Invert a square matrix in place by Gauss-Jordan elimination with row pivoting.
+
+    Parameters
+    ----------
+    matrix : (n, n) array
+        Overwritten with its inverse.
+    permutation : (n,) int array
+        Work space.
+
+    Returns
+    -------
+    bool
+        False when a pivot is zero or not finite; the matrix is then of no use.
+    """
+    n = matrix.shape[0]
+    for k in range(n):
+        pivot_row = k
+        largest = abs(matrix[k, k])
+        for i in range(k + 1, n):
+            if abs(matrix[i, k]) > largest:
+                largest = abs(matrix[i, k])
+                pivot_row = i
+        permutation[k] = pivot_row
+        if not (largest > 0.0 and largest < np.inf):
+            return False
+        if pivot_row != k:
+            for j in range(n):
+                held = matrix[k, j]
+                matrix[k, j] = matrix[pivot_row, j]
+                matrix[pivot_row, j] = held
+        reciprocal = 1.0 / matrix[k, k]
+        matrix[k, k] = 1.0
+        for j in range(n):
+            matrix[k, j] *= reciprocal
+        for i in range(n):
+            if i != k:
+                factor = matrix[i, k]
+                matrix[i, k] = 0.0
+                _subtract_multiple(matrix[i], matrix[k], factor)
+    # The row exchanges of the elimination are column exchanges of the inverse, undone backwards.
+    for back in range(n):
+        k = n - 1 - back
+        other = permutation[k]
+        if other != k:
+            for i in range(n):
+                held = matrix[i, k]
+                matrix[i, k] = matrix[i, other]
+                matrix[i, other] = held
+    return True
+
+
+@kernel
+def lu_factor(matrix: Array, permutation: NDArray[np.int64]) -> bool:
+    """Factorise a square matrix (n, n) in place, rows exchanged; False at a zero pivot."""
+    n = matrix.shape[0]
+    for k in range(n):
+        pivot_row = k
+        largest = abs(matrix[k, k])
+        for i in range(k + 1, n):
+            if abs(matrix[i, k]) > largest:
+                largest = abs(matrix[i, k])
+                pivot_row = i
+        permutation[k] = pivot_row
+        if not (largest > 0.0 and largest < np.inf):
+            return False
+        if pivot_row != k:
+            for j in range(n):
+                held = matrix[k, j]
+                matrix[k, j] = matrix[pivot_row, j]
+                matrix[pivot_row, j] = held
+        reciprocal = 1.0 / matrix[k, k]
+        for i in range(k + 1, n):
+            matrix[i, k] *= reciprocal
+            _subtract_multiple(matrix[i, k + 1 :], matrix[k, k + 1 :], matrix[i, k])
+    return True
+
+
+@kernel
+def lu_solve(factors: Array, permutation: NDArray[np.int64], vector: Array) -> None:
+    """Solve in place for one right-hand side (n,) with the factors of `lu_factor`."""
+    n = vector.size
+    for k in range(n):
+        other = permutation[k]
+        if other != k:
+            held = vector[k]
+            vector[k] = vector[other]
+            vector[other] = held
+    for i in range(1, n):
+        vector[i] -= dot(factors[i, :i], vector[:i])
+    for back in range(n):
+        i = n - 1 - back
+        vector[i] = (vector[i] - dot(factors[i, i + 1 :], vector[i + 1 :])) / factors[i, i]
+
+
+@kernel
+def cholesky(matrix: Array) -> bool:
+    """Overwrite the lower triangle of a symmetric matrix (n, n) with its Cholesky factor.
+
+    Returns
+    -------
+    bool
+        False when the matrix is not positive definite (or not finite).
+    """
+    n = matrix.shape[0]
+    for i in range(n):
+        for j in range(i):
+            matrix[i, j] = (matrix[i, j] - dot(matrix[i, :j], matrix[j, :j])) / matrix[j, j]
+        rest = matrix[i, i] - dot(matrix[i, :i], matrix[i, :i])
+        if not (rest > 0.0 and rest < np.inf):
+            return False
+        matrix[i, i] = np.sqrt(rest)
+    return True
+
+
+@kernel
+def cholesky_solve(factor: Array, vector: Array) -> None:
+    """Solve in place for one right-hand side (n,) with the factor of `cholesky`."""
+    n = vector.size
+    for i in range(n):
+        vector[i] = (vector[i] - dot(factor[i, :i], vector[:i])) / factor[i, i]
+    for back in range(n):
+        i = n - 1 - back
+        rest = vector[i]
+        for k in range(i + 1, n):
+            rest -= factor[k, i] * vector[k]
+        vector[i] = rest / factor[i, i]

@@ -1,0 +1,49 @@
+"""The closed list of reasons for which a simulation ends, and the codes of the kernels for them."""
+
+from __future__ import annotations
+
+__all__ = ["TERMINATION_REASONS", "describe"]
+
+#: Reason by kernel code. Code 0 means that all is well.
+TERMINATION_REASONS: dict[int, str] = {
+    0: "",
+    1: "outline_degenerate",
+    2: "under_resolved_gap",
+    3: "influence_singular",
+    4: "mass_not_positive",
+    5: "step_not_solved",
+    6: "turn_too_large",
+    7: "state_not_finite",
+}
+
+FINE = 0
+OUTLINE_DEGENERATE = 1
+UNDER_RESOLVED_GAP = 2
+INFLUENCE_SINGULAR = 3
+MASS_NOT_POSITIVE = 4
+STEP_NOT_SOLVED = 5
+TURN_TOO_LARGE = 6
+STATE_NOT_FINITE = 7
+
+_MEANING = {
+    "outline_degenerate": (
+        "the beam bends so far at a joint that the inner side of its outline is shorter than 0.1 "
+        "element lengths or the mitre longer than 4 half thicknesses"
+    ),
+    "under_resolved_gap": (
+        "parts of the beam that are not neighbours came closer than half a panel length, which "
+        "the panels cannot resolve"
+    ),
+    "influence_singular": "the normal influence matrix of the panels has no inverse",
+    "mass_not_positive": "the discrete total mass lost positivity, the outline is too coarse",
+    "step_not_solved": "the step equations could not be solved, even in 1024 parts of the step",
+    "turn_too_large": (
+        "an element or a joint turns by more than 0.5 rad in a step, even in 1024 parts of it"
+    ),
+    "state_not_finite": "the state holds a number that is not finite",
+}
+
+
+def describe(reason: str) -> str:
+    """Return one sentence on a reason of TERMINATION_REASONS."""
+    return _MEANING[reason]

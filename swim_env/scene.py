@@ -1,0 +1,411 @@
+"""A scene: everything that decides a run, checked as a whole, to and from YAML.
+
+Other rooms take a `Scene` and never read files of their own. The shipped scenes are the YAML
+files in ``configs/scenes``.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from swim_env.errors import SceneError
+from swim_env.scene_checks import check_fields, check_text, nearest
+from swim_env.scene_parts import (
+    FLUID_MODEL_NAMES,
+    SCHEME_NAMES,
+    TOLERANCE_RANGE,
+    Actuation,
+    AxialAddedMass,
+    Beam,
+    Damping,
+    Episode,
+    Fluid,
+    Initial,
+    Integrator,
+    LinearStiffness,
+    PiecewiseStiffness,
+    StiffnessPiece,
+    build_block,
+    plain,
+)
+from swim_env.scene_yaml import dump_yaml, parse_overrides, parse_yaml, read_text, write_text
+
+__all__ = [
+    "EFFECT_NAMES",
+    "FLUID_MODEL_NAMES",
+    "SCHEME_NAMES",
+    "TOLERANCE_RANGE",
+    "Actuation",
+    "AxialAddedMass",
+    "Beam",
+    "Damping",
+    "Episode",
+    "Fluid",
+    "Initial",
+    "Integrator",
+    "LinearStiffness",
+    "PiecewiseStiffness",
+    "Scene",
+    "StiffnessPiece",
+    "load_scene",
+    "scene_names",
+]
+
+EFFECT_NAMES: tuple[str, ...] = ("axial_added_mass", "damping")
+"""Names of the optional effects; each is also the name of its block in a scene."""
+
+_BLOCKS: dict[str, type] = {
+    "beam": Beam,
+    "fluid": Fluid,
+    "axial_added_mass": AxialAddedMass,
+    "damping": Damping,
+    "actuation": Actuation,
+    "initial": Initial,
+    "integrator": Integrator,
+    "episode": Episode,
+}
+_OPTIONAL = ("fluid", "axial_added_mass", "damping", "actuation")
+_NOTHING: Any = object()
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A body, its fluid, effects, drive, start and integrator.
+
+    Attributes
+    ----------
+    name : str
+        Short name on one line.
+    description : str
+        What the scene shows.
+    beam : Beam
+        The body.
+    fluid : Fluid or None
+        The fluid; None for none.
+    axial_added_mass : AxialAddedMass or None
+        Effect, present or not; needs a fluid of panels.
+    damping : Damping or None
+        Effect, present or not; needs a beam with stiffness.
+    actuation : Actuation or None
+        The prescribed torque; None for a passive body.
+    initial : Initial
+        The state at time zero.
+    integrator : Integrator
+        Time step, tolerance, scheme.
+    episode : Episode
+        Duration.
+    """
+
+    name: str = "unnamed"
+    description: str = ""
+    beam: Beam = Beam()
+    fluid: Fluid | None = None
+    axial_added_mass: AxialAddedMass | None = None
+    damping: Damping | None = None
+    actuation: Actuation | None = None
+    initial: Initial = Initial()
+    integrator: Integrator = Integrator()
+    episode: Episode = Episode()
+
+    def __post_init__(self) -> None:
+        """Check what the blocks cannot check alone."""
+        if not check_text(self.name, "name").strip() or "\n" in self.name:
+            raise SceneError(f"name must be text on one line, got {self.name!r}")
+        check_text(self.description, "description")
+        for block, cls in _BLOCKS.items():
+            value = getattr(self, block)
+            if not isinstance(value, cls) and not (value is None and block in _OPTIONAL):
+                raise SceneError(
+                    f"{block} must be of type {cls.__name__}, got {type(value).__name__}"
+                )
+        self._check_fluid()
+        if self.damping is not None and not self.beam.stiffness_at_joints().any():
+            raise SceneError(
+                "damping has no meaning where beam.bending_stiffness is zero everywhere, as its "
+                "moment is proportional to it; leave damping out or give some stiffness"
+            )
+        self.initial.check_sizes(self.beam)
+        self.initial.check_inextensible(self.beam)
+
+    def _check_fluid(self) -> None:
+        """Check what depends on the fluid being there or not."""
+        beam = self.beam
+        if self.fluid is not None and self.fluid.present:
+            limit = 0.5 * beam.element_length
+            if not 0.0 < beam.half_thickness < limit:
+                raise SceneError(
+                    f"beam.half_thickness must be above 0 and below half an element's length, "
+                    f"{limit:.6g} m, as the mitred outline of a body bent to right angles would "
+                    f"have no inner side left, got {beam.half_thickness!r}"
+                )
+        elif beam.rotary_inertia == 0.0:
+            raise SceneError(
+                "beam.rotary_inertia must be above 0 kg m without a fluid, as the mass matrix is "
+                "singular otherwise, got 0.0"
+            )
+        if self.axial_added_mass is not None and (
+            self.fluid is None or self.fluid.model != "panels"
+        ):
+            raise SceneError(
+                "axial_added_mass has no meaning without fluid.model panels; leave it out or "
+                "give the scene a fluid"
+            )
+
+    # ---- views ---------------------------------------------------------------------------------
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects that are present, in the order of `EFFECT_NAMES`."""
+        return tuple(name for name in EFFECT_NAMES if getattr(self, name) is not None)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return every field as mappings, lists and scalars; absent blocks are left out."""
+        data = {spec.name: plain(getattr(self, spec.name)) for spec in fields(self)}
+        return {key: value for key, value in data.items() if value is not None}
+
+    def to_yaml(self) -> str:
+        """Return the scene as YAML text, with all defaults written out."""
+        return dump_yaml(self.to_dict())
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the scene as a YAML file, whole or not at all.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            The file; its folder must exist.
+
+        Raises
+        ------
+        SceneError
+            If the file cannot be written.
+        """
+        write_text(path, self.to_yaml())
+
+    # ---- making scenes -------------------------------------------------------------------------
+
+    @classmethod
+    def from_dict(cls, mapping: Mapping[str, Any], source: str | None = None) -> Scene:
+        """Make a scene from mappings, lists and scalars.
+
+        Parameters
+        ----------
+        mapping : mapping
+            Fields and blocks by name; what is left out has its default, optional blocks left
+            out or null are absent.
+        source : str, optional
+            Where the mapping came from, for messages.
+
+        Raises
+        ------
+        SceneError
+            If a field is unknown, missing, of the wrong type, out of range, or if fields do not
+            fit together.
+        """
+        try:
+            given = check_fields(mapping, "", [spec.name for spec in fields(cls)])
+            for name, block in _BLOCKS.items():
+                if name in given:
+                    given[name] = _build(name, block, given[name])
+            return cls(**given)
+        except SceneError as error:
+            raise error.located(source) from None
+
+    @classmethod
+    def from_yaml(cls, path: str | os.PathLike[str]) -> Scene:
+        """Read a scene from a YAML file; without a name it takes the file's.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            The file.
+
+        Raises
+        ------
+        SceneError
+            If the file cannot be read or does not hold a valid scene.
+        """
+        return _read(Path(path), os.fspath(path))
+
+    def replace(self, path: str | Mapping[str, object], value: object = _NOTHING) -> Scene:
+        """Return a scene with one or several fields changed, checked once all are in.
+
+        Parameters
+        ----------
+        path : str or mapping
+            Dotted path of a field (``"beam.elements"``) or block (``"damping"``), or a mapping
+            from such paths to values, for changes that are valid only together.
+        value : object
+            The new value. None removes an optional block. A path into an absent optional block
+            makes the block. Setting `fluid.model` to ``none`` also drops the density.
+
+        Returns
+        -------
+        Scene
+            The changed scene.
+
+        Raises
+        ------
+        SceneError
+            If a path is unknown or the changed scene is not valid.
+
+        Examples
+        --------
+        >>> Scene().replace("beam.elements", 27).beam.elements
+        27
+        """
+        if isinstance(path, Mapping):
+            if value is not _NOTHING:
+                raise TypeError("replace takes a mapping, or a path and a value, not both")
+            changes = dict(path)
+        elif value is _NOTHING:
+            raise TypeError("replace needs a value for the path")
+        else:
+            changes = {path: value}
+        data = self.to_dict()
+        for key, new in changes.items():
+            block, _, field = _known_path(key).partition(".")
+            if field:
+                inner = data.setdefault(block, {})
+                if not isinstance(inner, Mapping):
+                    inner = plain(_build(block, _BLOCKS[block], inner))
+                data[block] = {**inner, field: new}
+            elif new is None and block in _OPTIONAL:
+                data.pop(block, None)
+            else:
+                data[block] = new
+        if changes.get("fluid.model") == "none" and "fluid.density" not in changes:
+            data["fluid"].pop("density", None)
+        return Scene.from_dict(data)
+
+
+def _known_path(path: object) -> str:
+    """Return a dotted path if it names a field or block of a scene."""
+    known = ["name", "description"]
+    for block, cls in _BLOCKS.items():
+        known += [block, *(f"{block}.{spec.name}" for spec in fields(cls))]
+    if path not in known:
+        leaf = str(path).rpartition(".")[2]
+        hint = nearest(str(path), known)
+        same_leaf = [name for name in known if name.rpartition(".")[2] == leaf]
+        if same_leaf:
+            hint = f" (nearest: {same_leaf[0]})"
+        blocks = ", ".join(["name", "description", *_BLOCKS])
+        raise SceneError(f"unknown field {path}{hint or f'; a scene has {blocks}'}")
+    return str(path)
+
+
+def _build(name: str, cls: type, value: object) -> object:
+    """Make one block of a scene from what a file has for it."""
+    if name == "axial_added_mass":
+        if value is True:
+            return AxialAddedMass()
+        if value is None or value is False:
+            raise SceneError(
+                "axial_added_mass must be {} or true, or left out to have none, got "
+                + ("null" if value is None else "false")
+            )
+    if value is None and name in _OPTIONAL:
+        return None
+    return build_block(cls, value, name)
+
+
+# ---- finding scenes ----------------------------------------------------------------------------
+
+
+def _scene_folder() -> Path | None:
+    """Return the folder of the shipped scenes: in the wheel, or beside the package."""
+    here = Path(__file__).parent
+    for base in (here, here.parent):
+        folder = base / "configs" / "scenes"
+        if folder.is_dir():
+            return folder
+    return None
+
+
+def scene_names() -> tuple[str, ...]:
+    """Return the names of the shipped scenes, sorted."""
+    folder = _scene_folder()
+    return () if folder is None else tuple(sorted(path.stem for path in folder.glob("*.yaml")))
+
+
+def _read(path: Path, source: str) -> Scene:
+    """Read a scene file, naming it `source` in messages."""
+    if not os.path.exists(path):
+        folder = path.parent
+        there = [entry.name for entry in folder.glob("*.y*ml")] if folder.is_dir() else []
+        hint = nearest(path.name, there) or nearest(path.stem, scene_names())
+        shipped = ", ".join(scene_names())
+        raise SceneError(f"no such scene file: {source}{hint}; shipped scenes: {shipped}")
+    data: Any = parse_yaml(read_text(path, source), source)
+    if isinstance(data, dict):
+        data = {"name": path.stem, **data}
+    elif data is None:
+        raise SceneError("the file is empty, must hold the fields of a scene", source)
+    return Scene.from_dict(data, source)
+
+
+def load_scene(
+    scene: str | os.PathLike[str] | Scene,
+    overrides: str | Iterable[str] | Mapping[str, object] | None = None,
+) -> Scene:
+    """Find a scene and change fields of it.
+
+    Parameters
+    ----------
+    scene : str, os.PathLike or Scene
+        A shipped name (see `scene_names`), the path of a YAML file, or a scene.
+    overrides : str, iterable of str, or mapping, optional
+        Changes by dotted path, as ``"fluid.panels_per_element=12"`` (the value read as YAML) or
+        as a mapping. They are applied together.
+
+    Returns
+    -------
+    Scene
+        The scene.
+
+    Raises
+    ------
+    SceneError
+        If there is no such scene, or it or an override is not valid.
+
+    Examples
+    --------
+    >>> load_scene("paper_i", ["beam.elements=27"]).beam.elements
+    27
+    """
+    found, source = _find(scene)
+    if overrides is None:
+        return found
+    changes = parse_overrides(overrides)
+    if not changes:
+        return found
+    try:
+        return found.replace(changes)
+    except SceneError as error:
+        raise error.located(source and f"{source} with overrides") from None
+
+
+def _find(scene: str | os.PathLike[str] | Scene) -> tuple[Scene, str | None]:
+    """Return a scene and what to call its file in messages."""
+    if isinstance(scene, Scene):
+        return scene, None
+    if not isinstance(scene, (str, os.PathLike)):
+        raise SceneError(
+            f"a scene must be given as a name, a path or a Scene, got {type(scene).__name__}"
+        )
+    given = os.fspath(scene)
+    folder = _scene_folder()
+    if isinstance(scene, str) and folder is not None and scene in scene_names():
+        source = f"configs/scenes/{scene}.yaml"
+        return _read(folder / f"{scene}.yaml", source), source
+    looks_like_path = Path(given).suffix in (".yaml", ".yml") or len(Path(given).parts) > 1
+    if not isinstance(scene, str) or looks_like_path or os.path.isfile(given):
+        return _read(Path(given), given), given
+    names = scene_names()
+    shipped = f"; shipped scenes: {', '.join(names)}" if names else "; no scenes are shipped"
+    raise SceneError(f"unknown scene {scene!r}{nearest(scene, names)}{shipped}")

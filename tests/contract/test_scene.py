@@ -1,0 +1,797 @@
+"""Scenes: the values of Table 1, validation and its messages, YAML, overrides, files."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import math
+import os
+import pickle
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from swim_env.errors import SceneError, SwimError
+from swim_env.scene import (
+    EFFECT_NAMES,
+    FLUID_MODEL_NAMES,
+    SCHEME_NAMES,
+    Actuation,
+    AxialAddedMass,
+    Beam,
+    Damping,
+    Episode,
+    Fluid,
+    Initial,
+    Integrator,
+    LinearStiffness,
+    PiecewiseStiffness,
+    Scene,
+    StiffnessPiece,
+    load_scene,
+    scene_names,
+)
+
+ROOT = Path(__file__).resolve().parents[2]
+PAPER = ["i", "ii", "iii", "iv", "v", "vi", "vii", "viii", "ix", "x", "xi", "xii"]
+SHIPPED = [f"paper_{number}" for number in PAPER] + ["swimmer"]
+WATER = Fluid("panels", 10.0)
+TWO_PI = 2.0 * math.pi
+
+
+def fails(call, *parts: str) -> SceneError:
+    """Assert that a call raises a one-line SceneError with these parts, and return it."""
+    with pytest.raises(SceneError) as caught:
+        call()
+    message = str(caught.value)
+    for part in parts:
+        assert part in message, f"{part!r} is not in {message!r}"
+    assert "\n" not in message
+    return caught.value
+
+
+# ---- the shipped scenes ------------------------------------------------------------------------
+
+
+def test_shipped_names() -> None:
+    """The paper's twelve scenes and the one for learning are shipped."""
+    assert set(SHIPPED) <= set(scene_names())
+
+
+@pytest.mark.parametrize(
+    ("number", "amplitude", "stiffness", "length", "elements", "velocity"),
+    [
+        ("i", 1.0, [5.0] * 8, 1.0, 9, (0.0, 0.0)),
+        ("ii", 1.0, [10.0] * 8, 1.0, 9, (0.0, 0.0)),
+        ("iii", 0.5, [5.0] * 8, 1.0, 9, (0.0, 0.0)),
+        ("iv", 1.0, [5.0] * 2, 1.0, 3, (0.0, 0.0)),
+        ("v", 0.5, [5.0] * 8, 2.0, 9, (0.0, 0.0)),
+        ("vi", 1.0, [50.0] * 4 + [5.0] * 4, 1.0, 9, (0.0, 0.0)),
+        ("vii", 1.0, [10.0, 9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 3.0], 1.0, 9, (0.0, 0.0)),
+        ("viii", 1.0, [5.0] * 8, 1.0, 9, (0.0, 0.0)),
+        ("ix", 1.0, [5.0] * 8, 1.0, 9, (0.0, 0.0)),
+        ("x", None, [5.0] * 2, 1.0, 3, (0.1, 1e-4)),
+        ("xi", None, [5.0] * 8, 1.0, 9, (0.1, 1e-4)),
+        ("xii", None, [5.0] * 26, 1.0, 27, (0.1, 1e-4)),
+    ],
+)
+def test_table_1(number, amplitude, stiffness, length, elements, velocity) -> None:
+    """Every paper scene has the values of Table 1."""
+    scene = load_scene(f"paper_{number}")
+    assert scene.name == f"paper_{number}"
+    assert scene.description
+    beam = scene.beam
+    assert (beam.length, beam.elements) == (length, elements)
+    assert (beam.line_density, beam.rotary_inertia, beam.half_thickness) == (0.31, 7.8e-6, 0.01)
+    np.testing.assert_allclose(beam.stiffness_at_joints(), stiffness, rtol=1e-15)
+    assert scene.fluid == Fluid("panels", 10.0, 12 if elements == 3 else 4, 1)
+    assert scene.effects == ()
+    assert scene.initial == Initial(velocity=velocity)
+    assert scene.integrator == Integrator(time_step=0.01, tolerance=1e-10, scheme="paper")
+    assert scene.episode.duration == 100.0
+    if amplitude is None:
+        assert scene.actuation is None
+    else:
+        wave = Actuation(amplitude, TWO_PI, TWO_PI)
+        special = {"viii": {"end_time": 50.0}, "ix": {"active_until": 0.5}}.get(number, {})
+        assert scene.actuation == dataclasses.replace(wave, **special)
+
+
+def test_swimmer_is_paper_i_with_damping() -> None:
+    """The scene for learning differs from scene i in damping, time step and duration only."""
+    expected = load_scene("paper_i").replace(
+        {
+            "name": "swimmer",
+            "description": load_scene("swimmer").description,
+            "damping.retardation_time": 1e-3,
+            "integrator.time_step": 0.005,
+            "episode.duration": 20.0,
+        }
+    )
+    assert load_scene("swimmer") == expected
+    assert expected.effects == ("damping",)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_round_trip(name, tmp_path) -> None:
+    """A shipped scene survives dictionary, YAML text, file and pickle, and is hashable."""
+    scene = load_scene(name)
+    path = tmp_path / "copy.yaml"
+    scene.save(path)
+    for copy in (
+        Scene.from_dict(scene.to_dict()),
+        Scene.from_yaml(path),
+        load_scene(path),
+        load_scene(str(path)),
+        load_scene(scene),
+        pickle.loads(pickle.dumps(scene)),
+    ):
+        assert copy == scene
+        assert hash(copy) == hash(scene)
+    assert path.read_text(encoding="utf-8") == scene.to_yaml()
+    assert [entry.name for entry in tmp_path.iterdir()] == ["copy.yaml"]
+
+
+def test_round_trip_of_everything_else(tmp_path) -> None:
+    """Fields which no shipped scene uses, and awkward numbers and texts, survive too."""
+    turn = Initial(
+        position=(0.1, -1e-5),
+        heading=1 / 3,
+        joint_angles=(0.1, 0.2),
+        velocity=((0.0, 0.0), (0.0, 0.0), (0.0, 0.0)),
+        turning_rate=(0.0, 0.0, 0.0),
+    )
+    scene = Scene(
+        name="1e-3",
+        description="yes: 'no', #5\nβ",
+        beam=Beam(elements=3, bending_stiffness=(1e22, 1e-7)),
+        fluid=WATER,
+        axial_added_mass=AxialAddedMass(),
+        damping=Damping(1e-300),
+        actuation=Actuation(-1.0, -2.0, 0.1, 3.0, 0.5, 0.0, 1e-9),
+        initial=turn,
+    )
+    path = tmp_path / "s.yaml"
+    scene.save(path)
+    assert Scene.from_yaml(path) == scene
+    assert scene.effects == EFFECT_NAMES
+    for other in (Scene(), Scene(fluid=Fluid("none"))):
+        other.save(path)
+        assert Scene.from_yaml(path) == other
+
+
+# ---- beam --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("elements", [2, 3, 8, 9, 10, 27])
+def test_stiffness_laws_mean_the_same_at_every_resolution(elements) -> None:
+    """The laws of vi and vii give EI at s = (k-1) dl whatever N is."""
+    thin = {"beam.elements": elements, "beam.half_thickness": 1e-3}
+    place = np.arange(1, elements) / elements
+    halves = load_scene("paper_vi", thin).beam.stiffness_at_joints()
+    np.testing.assert_array_equal(halves, np.where(place < 0.5, 50.0, 5.0))
+    linear = load_scene("paper_vii", thin).beam.stiffness_at_joints()
+    np.testing.assert_allclose(linear, 11.0 - 9.0 * place, rtol=1e-15)
+    assert halves.dtype == linear.dtype == np.float64
+    assert halves.shape == linear.shape == (elements - 1,)
+
+
+def test_stiffness_as_list_number_and_three_pieces() -> None:
+    """A list is taken as it is, a number everywhere, and a joint on a border is behind it."""
+    assert Beam(elements=4, bending_stiffness=[1, 2, 3]).stiffness_at_joints().tolist() == [1, 2, 3]
+    assert Beam(elements=4, bending_stiffness=7).stiffness_at_joints().tolist() == [7, 7, 7]
+    pieces = {"pieces": [{"until": u, "value": v} for u, v in ((0.25, 1), (0.5, 2), (1.0, 3))]}
+    beam = Beam(elements=8, bending_stiffness=pieces)
+    assert beam.stiffness_at_joints().tolist() == [1, 2, 2, 3, 3, 3, 3]
+    assert beam.element_length == 0.125
+    expected = PiecewiseStiffness(
+        (StiffnessPiece(0.25, 1.0), StiffnessPiece(0.5, 2.0), StiffnessPiece(1.0, 3.0))
+    )
+    assert beam.bending_stiffness == expected
+    assert Beam(bending_stiffness={"linear": {"head": 3, "tail": 1}}) == Beam(
+        bending_stiffness=LinearStiffness(3.0, 1.0)
+    )
+
+
+def test_blocks_are_frozen_and_take_numpy_values() -> None:
+    """Fields cannot be set; numpy scalars and arrays become plain values, equal and hashable."""
+    beam = Beam(
+        length=np.float32(2.0), elements=np.int64(3), bending_stiffness=np.array([1.0, 2.0])
+    )
+    assert beam == Beam(length=2.0, elements=3, bending_stiffness=(1.0, 2.0))
+    assert hash(beam) == hash(Beam(length=2, elements=3, bending_stiffness=[1, 2]))
+    assert type(beam.length) is float and type(beam.elements) is int
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        beam.length = 1.0
+
+
+# ---- actuation ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["paper_i", "paper_iii", "paper_iv", "paper_v"])
+def test_torque_formula(name) -> None:
+    """The wave is A cos(f t - kappa s/l + phase) at s = (k-1) dl."""
+    scene = load_scene(name, ["actuation.phase=0.3"])
+    wave, beam = scene.actuation, scene.beam
+    times = np.arange(7) * 0.13
+    torques = wave.torques(times, beam)
+    assert torques.shape == (7, beam.elements - 1)
+    for t, row in zip(times, torques, strict=True):
+        for k in range(2, beam.elements + 1):
+            s = (k - 1) * beam.element_length
+            expected = wave.amplitude * math.cos(TWO_PI * t - TWO_PI * s / beam.length + 0.3)
+            assert row[k - 2] == pytest.approx(expected, rel=1e-13, abs=1e-14)
+
+
+def test_torques_end_in_viii() -> None:
+    """Scene viii is scene i before 50 s and has exactly no torque from then on."""
+    scene = load_scene("paper_viii")
+    times = np.arange(4990, 5010) * scene.integrator.time_step
+    torques = scene.actuation.torques(times, scene.beam)
+    before = times < 50.0
+    assert before.sum() == 10
+    same = load_scene("paper_i").actuation.torques(times[before], scene.beam)
+    np.testing.assert_array_equal(torques[before], same)
+    assert not torques[~before].any()
+
+
+def test_torques_only_in_front_half_in_ix() -> None:
+    """Scene ix drives the joints with s <= l/2 as scene i does, and no other."""
+    scene = load_scene("paper_ix")
+    times = np.linspace(0.0, 1.0, 11)
+    torques = scene.actuation.torques(times, scene.beam)
+    whole = load_scene("paper_i").actuation.torques(times, scene.beam)
+    np.testing.assert_array_equal(torques[:, :4], whole[:, :4])
+    assert not torques[:, 4:].any()
+    even = scene.replace("beam.elements", 10)
+    assert (
+        even.actuation.torques([0.05], even.beam)[0].astype(bool).tolist()
+        == [True] * 5 + [False] * 4
+    )
+
+
+def test_amplitude_may_exceed_the_torque_limit() -> None:
+    """The torque limit scales an environment's actions and does not clip the wave."""
+    scene = load_scene("paper_i", {"actuation.amplitude": 5.0, "actuation.torque_limit": 2.0})
+    assert np.abs(scene.actuation.torques(np.arange(0, 1, 0.01), scene.beam)).max() > 4.9
+
+
+# ---- initial state -----------------------------------------------------------------------------
+
+
+def test_reference_pose() -> None:
+    """By default the body lies straight along +x with the head at the origin, at rest."""
+    beam = Beam(length=2.0, elements=4)
+    centres, angles = Initial().pose(beam)
+    np.testing.assert_allclose(centres, [[0.25, 0], [0.75, 0], [1.25, 0], [1.75, 0]], atol=1e-15)
+    assert not angles.any() and angles.shape == (4,)
+    moving, rates = Initial().velocities(beam)
+    assert moving.shape == (4, 2) and rates.shape == (4,)
+    assert not moving.any() and not rates.any()
+
+
+def test_bent_pose_is_a_chain() -> None:
+    """Joint angles add up behind the heading, and neighbouring elements meet at a node."""
+    beam = Beam(elements=3)
+    start = Initial(position=(1.0, 2.0), heading=0.4, joint_angles=[0.5, -0.2])
+    centres, angles = start.pose(beam)
+    np.testing.assert_allclose(angles, [0.4, 0.9, 0.7], rtol=1e-15)
+    arm = 0.5 * beam.element_length * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    np.testing.assert_allclose((centres - arm)[0], [1.0, 2.0], rtol=1e-15)
+    np.testing.assert_allclose((centres + arm)[:-1], (centres - arm)[1:], rtol=1e-14)
+    same = Initial(joint_angles=0.1).pose(beam)[1]
+    np.testing.assert_allclose(same, [0.0, 0.1, 0.2], rtol=1e-15)
+
+
+def test_velocity_slope_turns_the_straight_body() -> None:
+    """A lateral velocity linear in x goes with the same turning rate and passes (15)."""
+    scene = load_scene("paper_xi", ["initial.velocity_slope=-1e-4"])
+    centres, _ = scene.initial.pose(scene.beam)
+    moving, rates = scene.initial.velocities(scene.beam)
+    np.testing.assert_allclose(moving[:, 0], 0.1)
+    np.testing.assert_allclose(moving[:, 1], 1e-4 - 1e-4 * centres[:, 0], rtol=1e-14)
+    np.testing.assert_array_equal(rates, np.full(9, -1e-4))
+
+
+def test_consistent_velocities_of_a_bent_body_are_accepted() -> None:
+    """Velocities per element that do obey (15) pass, also far from the origin."""
+    beam = Beam(elements=4)
+    pose = {"position": [3.0, -7.0], "heading": 2.0, "joint_angles": [0.3, -0.8, 0.5]}
+    rates = np.array([0.7, -0.4, 1.3, 0.2])
+    _, angles = Initial(**pose).pose(beam)
+    swing = 0.5 * beam.element_length * rates[:, None]
+    swing = swing * np.stack([-np.sin(angles), np.cos(angles)], axis=1)
+    moving = np.array([0.2, 0.1]) + 2 * np.cumsum(swing, axis=0) - swing
+    start = Initial(**pose, velocity=moving, turning_rate=rates)
+    scene = Scene(beam=beam, initial=start)
+    assert Scene.from_dict(scene.to_dict()) == scene
+    np.testing.assert_array_equal(scene.initial.velocities(beam)[0], moving)
+    moving[2] += [1e-7, 0.0]
+    fails(
+        lambda: Scene(beam=beam, initial=dataclasses.replace(start, velocity=moving)),
+        "initial.velocity",
+        "inextensibility (15)",
+        "elements 2 and 3",
+        "1e-07 m/s",
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "joint", "gap"),
+    [
+        ({"initial.turning_rate": 0.9}, "elements 1 and 2", "0.1 m/s"),
+        ({"initial.velocity_slope": 0.9, "initial.turning_rate": 0.0}, "elements 1 and 2", "0.1"),
+        ({"initial.velocity_slope": 0.9, "initial.heading": 0.1}, "elements 1 and 2", "m/s"),
+        ({"initial.velocity": [[0, 0]] * 5 + [[1, 0]] * 4}, "elements 5 and 6", "1 m/s"),
+        ({"initial.velocity": [[1, 0]] * 8 + [[1, 1e-8]]}, "elements 8 and 9", "1e-08"),
+        ({"initial.velocity": [1e308, 0], "initial.turning_rate": 1e308}, "elements 1", "m/s"),
+    ],
+)
+def test_velocity_that_breaks_inextensibility(changes, joint, gap) -> None:
+    """A velocity against (15) is refused with the first joint and the mismatch."""
+    fails(lambda: load_scene("paper_i", changes), "inextensibility (15)", joint, gap)
+
+
+# ---- bad values --------------------------------------------------------------------------------
+
+BAD = [
+    # lengths and other numbers out of range
+    ("beam.length", 0, "must be above 0 m, got 0"),
+    ("beam.length", -1.0, "must be above 0 m, got -1.0"),
+    ("beam.elements", 1, "beam.elements must be at least 2, got 1"),
+    ("beam.half_thickness", -0.01, "must be at least 0 m, got -0.01"),
+    ("beam.half_thickness", 0.0, "above 0 and below half an element's length"),
+    ("beam.half_thickness", 0.0556, "0.0555556 m, as the mitred outline"),
+    ("beam.line_density", 0.0, "must be above 0 kg/m, got 0.0"),
+    ("beam.rotary_inertia", -1e-9, "must be at least 0 kg m, got -1e-09"),
+    ("beam.bending_stiffness", -5.0, "must be at least 0 N m^2, got -5.0"),
+    ("fluid.density", 0.0, "must be above 0 kg/m^3, got 0.0"),
+    ("fluid.density", None, "panels need fluid.density"),
+    ("fluid.panels_per_element", 5, "must be even"),
+    ("fluid.panels_per_element", 0, "must be at least 2, got 0"),
+    ("fluid.cap_panels", 0, "must be at least 1, got 0"),
+    ("damping.retardation_time", 0.0, "must be above 0 s, got 0.0"),
+    ("actuation.torque_limit", 0, "must be above 0 N m, got 0"),
+    ("actuation.end_time", -1.0, "must be at least 0 s, got -1.0"),
+    ("actuation.active_until", 0.0, "must be above 0, got 0.0"),
+    ("actuation.active_until", 1.1, "must be at most 1, got 1.1"),
+    ("integrator.time_step", 0.0, "must be above 0 s, got 0.0"),
+    ("integrator.tolerance", 1e-14, "must be at least 1e-13, got 1e-14"),
+    ("integrator.tolerance", 1e-3, "must be at most 0.0001, got 0.001"),
+    ("episode.duration", -20, "must be above 0 s, got -20"),
+    # not finite
+    ("beam.length", math.nan, "must be a finite number in m, got nan"),
+    ("actuation.amplitude", math.inf, "must be a finite number in N m, got inf"),
+    ("initial.heading", 10**5000, "must be a finite number in rad, got an integer of more"),
+    # wrong types
+    ("beam.length", True, "must be a number in m, got true"),
+    ("beam.length", "5", "must be a number in m, got text '5'"),
+    ("beam.length", None, "must be a number in m, got null"),
+    ("beam.length", [1.0], "must be a number in m, got a list of 1"),
+    ("beam.length", {"m": 1}, "must be a number in m, got a mapping"),
+    ("beam.length", 1j, "must be a number in m, got 1j"),
+    ("beam.length", np.zeros((2, 2)), "must be a number in m, got a list of 2"),
+    ("beam.elements", 9.0, "must be an integer, got 9.0"),
+    ("beam.elements", False, "must be an integer, got false"),
+    ("beam.elements", np.float64(9), "must be an integer, got 9.0"),
+    ("fluid.panels_per_element", "four", "must be an integer, got text 'four'"),
+    ("damping.retardation_time", None, "must be a number in s, got null"),
+    ("actuation.end_time", "never", "must be a number in s, got text 'never'"),
+    ("name", 5, "name must be text, got 5"),
+    ("name", " ", "name must be text on one line"),
+    ("name", "a\nb", "name must be text on one line"),
+    ("description", ["a"], "description must be text, got a list of 1"),
+    ("beam", 3, "beam must be a mapping of fields, got 3"),
+    ("beam", None, "beam must be a mapping of fields, got null"),
+    ("fluid", "none", "fluid must be a mapping of fields, got text 'none'"),
+    ("axial_added_mass", False, "axial_added_mass must be {} or true, or left out"),
+    ("axial_added_mass", 1, "axial_added_mass must be a mapping"),
+    ("axial_added_mass", {"factor": 1}, "unknown field axial_added_mass.factor; it has no fields"),
+    # names
+    ("fluid.model", "panel", "must be one of none, panels, got 'panel' (nearest: panels)"),
+    ("fluid.model", None, "must be one of none, panels, got null"),
+    ("integrator.scheme", "Paper", "must be one of paper, got 'Paper' (nearest: paper)"),
+    # stiffness
+    ("beam.bending_stiffness", [5.0] * 9, "one value per joint, 8 for beam.elements = 9, got 9"),
+    ("beam.bending_stiffness", [], "one value per joint, 8 for beam.elements = 9, got 0"),
+    ("beam.bending_stiffness", [5.0] * 7 + [-1], "bending_stiffness[7] must be at least 0"),
+    ("beam.bending_stiffness", [5.0] * 7 + ["x"], "bending_stiffness[7] must be a number"),
+    ("beam.bending_stiffness", True, "a list of them, pieces or linear, got true"),
+    ("beam.bending_stiffness", "stiff", "a list of them, pieces or linear, got text 'stiff'"),
+    ("beam.bending_stiffness", {}, "must have either pieces or linear, got 0"),
+    ("beam.bending_stiffness", {"lineer": {}}, "beam.bending_stiffness.lineer (nearest: linear)"),
+    ("beam.bending_stiffness", {"linear": {"head": 1}}, "linear.tail is missing"),
+    ("beam.bending_stiffness", {"linear": {"head": 1, "tail": -1}}, "linear.tail must be at"),
+    ("beam.bending_stiffness", {"linear": [1, 2]}, "linear must be a mapping"),
+    ("beam.bending_stiffness", {"pieces": 5}, "pieces must be a list"),
+    ("beam.bending_stiffness", {"pieces": []}, "pieces must be a list"),
+    ("beam.bending_stiffness", {"pieces": [1.0]}, "pieces[0] must be a mapping"),
+    ("beam.bending_stiffness", {"pieces": [{"until": 1.0}]}, "pieces[0].value is missing"),
+    (
+        "beam.bending_stiffness",
+        {"pieces": [{"until": 0.5, "value": 1}, {"until": 1.0, "value": "x"}]},
+        "beam.bending_stiffness.pieces[1].value must be a number in N m^2, got text 'x'",
+    ),
+    (
+        "beam.bending_stiffness",
+        {"pieces": [{"until": 0.5, "value": 1}, {"until": 0.5, "value": 1}]},
+        "pieces[1].until must be above the one before it, 0.5, got 0.5",
+    ),
+    (
+        "beam.bending_stiffness",
+        {"pieces": [{"until": 0.5, "value": 1}, {"until": 0.9, "value": 1}]},
+        "pieces[1].until must be 1.0, the tail, as the last one, got 0.9",
+    ),
+    # initial state
+    ("initial.position", [1.0], "must be two numbers [x, y] in m, got a list of 1"),
+    ("initial.position", 0.0, "must be two numbers [x, y] in m, got 0.0"),
+    ("initial.velocity", [0.1, "y"], "initial.velocity[1] must be a number in m/s"),
+    ("initial.velocity", [], "must be two numbers [x, y] in m/s, got a list of 0"),
+    ("initial.velocity", [[0.0, 0.0]] * 8, "one value per element, 9, got 8"),
+    ("initial.velocity", [[0.0, 0.0]] * 8 + [[0.0]], "initial.velocity[8] must be two numbers"),
+    ("initial.joint_angles", [0.1] * 9, "initial.joint_angles must list one value per joint, 8"),
+    ("initial.joint_angles", [math.nan] * 8, "initial.joint_angles[0] must be a finite number"),
+    ("initial.turning_rate", [0.0] * 8, "initial.turning_rate must list one value per element, 9"),
+    ("initial.turning_rate", "fast", "initial.turning_rate must be a number in rad/s"),
+]
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "part"), BAD, ids=[f"{i}-{bad[0]}" for i, bad in enumerate(BAD)]
+)
+def test_bad_value(path, value, part) -> None:
+    """Each bad value is refused with its field, its reason and, from a file, the file."""
+    scene = load_scene("paper_i")
+    error = fails(lambda: scene.replace(path, value), part, path.split(".")[0])
+    assert isinstance(error, SwimError) and isinstance(error, ValueError)
+    assert error.source is None
+    source = "configs/scenes/paper_i.yaml with overrides"
+    fails(lambda: load_scene("paper_i", {path: value}), part, f"({source})")
+
+
+def test_message_of_a_file(tmp_path, monkeypatch) -> None:
+    """The message of a bad file is one line with field, bound, value and the path as given."""
+    monkeypatch.chdir(tmp_path)
+    Path("x.yaml").write_text("beam: {elements: 1}\n", encoding="utf-8")
+    error = fails(lambda: load_scene("x.yaml"))
+    assert str(error) == "beam.elements must be at least 2, got 1 (x.yaml)"
+    assert str(pickle.loads(pickle.dumps(error))) == str(error)
+
+
+@pytest.mark.parametrize(
+    ("data", "parts"),
+    [
+        ({"beem": {}}, ["unknown field beem (nearest: beam)"]),
+        ({"beam": {"lenght": 1.0}}, ["unknown field beam.lenght (nearest: length)"]),
+        ({"fluid": {"qqq": 1}}, ["unknown field fluid.qqq; known fields: model, density"]),
+        ({"damping": {}}, ["damping.retardation_time is missing"]),
+        ({"actuation": {"amplitude": 1, "frequency": 1}}, ["actuation.wave_number is missing"]),
+        ({"fluid": {"model": "panels"}}, ["panels need fluid.density"]),
+        ({"fluid": {}}, ["panels need fluid.density"]),
+        ({"fluid": {"model": "none", "density": 10}}, ["fluid.density has no meaning", "got 10"]),
+        ({"axial_added_mass": None}, ["axial_added_mass must be {} or true", "null"]),
+        ({"name": None}, ["name must be text, got null"]),
+        ([1, 2], ["scene must be a mapping of fields, got a list of 2"]),
+        ("paper_i", ["scene must be a mapping of fields, got text 'paper_i'"]),
+        ({1: 2}, ["unknown field 1"]),
+        ({"be\nam": {}}, ["unknown field be am"]),
+    ],
+)
+def test_bad_mapping(data, parts) -> None:
+    """Unknown, missing and contradictory fields of a mapping are refused with its source."""
+    fails(lambda: Scene.from_dict(data, source="some.yaml"), *parts, "(some.yaml)")
+
+
+def test_effects_without_meaning() -> None:
+    """An effect that can do nothing in a scene, and a singular mass, are refused."""
+    for fluid in (None, Fluid("none")):
+        fails(
+            lambda fluid=fluid: Scene(fluid=fluid, axial_added_mass=AxialAddedMass()),
+            "axial_added_mass has no meaning without fluid.model panels",
+        )
+        fails(
+            lambda fluid=fluid: Scene(fluid=fluid, beam=Beam(rotary_inertia=0)),
+            "beam.rotary_inertia must be above 0 kg m without a fluid",
+            "singular",
+        )
+    Scene(fluid=WATER, beam=Beam(rotary_inertia=0), axial_added_mass=AxialAddedMass())
+    for law in (0, [0] * 8, {"linear": {"head": 0, "tail": 0}}):
+        fails(
+            lambda law=law: Scene(beam=Beam(bending_stiffness=law), damping=Damping(1e-3)),
+            "damping has no meaning",
+            "beam.bending_stiffness",
+        )
+    Scene(beam=Beam(bending_stiffness=0))
+    Scene(beam=Beam(bending_stiffness=[0] * 7 + [1]), damping=Damping(1e-3))
+
+
+def test_thickness_limits() -> None:
+    """Without a fluid any thickness goes; with one, from tiny up to just below half an element."""
+    Scene(beam=Beam(half_thickness=0.0))
+    Scene(beam=Beam(half_thickness=3.0))
+    for share in (1e-6, 0.2, 0.499):
+        Scene(fluid=WATER, beam=Beam(half_thickness=share / 9))
+    fails(
+        lambda: Scene(fluid=WATER, beam=Beam(elements=50)),
+        "beam.half_thickness must be above 0 and below",
+        "0.01 m",
+        "got 0.01",
+    )
+
+
+def test_wrong_block_objects() -> None:
+    """A scene made by hand takes blocks and not mappings."""
+    fails(lambda: Scene(beam={}), "beam must be of type Beam, got dict")
+    fails(lambda: Scene(integrator=None), "integrator must be of type Integrator, got NoneType")
+    fails(lambda: Scene(damping=1e-3), "damping must be of type Damping, got float")
+
+
+# ---- replace and overrides ---------------------------------------------------------------------
+
+
+def test_replace_one_and_several() -> None:
+    """One field, or several that are only valid together; the scene itself stays."""
+    scene = load_scene("paper_i")
+    more = scene.replace("fluid.panels_per_element", 12)
+    assert more.fluid == Fluid("panels", 10.0, 12)
+    assert scene.fluid == Fluid("panels", 10.0, 4)
+    changes = {"beam.bending_stiffness": [1, 2, 3, 4], "beam.elements": 5}
+    assert scene.replace(changes).beam == Beam(elements=5, bending_stiffness=(1, 2, 3, 4))
+    fails(lambda: scene.replace("beam.bending_stiffness", [1, 2, 3, 4]), "got 4")
+    with pytest.raises(TypeError):
+        scene.replace("beam.elements")
+    with pytest.raises(TypeError):
+        scene.replace({"beam.elements": 5}, 5)
+
+
+def test_replace_makes_and_removes_blocks() -> None:
+    """A path into an absent block makes it; None removes it; blocks go in as objects or maps."""
+    scene = load_scene("paper_i")
+    damped = scene.replace("damping.retardation_time", 1e-3)
+    assert damped.damping == Damping(1e-3)
+    assert damped == scene.replace("damping", Damping(1e-3))
+    assert damped == scene.replace("damping", {"retardation_time": 1e-3})
+    assert damped.replace("damping", None) == scene
+    assert scene.replace("damping", None) == scene
+    for block in (True, {}, AxialAddedMass()):
+        axial = scene.replace("axial_added_mass", block)
+        assert axial.effects == ("axial_added_mass",)
+    assert axial.replace("axial_added_mass", None) == scene
+    passive = load_scene("paper_xi")
+    fails(lambda: passive.replace("actuation.amplitude", 1.0), "actuation.frequency is missing")
+    wave = {"amplitude": 1.0, "frequency": 2.0, "wave_number": 3.0}
+    driven = passive.replace({f"actuation.{key}": value for key, value in wave.items()})
+    assert driven.actuation == Actuation(1.0, 2.0, 3.0)
+    assert driven == passive.replace("actuation", wave)
+    slower = scene.replace({"damping": Damping(1.0), "damping.retardation_time": 2.0})
+    assert slower.damping == Damping(2.0)
+    assert scene.replace("beam", Beam(elements=3)).beam.elements == 3
+
+
+def test_switching_the_fluid_off_and_on() -> None:
+    """Model none drops the density by itself; going back needs one."""
+    scene = load_scene("paper_i")
+    dry = scene.replace("fluid.model", "none")
+    assert dry.fluid == Fluid("none")
+    assert not dry.fluid.present
+    assert load_scene("paper_i", ["fluid.model=none"]) == dry
+    assert scene.replace("fluid", None).fluid is None
+    fails(lambda: dry.replace("fluid.model", "panels"), "panels need fluid.density")
+    assert dry.replace({"fluid.model": "panels", "fluid.density": 10.0}) == scene
+    fails(
+        lambda: scene.replace({"fluid.model": "none", "fluid.density": 5}), "fluid.density has no"
+    )
+
+
+@pytest.mark.parametrize(
+    ("path", "parts"),
+    [
+        ("fluid.panel_per_element", ["nearest: fluid.panels_per_element"]),
+        ("dampning", ["nearest: damping"]),
+        ("beam.time_step", ["nearest: integrator.time_step"]),
+        ("elements", ["nearest: beam.elements"]),
+        ("beam.bending_stiffness.linear.head", ["nearest: beam.bending_stiffness"]),
+        ("zzz", ["a scene has name, description, beam, fluid"]),
+        ("", ["unknown field"]),
+        ("beam.", ["unknown field beam."]),
+        (3, ["unknown field 3"]),
+    ],
+)
+def test_unknown_path(path, parts) -> None:
+    """An unknown path is refused with the nearest one there is."""
+    fails(lambda: Scene().replace(path, 1), f"unknown field {path}", *parts)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("integrator.tolerance=1e-12", 1e-12),
+        ("integrator.tolerance = 1.0e-12", 1e-12),
+        ("actuation.amplitude=-5", -5.0),
+        ("actuation.amplitude=+.5", 0.5),
+        ("actuation.amplitude=5.", 5.0),
+        ("actuation.amplitude=1E2", 100.0),
+        ("actuation.end_time=null", None),
+        ("beam.elements=010", 10),
+        ("fluid.panels_per_element=12", 12),
+        ("beam.bending_stiffness={linear: {head: 1e1, tail: 2}}", LinearStiffness(10.0, 2.0)),
+        ("beam.bending_stiffness=[1, 2, 3, 4, 5, 6, 7, 1e-8]", (1, 2, 3, 4, 5, 6, 7, 1e-8)),
+        ("name=a=b", "a=b"),
+        ("name=no", "no"),
+        ("axial_added_mass={}", AxialAddedMass()),
+        ("axial_added_mass=true", AxialAddedMass()),
+        ("damping=null", None),
+        ("damping={retardation_time: 1e-3}", Damping(1e-3)),
+    ],
+)
+def test_override_text(text, value) -> None:
+    """Texts as on a command line set the field that they name."""
+    found: object = load_scene("paper_i", [text])
+    for name in text.split("=")[0].strip().split("."):
+        found = getattr(found, name)
+    assert found == value and type(found) is type(value)
+
+
+def test_overrides_together() -> None:
+    """Overrides apply together, the last of a kind holds, and a mapping or one text will do."""
+    scene = load_scene("paper_i", ["beam.bending_stiffness=[1, 2]", "beam.elements=3"])
+    assert scene.beam.stiffness_at_joints().tolist() == [1.0, 2.0]
+    assert load_scene("paper_i", ["beam.elements=3", "beam.elements=5"]).beam.elements == 5
+    assert load_scene("paper_i", "beam.elements=3").beam.elements == 3
+    assert load_scene("paper_i", {"beam.elements": 3}) == load_scene("paper_i", "beam.elements=3")
+    assert load_scene("paper_i", []) == load_scene("paper_i", {}) == load_scene("paper_i")
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("beam.elements", "override 'beam.elements' must read block.field=value"),
+        ("=3", "must read block.field=value"),
+        ("beam.bending_stiffness=[1, 2", "override 'beam.bending_stiffness=[1, 2': not valid YAML"),
+        ("beam={length: 1, length: 2}", "field 'length' is given twice"),
+        ("beam.elemnts=3", "unknown field beam.elemnts (nearest: beam.elements)"),
+        ("beam.elements=1e1", "beam.elements must be an integer, got 10.0"),
+        ("beam.elements=", "beam.elements must be an integer, got null"),
+        ("name=!!python/object:os.system x", "not valid YAML"),
+        (7, "override 7 must read block.field=value"),
+    ],
+)
+def test_bad_override(text, part) -> None:
+    """An override that cannot be read is refused with itself in the message."""
+    fails(lambda: load_scene("paper_i", [text]), part)
+
+
+# ---- files -------------------------------------------------------------------------------------
+
+
+def test_numbers_of_yaml_1_2(tmp_path) -> None:
+    """1e-3 is a number in a file, and a file without a name takes the file's."""
+    path = tmp_path / "mine.yaml"
+    path.write_text("damping: {retardation_time: 1e-3}\nbeam:\n  length: 2\n", encoding="utf-8")
+    scene = load_scene(path)
+    assert scene.damping == Damping(1e-3)
+    assert (scene.name, scene.beam) == ("mine", Beam(length=2.0))
+    assert (scene.episode, scene.integrator) == (Episode(20.0), Integrator())
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        (b"beam:\n  length: 1\n  length: 2\n", ["line 3", "field 'length' is given twice"]),
+        (b"beam: {}\nname: x\nbeam: {}\n", ["line 3", "field 'beam' is given twice"]),
+        (b"name: x\nbeam: [1, 2\n", ["not valid YAML, line"]),
+        (b"name: x\n\tbeam: 1\n", ["not valid YAML, line 2"]),
+        (b"a: 1\n---\nb: 2\n", ["not valid YAML, line 2"]),
+        (b"beam: &b {length: 1}\nfluid: *c\n", ["line 2", "undefined alias"]),
+        (b"beam: &b {length: *b}\n", ["beam.length must be a number in m, got a mapping"]),
+        (b"name: !!python/object/apply:os.getcwd []\n", ["not valid YAML, line 1"]),
+        (b"name: !!float x\n", ["not valid YAML: a tag"]),
+        (b"name: !!bool x\n", ["not valid YAML: a tag"]),
+        (b"name: !!timestamp x\n", ["not valid YAML: a tag"]),
+        (b"1: 2\n", ["line 1", "a field's name must be text"]),
+        (b"[1, 2]: 2\n", ["line 1"]),
+        (b"<<: {name: x}\n", ["unknown field <<"]),
+        (b"beam: {elements: " + b"9" * 5000 + b"}\n", ["line 1"]),
+        (b"name: \x00\n", ["not valid YAML"]),
+        (b"name: \xff\n", ["must be UTF-8 text, byte 6"]),
+        (b"[" * 3000, ["not valid YAML"]),
+        (b"", ["the file is empty"]),
+        (b"# nothing\n", ["the file is empty"]),
+        (b"- beam\n", ["scene must be a mapping of fields, got a list of 1"]),
+        (b"just text\n", ["scene must be a mapping of fields, got text 'just text'"]),
+        (b"beam: {length: 1:30}\n", ["beam.length must be a number in m, got text '1:30'"]),
+        (b"beam: {length: .nan}\n", ["beam.length must be a finite number in m, got nan"]),
+        (b"beam: {length: -.inf}\n", ["beam.length must be a finite number in m, got -inf"]),
+        (b"axial_added_mass:\n", ["axial_added_mass must be {} or true", "got null"]),
+    ],
+    ids=range(26),
+)
+def test_bad_file(text, parts, tmp_path, monkeypatch) -> None:
+    """A file that is not a scene is refused with the line where YAML breaks, and its name."""
+    monkeypatch.chdir(tmp_path)
+    Path("bad.yaml").write_bytes(text)
+    error = fails(lambda: Scene.from_yaml("bad.yaml"), *parts, "(bad.yaml)")
+    assert str(tmp_path) not in str(error)
+
+
+def test_missing_file_and_unknown_name(tmp_path, monkeypatch) -> None:
+    """What is not there is refused with the nearest name and those there are."""
+    monkeypatch.chdir(tmp_path)
+    Path("mine.yaml").write_text("{}", encoding="utf-8")
+    for call in (
+        lambda: load_scene("min.yaml"),
+        lambda: load_scene(Path("min.yaml")),
+        lambda: Scene.from_yaml("min.yaml"),
+    ):
+        error = fails(call, "no such scene file: min.yaml", "(nearest: mine.yaml)", "paper_xii")
+        assert str(tmp_path) not in str(error)
+    fails(lambda: load_scene("no/where/paper_i.yaml"), "no/where/paper_i.yaml (nearest: paper_i)")
+    fails(lambda: load_scene("papr_i"), "unknown scene 'papr_i' (nearest: paper_i)", "swimmer")
+    fails(lambda: load_scene(""), "unknown scene ''", "shipped scenes: paper_i,")
+    fails(lambda: load_scene("x" * 5000), "unknown scene")
+    fails(lambda: load_scene("a\0b.yaml"), "no such scene file")
+    fails(lambda: load_scene(7), "must be given as a name, a path or a Scene, got int")
+    Path("folder.yaml").mkdir()
+    fails(lambda: load_scene("folder.yaml"), "cannot read the scene file", "(folder.yaml)")
+
+
+def test_save_is_whole_or_not_at_all(tmp_path, monkeypatch) -> None:
+    """A failed save leaves the old file and nothing half-written."""
+    monkeypatch.chdir(tmp_path)
+    load_scene("paper_i").save("s.yaml")
+    before = Path("s.yaml").read_bytes()
+
+    def refuse(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", refuse)
+        fails(lambda: Scene().save("s.yaml"), "cannot write", "No space left", "(s.yaml)")
+    assert Path("s.yaml").read_bytes() == before
+    assert os.listdir() == ["s.yaml"]
+    fails(lambda: Scene().save("no/s.yaml"), "cannot write the scene file", "(no/s.yaml)")
+
+
+def test_shipped_scenes_are_found_inside_an_installed_package(tmp_path) -> None:
+    """The scenes are found beside scene.py too, where a wheel puts them."""
+    package = tmp_path / "swim_env"
+    package.mkdir()
+    for module in ("errors", "scene", "scene_checks", "scene_parts", "scene_yaml"):
+        shutil.copy(ROOT / "swim_env" / f"{module}.py", package)
+    (package / "__init__.py").write_text("", encoding="utf-8")
+    shutil.copytree(ROOT / "configs" / "scenes", package / "configs" / "scenes")
+    code = "import swim_env.scene as s; print(s.__file__, s.scene_names(), s.load_scene('swimmer'))"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    expected = f"{package / 'scene.py'} {scene_names()} Scene(name='swimmer"
+    assert done.stdout.startswith(expected)
+
+
+def test_scene_imports_neither_physics_nor_gymnasium() -> None:
+    """The room of scenes knows numpy and yaml only."""
+    for module in ("errors", "scene", "scene_checks", "scene_parts", "scene_yaml"):
+        tree = ast.parse((ROOT / "swim_env" / f"{module}.py").read_text("utf-8"))
+        for node in ast.walk(tree):
+            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            for name in names:
+                top = name.split(".")[0]
+                known = top in sys.stdlib_module_names or top in ("numpy", "yaml")
+                assert known or name.startswith(("swim_env.scene", "swim_env.errors")), name
+
+
+def test_constants() -> None:
+    """Effect names are fields of a scene, and default names are allowed ones."""
+    assert set(EFFECT_NAMES) <= {spec.name for spec in dataclasses.fields(Scene)}
+    assert Integrator().scheme in SCHEME_NAMES
+    assert WATER.model in FLUID_MODEL_NAMES
