@@ -28,6 +28,12 @@ from swim_env.physics.dense import (
     matrix_view,
 )
 from swim_env.physics.outline import (
+    AXIAL,
+    LATERAL,
+    LENGTH,
+    NODE_ROWS,
+    PANEL_ROWS,
+    ROTARY,
     FluidGeometry,
     OutlineArrays,
     build_outline,
@@ -35,7 +41,14 @@ from swim_env.physics.outline import (
     outline_status,
     panel_count,
 )
-from swim_env.physics.panels import influence, normal_influence_transposed, shape_gradient
+from swim_env.physics.panels import (
+    LAYERS,
+    POTENTIAL,
+    SHAPE_SCRATCH,
+    influence,
+    normal_influence_transposed,
+    shape_gradient,
+)
 from swim_env.physics.status import FINE, INFLUENCE_SINGULAR
 
 __all__ = [
@@ -87,15 +100,15 @@ class FluidWork(NamedTuple):
     ----------
     outline : OutlineArrays
         The outline of M panels.
-    inverse_z_x, inverse_z_y, velocity_x, velocity_y, potential : (M, M) arrays
-        Influence matrices, see `swim_env.physics.panels.influence`.
+    layers : (LAYERS, M, M) array
+        Influence matrices, see `swim_env.physics.panels`.
     inverse_transposed : (M, M) array
         Inverse of the transposed normal influence.
-    sources : (K, M) array
-        Source strengths per unit motion, transposed G^-1 B.
-    loads : (K, M) array
-        B^T diag(L) P.
-    vectors : (24, M + 1) array
+    sources, loads : (K, M) arrays
+        Source strengths per unit motion, transposed G^-1 B, and B^T diag(L) P.
+    vectors : (rows, M) array
+        Scratch.
+    half_log : (M + 1,) array
         Scratch.
     joint_gradient : (N + 1,) array
         Scratch.
@@ -104,21 +117,21 @@ class FluidWork(NamedTuple):
     """
 
     outline: OutlineArrays
-    inverse_z_x: Array
-    inverse_z_y: Array
-    velocity_x: Array
-    velocity_y: Array
-    potential: Array
+    layers: Array
     inverse_transposed: Array
     sources: Array
     loads: Array
     vectors: Array
+    half_log: Array
     joint_gradient: Array
     permutation: NDArray[np.int64]
 
 
-_OUTLINE_VECTORS = 11
-_SCRATCH_VECTORS = 27
+# Rows of `FluidWork.vectors`: source strengths, adjoint strengths, potential, panel-weighted
+# normal velocity and B^T diag(L) P V; then the gradient by panel quantities; then scratch.
+_SIGMA, _MU, _PHI, _WEIGHT, _LOAD, _GRADIENT = range(6)
+_SHAPE = _GRADIENT + 5
+_SCRATCH = _SHAPE + SHAPE_SCRATCH
 
 
 @kernel
@@ -127,22 +140,19 @@ def motion_count(fluid: FluidConstants) -> int:
     return 2 * fluid.geometry.elements + (2 if fluid.axial else 0)
 
 
+@kernel
 def fluid_work_sizes(fluid: FluidConstants) -> tuple[int, int]:
     """Return how many float64 and int64 numbers `carve_fluid_work` takes."""
-    if fluid.model == NO_FLUID:
-        return 0, 0
-    panels = int(panel_count(fluid.geometry))
-    elements = fluid.geometry.elements
-    motions = int(motion_count(fluid))
+    m = 0 if fluid.model == NO_FLUID else panel_count(fluid.geometry)
+    n = fluid.geometry.elements
     floats = (
-        6 * panels * panels
-        + 2 * motions * panels
-        + _OUTLINE_VECTORS * panels
-        + _SCRATCH_VECTORS * (panels + 1)
-        + elements
-        + 4 * (elements + 1)
+        (LAYERS + 1) * m * m
+        + (2 * motion_count(fluid) + PANEL_ROWS + _SCRATCH) * m
+        + (NODE_ROWS + 1) * (n + 1)
+        + m
+        + 1
     )
-    return floats, 2 * panels
+    return floats, 2 * m
 
 
 @kernel
@@ -150,52 +160,32 @@ def carve_fluid_work(
     floats: Array, integers: NDArray[np.int64], fluid: FluidConstants
 ) -> FluidWork:
     """Lay the arrays of `FluidWork` into two flat buffers of the sizes of `fluid_work_sizes`."""
-    m = panel_count(fluid.geometry)
+    m = 0 if fluid.model == NO_FLUID else panel_count(fluid.geometry)
     n = fluid.geometry.elements
     k = motion_count(fluid)
-    square = m * m
-    start = 6 * square
+    start = LAYERS * m * m
+    layers = floats[:start].reshape((LAYERS, m, m))
+    inverse = matrix_view(floats, start, m, m)
+    start += m * m
     sources = matrix_view(floats, start, k, m)
     start += k * m
     loads = matrix_view(floats, start, k, m)
     start += k * m
-    rows = matrix_view(floats, start, _OUTLINE_VECTORS, m)
-    start += _OUTLINE_VECTORS * m
-    vectors = matrix_view(floats, start, _SCRATCH_VECTORS, m + 1)
-    start += _SCRATCH_VECTORS * (m + 1)
-    angle = floats[start : start + n]
-    start += n
-    nodes = matrix_view(floats, start, 4, n + 1)
-    outline = OutlineArrays(
-        angle,
-        nodes[0],
-        nodes[1],
-        nodes[2],
-        rows[0],
-        rows[1],
-        rows[2],
-        rows[3],
-        rows[4],
-        rows[5],
-        rows[6],
-        rows[7],
-        rows[8],
-        rows[9],
-        rows[10],
-        integers[:m],
-    )
+    panels = matrix_view(floats, start, PANEL_ROWS, m)
+    start += PANEL_ROWS * m
+    vectors = matrix_view(floats, start, _SCRATCH, m)
+    start += _SCRATCH * m
+    nodes = matrix_view(floats, start, NODE_ROWS, n + 1)
+    start += NODE_ROWS * (n + 1)
     return FluidWork(
-        outline,
-        matrix_view(floats, 0, m, m),
-        matrix_view(floats, square, m, m),
-        matrix_view(floats, 2 * square, m, m),
-        matrix_view(floats, 3 * square, m, m),
-        matrix_view(floats, 4 * square, m, m),
-        matrix_view(floats, 5 * square, m, m),
+        OutlineArrays(panels, nodes, integers[:m]),
+        layers,
+        inverse,
         sources,
         loads,
         vectors,
-        nodes[3],
+        floats[start + n + 1 : start + n + m + 2],
+        floats[start : start + n + 1],
         integers[m : 2 * m],
     )
 
@@ -213,24 +203,24 @@ def _collect_motions(fluid: FluidConstants, work: FluidWork) -> None:
     outline = work.outline
     work.sources[:] = 0.0
     work.loads[:] = 0.0
-    for p in range(outline.length.size):
+    for p in range(outline.element.size):
         k = outline.element[p]
-        length = outline.length[p]
+        length = outline.panels[LENGTH, p]
         for motion in range(3):
             if motion == 0:
-                factor = outline.lateral[p]
+                factor = outline.panels[LATERAL, p]
                 row = k
             elif motion == 1:
-                factor = outline.rotary[p]
+                factor = outline.panels[ROTARY, p]
                 row = elements + k
             else:
                 if not fluid.axial:
                     continue
-                factor = outline.axial[p]
+                factor = outline.panels[AXIAL, p]
                 row = 2 * elements + (1 if k > 0 else 0)
             if factor != 0.0:
                 _add_multiple(work.sources[row], work.inverse_transposed[p], factor)
-                _add_multiple(work.loads[row], work.potential[p], factor * length)
+                _add_multiple(work.loads[row], work.layers[POTENTIAL, p], factor * length)
 
 
 @kernel
@@ -245,31 +235,14 @@ def _panel_added_mass(
     status = outline_status(geometry, outline)
     if status != FINE:
         return status
-    influence(
-        outline.x,
-        outline.y,
-        outline.cx,
-        outline.cy,
-        outline.ct,
-        outline.st,
-        outline.length,
-        geometry.elements * geometry.element_length,
-        work.vectors[0],
-        work.inverse_z_x,
-        work.inverse_z_y,
-        work.velocity_x,
-        work.velocity_y,
-        work.potential,
-    )
-    normal_influence_transposed(
-        outline.ct, outline.st, work.velocity_x, work.velocity_y, work.inverse_transposed
-    )
+    body_length = geometry.elements * geometry.element_length
+    influence(outline.panels, body_length, work.half_log, work.layers)
+    normal_influence_transposed(outline.panels, work.layers, work.inverse_transposed)
     if not invert(work.inverse_transposed, work.permutation):
         return INFLUENCE_SINGULAR
     _collect_motions(fluid, work)
-    motions = out.shape[0]
     half = -0.5 * fluid.density
-    for a in range(motions):
+    for a in range(out.shape[0]):
         for b in range(a + 1):
             value = half * (
                 dot(work.loads[a], work.sources[b]) + dot(work.loads[b], work.sources[a])
@@ -280,69 +253,33 @@ def _panel_added_mass(
 
 
 @kernel
-def _panel_shape_force(
-    motion: Array, fluid: FluidConstants, work: FluidWork, out: Array
-) -> None:
-    geometry = fluid.geometry
-    elements = geometry.elements
+def _panel_shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> None:
+    elements = fluid.geometry.elements
     outline = work.outline
-    panels = outline.length.size
-    vectors = work.vectors
-    sigma = vectors[0, :panels]
-    mu = vectors[1, :panels]
-    phi = vectors[2, :panels]
-    weight = vectors[3, :panels]
-    gradient_x = vectors[4, :panels]
-    gradient_y = vectors[5, :panels]
-    gradient_turn = vectors[6, :panels]
-    gradient_length = vectors[7, :panels]
-    gradient_arm = vectors[8, :panels]
-    load = vectors[9, :panels]
+    panels = outline.panels
+    sigma = work.vectors[_SIGMA]
+    mu = work.vectors[_MU]
+    phi = work.vectors[_PHI]
+    weight = work.vectors[_WEIGHT]
+    load = work.vectors[_LOAD]
+    gradient = work.vectors[_GRADIENT:_SHAPE]
     mat_vec_transposed(work.sources, motion, sigma)
     mat_vec_transposed(work.loads, motion, load)
     mat_vec(work.inverse_transposed, load, mu)
-    mat_vec(work.potential, sigma, phi)
-    for i in range(panels):
+    mat_vec(work.layers[POTENTIAL], sigma, phi)
+    for i in range(panels.shape[1]):
         k = outline.element[i]
         turning = motion[elements + k]
-        normal_velocity = outline.lateral[i] * motion[k] + outline.rotary[i] * turning
-        if fluid.axial and outline.axial[i] != 0.0:
-            normal_velocity += outline.axial[i] * motion[2 * elements + (1 if k > 0 else 0)]
-        weight[i] = normal_velocity * outline.length[i]
-        gradient_length[i] = normal_velocity * phi[i]
-        gradient_arm[i] = (outline.length[i] * phi[i] + mu[i]) * outline.lateral[i] * turning
-    shape_gradient(
-        outline.x,
-        outline.y,
-        outline.cx,
-        outline.cy,
-        outline.ct,
-        outline.st,
-        work.inverse_z_x,
-        work.inverse_z_y,
-        work.velocity_x,
-        work.velocity_y,
-        work.potential,
-        outline.length,
-        weight,
-        sigma,
-        mu,
-        vectors[10:27, :panels],
-        gradient_x,
-        gradient_y,
-        gradient_turn,
-    )
-    gradient_to_element_angles(
-        geometry,
-        outline,
-        gradient_x,
-        gradient_y,
-        gradient_turn,
-        gradient_length,
-        gradient_arm,
-        work.joint_gradient,
-        out,
-    )
+        normal_velocity = panels[LATERAL, i] * motion[k] + panels[ROTARY, i] * turning
+        if fluid.axial and panels[AXIAL, i] != 0.0:
+            normal_velocity += panels[AXIAL, i] * motion[2 * elements + (1 if k > 0 else 0)]
+        weight[i] = normal_velocity * panels[LENGTH, i]
+        # The length of a panel as the weight of its potential; on a side, the arm of the
+        # collocation point in the boundary value v + w arm.
+        gradient[3, i] = normal_velocity * phi[i]
+        gradient[4, i] = (panels[LENGTH, i] * phi[i] + mu[i]) * panels[LATERAL, i] * turning
+    shape_gradient(panels, work.layers, weight, sigma, mu, work.vectors[_SHAPE:], gradient)
+    gradient_to_element_angles(fluid.geometry, outline, gradient, work.joint_gradient, out)
     for k in range(elements):
         out[k] *= -0.5 * fluid.density
 

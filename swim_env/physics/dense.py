@@ -185,6 +185,19 @@ def cholesky(matrix: Array) -> bool:
 
 
 @kernel
+def cholesky_product(factor: Array, vector: Array, out: Array) -> None:
+    """Write the matrix that `cholesky` factorised, times vector (n,), into out (n,)."""
+    n = vector.size
+    for i in range(n):
+        out[i] = 0.0
+        for k in range(i, n):
+            out[i] += factor[k, i] * vector[k]
+    for back in range(n):
+        i = n - 1 - back
+        out[i] = dot(factor[i, : i + 1], out[: i + 1])
+
+
+@kernel
 def cholesky_solve(factor: Array, vector: Array) -> None:
     """Solve in place for one right-hand side (n,) with the factor of `cholesky`."""
     n = vector.size

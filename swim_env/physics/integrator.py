@@ -31,14 +31,24 @@ from swim_env.physics.added_mass import (
 from swim_env.physics.beam import BeamConstants, strain_energy
 from swim_env.physics.dense import (
     cholesky,
+    cholesky_product,
     cholesky_solve,
     dot,
     lu_factor,
     lu_solve,
-    mat_vec,
     matrix_view,
 )
 from swim_env.physics.lagrangian import (
+    CHANGE,
+    DIRECTION,
+    INCREMENT,
+    RESIDUAL,
+    SAVED_P,
+    SAVED_Q,
+    SHAPE_DIFFERENCE,
+    TOTAL,
+    TRIAL,
+    VELOCITY,
     StepArrays,
     carve_step_arrays,
     evaluate_step,
@@ -61,9 +71,8 @@ __all__ = [
     "SCHEMES",
     "SolverConstants",
     "advance",
-    "begin",
-    "measure",
     "state_size",
+    "weigh",
     "work_sizes",
 ]
 
@@ -82,9 +91,11 @@ _MOST_ITERATIONS = 20
 _MOST_LINE_SEARCHES = 8
 
 # Layout of a member's state vector, in rows of N + 2 numbers: q, p, the last three increments;
-# then the counters.
+# then the counters: steps taken, increments of equal parts that are known (at most 3), and how many
+# 1024ths of a step the last part was.
 _STATE_ROWS = 5
-_COUNTERS = 2
+STEPS, KNOWN_INCREMENTS, LAST_PART = range(3)
+_COUNTERS = 3
 
 #: Columns of the record that `advance` writes for every step.
 RECORD_NAMES = (
@@ -97,6 +108,7 @@ RECORD_NAMES = (
     "parts",
     "at_round_off",
 )
+ENERGY, WORK, POSITIVE_WORK, DISSIPATED, RESIDUAL_MET, ITERATIONS, PARTS, AT_ROUND_OFF = range(8)
 
 
 class SolverConstants(NamedTuple):
@@ -176,6 +188,7 @@ def _prepare(
     w: StepArrays,
 ) -> int:
     """Evaluate everything that hangs on the pose alone, and the velocity M^-1 p."""
+    u = w.unknowns
     for i in range(q.size):
         if not (np.isfinite(q[i]) and np.isfinite(p[i])):
             return STATE_NOT_FINITE
@@ -187,60 +200,66 @@ def _prepare(
     mass_matrix(beam, fluid, fluid_work, w)
     if not cholesky(w.mass):
         return MASS_NOT_POSITIVE
-    w.velocity[:] = p
-    cholesky_solve(w.mass, w.velocity)
+    u[VELOCITY] = p
+    cholesky_solve(w.mass, u[VELOCITY])
     return FINE
 
 
 @kernel
 def _energy(q: Array, p: Array, beam: BeamConstants, w: StepArrays) -> float:
     """Return H = p M^-1 p/2 + W (J) after `_prepare`."""
-    return 0.5 * dot(p, w.velocity) + strain_energy(q, beam.joint_stiffness)
+    u = w.unknowns
+    return 0.5 * dot(p, u[VELOCITY]) + strain_energy(q, beam.joint_stiffness)
 
 
 @kernel
 def _newton(
-    q: Array,
-    p: Array,
+    m: _Member,
     torques: Array,
     h: float,
     beam: BeamConstants,
     fluid: FluidConstants,
     solver: SolverConstants,
-    fluid_work: FluidWork,
-    w: StepArrays,
-    permutation: NDArray[np.int64],
     report: Array,
 ) -> bool:
-    """Improve `w.increment` until the residual is met; report = (residual, iterations, floor)."""
-    z = w.increment
-    norm = evaluate_step(q, p, torques, z, h, beam, fluid, fluid_work, w)
+    """Improve the increment until the residual is met.
+
+    The report is the scaled residual, the number of evaluations (added up), and 1 where rounding
+    kept the residual from falling to the tolerance.
+    """
+    w = m.step
+    u = w.unknowns
+    z = u[INCREMENT]
+    norm = evaluate_step(m.q, m.p, torques, z, h, beam, fluid, m.fluid_work, w)
     report[0] = norm
+    report[1] += 1.0
     report[2] = 0.0
     if not norm < np.inf:
         return False
     fresh = False
     factored = False
-    with_shape = False
+    difference = 0.0
     for _ in range(_MOST_ITERATIONS):
         if norm <= solver.tolerance:
             return True
         if not factored:
-            step_jacobian(q, z, h, beam, fluid, fluid_work, with_shape, w)
-            if not lu_factor(w.jacobian, permutation):
+            step_jacobian(m.q, z, h, beam, fluid, m.fluid_work, difference, w)
+            if not lu_factor(w.jacobian, m.permutation):
                 return False
             factored = True
             fresh = True
-        w.direction[:] = w.residual
-        lu_solve(w.jacobian, permutation, w.direction)
+        u[DIRECTION] = u[RESIDUAL]
+        lu_solve(w.jacobian, m.permutation, u[DIRECTION])
         length = 1.0
         accepted = False
         new_norm = norm
         for _ in range(_MOST_LINE_SEARCHES):
             for i in range(z.size):
-                w.trial[i] = z[i] + length * w.direction[i]
-            if not _turns_beyond(w.trial, TRUSTED_TURN):
-                new_norm = evaluate_step(q, p, torques, w.trial, h, beam, fluid, fluid_work, w)
+                u[TRIAL, i] = z[i] + length * u[DIRECTION, i]
+            if not _turns_beyond(u[TRIAL], TRUSTED_TURN):
+                new_norm = evaluate_step(
+                    m.q, m.p, torques, u[TRIAL], h, beam, fluid, m.fluid_work, w
+                )
                 report[1] += 1.0
                 if new_norm <= (1.0 - 1e-2 * length) * norm:
                     accepted = True
@@ -249,22 +268,25 @@ def _newton(
                     break
             length *= 0.5
         if accepted:
-            z[:] = w.trial
+            z[:] = u[TRIAL]
             # A slowly falling residual asks for a better Jacobian at the new place.
             factored = new_norm <= 0.3 * norm
-            with_shape = with_shape or (fresh and new_norm > 0.3 * norm)
+            if fresh and not factored:
+                difference = SHAPE_DIFFERENCE
             fresh = False
             norm = new_norm
             report[0] = norm
             continue
-        norm = evaluate_step(q, p, torques, z, h, beam, fluid, fluid_work, w)
+        norm = evaluate_step(m.q, m.p, torques, z, h, beam, fluid, m.fluid_work, w)
+        report[1] += 1.0
         if norm <= 32.0 * round_off_floor(w):
             # Rounding keeps the residual from falling further; the step is as exact as it gets.
             report[2] = 1.0
             return True
-        if fresh and with_shape:
-            return False
-        with_shape = with_shape or fresh
+        if fresh:
+            if difference > 0.0:
+                return False
+            difference = SHAPE_DIFFERENCE
         factored = False
     return norm <= solver.tolerance
 
@@ -284,44 +306,40 @@ def _turns_beyond(z: Array, limit: float) -> bool:
 
 @kernel
 def _solve_part(
-    q: Array,
-    p: Array,
-    history: Array,
-    histories: int,
-    ratio: float,
+    m: _Member,
     torques: Array,
     h: float,
+    part: int,
     beam: BeamConstants,
     fluid: FluidConstants,
     solver: SolverConstants,
-    fluid_work: FluidWork,
-    w: StepArrays,
-    permutation: NDArray[np.int64],
     report: Array,
 ) -> int:
-    """Solve one part of a step from several starts; leaves the increment in `w.increment`."""
+    """Solve one part of a step from several starts; leaves the increment in its row."""
+    increment = m.step.unknowns[INCREMENT]
+    velocity = m.step.unknowns[VELOCITY]
     status = STEP_NOT_SOLVED
     for start in range(3):
         if start == 0:
-            if histories == 0:
+            # Extrapolate. Beyond h0 + h1 - h2 the stiff modes, which turn by many radians a
+            # step, are carried away.
+            if m.counters[KNOWN_INCREMENTS] == 0.0:
                 continue
-            for i in range(q.size):
-                if histories >= 3:
-                    w.increment[i] = ratio * (history[0, i] + history[1, i] - history[2, i])
-                else:
-                    w.increment[i] = ratio * history[0, i]
+            ratio = part / m.counters[LAST_PART]
+            for i in range(increment.size):
+                increment[i] = ratio * m.history[0, i]
+                if ratio == 1.0 and m.counters[KNOWN_INCREMENTS] == 3.0:
+                    increment[i] += m.history[1, i] - m.history[2, i]
         elif start == 1:
-            w.increment[0] = h * w.velocity[0]
-            w.increment[1] = h * w.velocity[1]
-            w.increment[2] = h * w.velocity[2]
-            for k in range(3, q.size):
-                w.increment[k] = h * (w.velocity[k] - w.velocity[k - 1])
+            increment[0] = h * velocity[0]
+            increment[1] = h * velocity[1]
+            increment[2] = h * velocity[2]
+            for k in range(3, increment.size):
+                increment[k] = h * (velocity[k] - velocity[k - 1])
         else:
-            w.increment[:] = 0.0
-        if _newton(
-            q, p, torques, h, beam, fluid, solver, fluid_work, w, permutation, report
-        ):
-            if not _turns_beyond(w.increment, LARGEST_TURN):
+            increment[:] = 0.0
+        if _newton(m, torques, h, beam, fluid, solver, report):
+            if not _turns_beyond(increment, LARGEST_TURN):
                 return FINE
             status = TURN_TOO_LARGE
     return status
@@ -329,100 +347,72 @@ def _solve_part(
 
 @kernel
 def _outer_step(
-    q: Array,
-    p: Array,
-    history: Array,
-    counters: Array,
+    m: _Member,
     torques: Array,
     beam: BeamConstants,
     fluid: FluidConstants,
     solver: SolverConstants,
-    fluid_work: FluidWork,
-    w: StepArrays,
-    permutation: NDArray[np.int64],
     report: Array,
     record: Array,
 ) -> int:
-    """Advance one outer step; on failure the state is what it was before."""
-    unknowns = q.size
+    """Advance one outer step; on failure coordinates and momentum are what they were before."""
+    w = m.step
+    u = w.unknowns
     whole = 1 << MOST_HALVINGS
-    part = whole
+    # A step that had to be cut is followed by one that starts with parts twice as long.
+    last_part = int(m.counters[LAST_PART])
+    part = min(whole, 2 * last_part) if last_part > 0 else whole
     done = 0
     solves = 0
     record[:] = 0.0
     report[:] = 0.0
-    status = _prepare(q, p, beam, fluid, fluid_work, w)
-    if status != FINE:
-        return status
-    record[0] = _energy(q, p, beam, w)
-    w.saved[0, :] = q
-    w.saved[1, :] = p
-    w.total[:] = 0.0
-    # Increments of parts of a step scale with the parts: remember the length of the last one.
-    last_part = whole
-    histories = int(counters[1])
-    prepared = True
-    while done < whole:
+    u[SAVED_Q] = m.q
+    u[SAVED_P] = m.p
+    u[TOTAL] = 0.0
+    status = _prepare(m.q, m.p, beam, fluid, m.fluid_work, w)
+    if status == FINE:
+        record[ENERGY] = _energy(m.q, m.p, beam, w)
+    while status == FINE and done < whole:
         h = solver.time_step * (part / whole)
-        if not prepared:
-            status = _prepare(q, p, beam, fluid, fluid_work, w)
-        if status == FINE:
-            prepared = True
-            status = _solve_part(
-                q,
-                p,
-                history if part == last_part == whole else w.saved[2:],
-                histories,
-                part / last_part,
-                torques,
-                h,
-                beam,
-                fluid,
-                solver,
-                fluid_work,
-                w,
-                permutation,
-                report,
-            )
-            solves += 1
-        if status != FINE:
-            if part == 1 or solves >= solver.most_solves or not prepared:
-                q[:] = w.saved[0]
-                p[:] = w.saved[1]
-                return status
+        outcome = _solve_part(m, torques, h, part, beam, fluid, solver, report)
+        solves += 1
+        if outcome != FINE:
+            if part == 1 or solves >= solver.most_solves:
+                status = outcome
             part //= 2
-            status = FINE
-            if last_part == whole:
-                w.saved[2, :] = history[0]
-                histories = min(histories, 1)
             continue
-        for i in range(unknowns):
-            q[i] += w.increment[i]
-            p[i] += w.change[i]
-            w.total[i] += w.increment[i]
-            w.saved[2, i] = w.increment[i]
         for j in range(torques.size):
-            record[3] += beam.joint_damping[j] * w.increment[3 + j] * w.increment[3 + j] / h
-        record[4] = max(record[4], report[0])
-        record[6] += 1.0
-        record[7] = max(record[7], report[2])
+            change = u[INCREMENT, 3 + j]
+            record[DISSIPATED] += beam.joint_damping[j] * change * change / h
+        for i in range(m.q.size):
+            m.q[i] += u[INCREMENT, i]
+            m.p[i] += u[CHANGE, i]
+            u[TOTAL, i] += u[INCREMENT, i]
+            m.history[2, i] = m.history[1, i]
+            m.history[1, i] = m.history[0, i]
+            m.history[0, i] = u[INCREMENT, i]
+        known = m.counters[KNOWN_INCREMENTS] if part == int(m.counters[LAST_PART]) else 0.0
+        m.counters[KNOWN_INCREMENTS] = min(known + 1.0, 3.0)
+        m.counters[LAST_PART] = part
+        record[RESIDUAL_MET] = max(record[RESIDUAL_MET], report[0])
+        record[PARTS] += 1.0
+        record[AT_ROUND_OFF] = max(record[AT_ROUND_OFF], report[2])
         done += part
-        last_part = part
-        histories = 1
-        prepared = False
-        # Two halves make a whole again once the two are done: try the longer part.
-        if part < whole and done % (2 * part) == 0 and done < whole:
-            part *= 2
-    record[5] = report[1]
+        if done < whole:
+            # Once two halves have made a whole, try the longer part again.
+            if done % (2 * part) == 0:
+                part *= 2
+            status = _prepare(m.q, m.p, beam, fluid, m.fluid_work, w)
+    if status != FINE:
+        m.q[:] = u[SAVED_Q]
+        m.p[:] = u[SAVED_P]
+        return status
+    record[ITERATIONS] = report[1]
     for j in range(torques.size):
-        work = torques[j] * w.total[3 + j]
-        record[1] += work
-        record[2] += max(work, 0.0)
-    history[2, :] = history[1]
-    history[1, :] = history[0]
-    history[0, :] = w.total
-    counters[1] = min(counters[1] + 1.0, 3.0) if record[6] == 1.0 else 1.0
-    counters[0] += 1.0
+        work = torques[j] * u[TOTAL, 3 + j]
+        record[WORK] += work
+        record[POSITIVE_WORK] += max(work, 0.0)
+    m.counters[STEPS] += 1.0
     return FINE
 
 
@@ -444,7 +434,7 @@ def advance(
     Parameters
     ----------
     state : (S,) array
-        The member's state, see `begin`; changed in place. At an early end it is the last state
+        The member's state, see `weigh`; changed in place. At an early end it is the last state
         that was reached, at the beginning of the step that failed.
     torques : (T, N - 1) array
         Joint torques held over each step (N m).
@@ -465,21 +455,7 @@ def advance(
     m = _member(state, beam, fluid, floats, integers)
     report = np.zeros(3)
     for step in range(torques.shape[0]):
-        status = _outer_step(
-            m.q,
-            m.p,
-            m.history,
-            m.counters,
-            torques[step],
-            beam,
-            fluid,
-            solver,
-            m.fluid_work,
-            m.step,
-            m.permutation,
-            report,
-            record[step],
-        )
+        status = _outer_step(m, torques[step], beam, fluid, solver, report, record[step])
         if status != FINE:
             return step, status
         trace_q[step, :] = m.q
@@ -488,58 +464,44 @@ def advance(
 
 
 @kernel
-def begin(
+def weigh(
     state: Array,
-    q: Array,
-    velocity: Array,
+    given: Array,
+    start: bool,
     beam: BeamConstants,
     fluid: FluidConstants,
     floats: Array,
     integers: NDArray[np.int64],
-) -> int:
-    """Start a member at a pose and velocity, by momentum: p_0 = dL/dq'(q_0, v_0) = M v_0.
+) -> tuple[float, int]:
+    """Evaluate the mass at a member's pose: its energy and velocity, or its start by momentum.
 
     Parameters
     ----------
     state : (S,) array
-        Overwritten: q, p, the last three increments, the number of steps taken and the number
-        of increments that are known.
-    q : (N + 2,) array
-        Minimal coordinates (m, m, rad).
-    velocity : (N + 2,) array
+        The member's state: q, p, the last three increments, the number of steps taken and the
+        number of increments that are known.
+    given : (N + 2,) array
         Velocity of the mean centre (m/s) and turning rate of every element (rad/s).
+        At a start it is read, and p_0 = dL/dq'(q_0, v_0) = M v_0 is written to the state;
+        otherwise M^-1 p is written to it.
+    start : bool
+        Whether this is a start.
     beam, fluid, floats, integers
         As in `advance`.
 
     Returns
     -------
-    int
-        0, or the code of the reason why the pose cannot be simulated.
+    energy, status : float, int
+        H = p M^-1 p/2 + W (J) and 0, or NaN and the code of the reason why there is none.
     """
-    state[:] = 0.0
-    m = _member(state, beam, fluid, floats, integers)
-    m.q[:] = q
-    status = _prepare(m.q, m.p, beam, fluid, m.fluid_work, m.step)
-    if status != FINE:
-        return status
-    mass_matrix(beam, fluid, m.fluid_work, m.step)
-    mat_vec(m.step.mass, velocity, m.p)
-    return FINE
-
-
-@kernel
-def measure(
-    state: Array,
-    beam: BeamConstants,
-    fluid: FluidConstants,
-    floats: Array,
-    integers: NDArray[np.int64],
-    velocity: Array,
-) -> tuple[float, int]:
-    """Return the energy H (J) of a state and a status; write M^-1 p (N + 2,) to velocity."""
     m = _member(state, beam, fluid, floats, integers)
     status = _prepare(m.q, m.p, beam, fluid, m.fluid_work, m.step)
     if status != FINE:
         return np.nan, status
-    velocity[:] = m.step.velocity
+    velocity = m.step.unknowns[VELOCITY]
+    if start:
+        velocity[:] = given
+        cholesky_product(m.step.mass, given, m.p)
+    else:
+        given[:] = velocity
     return _energy(m.q, m.p, beam, m.step), FINE

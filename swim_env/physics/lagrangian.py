@@ -53,14 +53,55 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+# Rows of `StepArrays.elements`, one number per element: directors at q_n, first director at
+# q_{n+1}; sine and cosine of the element's turn in the step and of half of it; increment of its
+# centre (m); P^k (kg m/s); sum over k of E_kj P^k (kg m^2/s); V^T dA/dtheta V/2; h dW/dtheta at
+# q_n, its sum with that at q_{n+1} and the magnitude of the terms; impulse h F of torques and
+# damping and the magnitude of its terms; scratch.
+(
+    D1X,
+    D1Y,
+    D3X,
+    D3Y,
+    NEW_D1X,
+    NEW_D1Y,
+    SIN_TURN,
+    COS_TURN,
+    SIN_HALF,
+    COS_HALF,
+    MOVE_X,
+    MOVE_Y,
+    MOMENTUM_X,
+    MOMENTUM_Y,
+    BEHIND_X,
+    BEHIND_Y,
+    SHAPE,
+    ELASTIC,
+    ELASTIC_SUM,
+    ELASTIC_SIZE,
+    IMPULSE,
+    IMPULSE_SIZE,
+    SUM_X,
+    SUM_Y,
+    COLUMN_SHAPE,
+) = range(25)
 _ELEMENT_ROWS = 25
-_UNKNOWN_ROWS = 9
+# Rows of `StepArrays.unknowns`, one number per minimal coordinate: residual of
+# p_n + D1 L_d + h F/2, the scale it is measured with, the magnitude of its terms, the change
+# D1 L_d + D2 L_d + h F of the momentum; Newton's increment, trial and direction; the velocity
+# M^-1 p at q_n; the increment of the outer step; q and p at its beginning.
+RESIDUAL, SCALE, SIZE, CHANGE, INCREMENT, TRIAL, DIRECTION, VELOCITY, TOTAL = range(9)
+SAVED_Q, SAVED_P = range(9, 11)
+_UNKNOWN_ROWS = 11
+# Rows of `StepArrays.motions`, one number per unit motion: V, A V/h, both of one column of the
+# Jacobian, scratch.
+MOTION, FLUID_IMPULSE, COLUMN_MOTION, COLUMN_IMPULSE, MOVED = range(5)
 _MOTION_ROWS = 5
-_SAVED_ROWS = 5
 
 #: Smallest scale of the residual (kg m/s for c, kg m^2/s for the angles).
 SMALLEST_SCALE = 1e-3
-_SHAPE_DIFFERENCE = 1e-5
+#: Difference quotient for the derivative of the shape force in Newton's matrix, in increments.
+SHAPE_DIFFERENCE = 1e-5
 
 
 class StepArrays(NamedTuple):
@@ -68,100 +109,39 @@ class StepArrays(NamedTuple):
 
     Attributes
     ----------
-    d1x, d1y, d3x, d3y : (N,) arrays
-        Directors at q_n.
-    new_d1x, new_d1y : (N,) arrays
-        First director at q_{n+1}.
-    sin_turn, cos_turn, sin_half, cos_half : (N,) arrays
-        Of the turn of every element in the step, and of half of it.
-    move_x, move_y : (N,) arrays
-        Increment of the element centres (m).
-    momentum_x, momentum_y : (N,) arrays
-        P^k (kg m/s).
-    behind_x, behind_y : (N,) arrays
-        Sum over k of E_kj P^k (kg m^2/s).
-    shape : (N,) array
-        V^T dA/dtheta_k V/2.
-    elastic, elastic_sum, elastic_size : (N,) arrays
-        h dW/dtheta_k at q_n, its sum with the derivative at q_{n+1}, and the magnitude of the
-        terms.
-    impulse, impulse_size : (N,) arrays
-        Impulse h F of torques and damping, and the magnitude of its terms.
-    sum_x, sum_y, column_shape : (N,) arrays
-        Scratch.
-    residual, scale, size, change : (N + 2,) arrays
-        Residual of p_n + D1 L_d + h F/2; the scale it is measured with; the magnitude of its
-        terms; the change D1 L_d + D2 L_d + h F of the momentum.
-    increment, trial, direction, velocity, total : (N + 2,) arrays
-        Newton's vectors, the velocity M^-1 p at q_n, and the increment of the outer step.
-    motion, fluid_impulse, column_motion, column_impulse, moved : (K,) arrays
-        V, A V/h, the same of one column of the Jacobian, and a scratch row.
+    elements : (rows, N) array
+        One row per quantity of an element, see the row names above.
+    unknowns : (rows, N + 2) array
+        One row per vector in minimal coordinates.
+    motions : (rows, K) array
+        One row per vector of unit motions.
     added_mass : (K, K) array
         A at q_n.
     mass : (N + 2, N + 2) array
-        Cholesky factor of the reduced total mass at q_n.
+        Reduced total mass at q_n, or its Cholesky factor.
     jacobian, transposed : (N + 2, N + 2) arrays
         Newton's matrix (its factors) and the rows of its transpose.
-    saved : (5, N + 2) array
-        State at the beginning of the outer step.
     """
 
-    d1x: Array
-    d1y: Array
-    d3x: Array
-    d3y: Array
-    new_d1x: Array
-    new_d1y: Array
-    sin_turn: Array
-    cos_turn: Array
-    sin_half: Array
-    cos_half: Array
-    move_x: Array
-    move_y: Array
-    momentum_x: Array
-    momentum_y: Array
-    behind_x: Array
-    behind_y: Array
-    shape: Array
-    elastic: Array
-    elastic_sum: Array
-    elastic_size: Array
-    impulse: Array
-    impulse_size: Array
-    sum_x: Array
-    sum_y: Array
-    column_shape: Array
-    residual: Array
-    scale: Array
-    size: Array
-    change: Array
-    increment: Array
-    trial: Array
-    direction: Array
-    velocity: Array
-    total: Array
-    motion: Array
-    fluid_impulse: Array
-    column_motion: Array
-    column_impulse: Array
-    moved: Array
+    elements: Array
+    unknowns: Array
+    motions: Array
     added_mass: Array
     mass: Array
     jacobian: Array
     transposed: Array
-    saved: Array
 
 
 @kernel
 def step_array_size(elements: int, motions: int) -> int:
     """Return how many float64 numbers `carve_step_arrays` takes."""
-    unknowns = elements + 2
+    n = elements + 2
     return (
         _ELEMENT_ROWS * elements
-        + (_UNKNOWN_ROWS + _SAVED_ROWS) * unknowns
+        + _UNKNOWN_ROWS * n
         + _MOTION_ROWS * motions
         + motions * motions
-        + 3 * unknowns * unknowns
+        + 3 * n * n
     )
 
 
@@ -169,90 +149,49 @@ def step_array_size(elements: int, motions: int) -> int:
 def carve_step_arrays(floats: Array, elements: int, motions: int) -> StepArrays:
     """Lay the arrays of `StepArrays` into a flat buffer of `step_array_size` numbers."""
     n = elements + 2
-    e = matrix_view(floats, 0, _ELEMENT_ROWS, elements)
-    start = _ELEMENT_ROWS * elements
-    u = matrix_view(floats, start, _UNKNOWN_ROWS, n)
-    start += _UNKNOWN_ROWS * n
-    saved = matrix_view(floats, start, _SAVED_ROWS, n)
-    start += _SAVED_ROWS * n
-    m = matrix_view(floats, start, _MOTION_ROWS, motions)
-    start += _MOTION_ROWS * motions
-    added = matrix_view(floats, start, motions, motions)
-    start += motions * motions
+    after_elements = _ELEMENT_ROWS * elements
+    after_unknowns = after_elements + _UNKNOWN_ROWS * n
+    after_motions = after_unknowns + _MOTION_ROWS * motions
+    squares = after_motions + motions * motions
     return StepArrays(
-        e[0],
-        e[1],
-        e[2],
-        e[3],
-        e[4],
-        e[5],
-        e[6],
-        e[7],
-        e[8],
-        e[9],
-        e[10],
-        e[11],
-        e[12],
-        e[13],
-        e[14],
-        e[15],
-        e[16],
-        e[17],
-        e[18],
-        e[19],
-        e[20],
-        e[21],
-        e[22],
-        e[23],
-        e[24],
-        u[0],
-        u[1],
-        u[2],
-        u[3],
-        u[4],
-        u[5],
-        u[6],
-        u[7],
-        u[8],
-        m[0],
-        m[1],
-        m[2],
-        m[3],
-        m[4],
-        added,
-        matrix_view(floats, start, n, n),
-        matrix_view(floats, start + n * n, n, n),
-        matrix_view(floats, start + 2 * n * n, n, n),
-        saved,
+        matrix_view(floats, 0, _ELEMENT_ROWS, elements),
+        matrix_view(floats, after_elements, _UNKNOWN_ROWS, n),
+        matrix_view(floats, after_unknowns, _MOTION_ROWS, motions),
+        matrix_view(floats, after_motions, motions, motions),
+        matrix_view(floats, squares, n, n),
+        matrix_view(floats, squares + n * n, n, n),
+        matrix_view(floats, squares + 2 * n * n, n, n),
     )
 
 
 @kernel
 def set_pose(q: Array, w: StepArrays) -> None:
     """Compute the directors at q_n from the minimal coordinates q (N + 2,)."""
+    e = w.elements
     angle = 0.0
-    for k in range(w.d1x.size):
+    for k in range(e[D1X].size):
         angle += q[2 + k]
-        w.d3x[k] = np.cos(angle)
-        w.d3y[k] = np.sin(angle)
-        w.d1x[k] = -w.d3y[k]
-        w.d1y[k] = w.d3x[k]
+        e[D3X, k] = np.cos(angle)
+        e[D3Y, k] = np.sin(angle)
+        e[D1X, k] = -e[D3Y, k]
+        e[D1Y, k] = e[D3X, k]
 
 
 @kernel
 def _set_increment(z: Array, w: StepArrays) -> None:
     """Compute turns and first directors at q_{n+1} from the increment z (N + 2,)."""
+    e = w.elements
     turn = 0.0
-    for k in range(w.d1x.size):
+    for k in range(e[D1X].size):
         turn += z[2 + k]
         s = np.sin(0.5 * turn)
         c = np.cos(0.5 * turn)
-        w.sin_half[k] = s
-        w.cos_half[k] = c
-        w.sin_turn[k] = 2.0 * s * c
-        w.cos_turn[k] = 1.0 - 2.0 * s * s
-        w.new_d1x[k] = w.d1x[k] * w.cos_turn[k] - w.d3x[k] * w.sin_turn[k]
-        w.new_d1y[k] = w.d1y[k] * w.cos_turn[k] - w.d3y[k] * w.sin_turn[k]
+        e[SIN_HALF, k] = s
+        e[COS_HALF, k] = c
+        e[SIN_TURN, k] = 2.0 * s * c
+        e[COS_TURN, k] = 1.0 - 2.0 * s * s
+        e[NEW_D1X, k] = e[D1X, k] * e[COS_TURN, k] - e[D3X, k] * e[SIN_TURN, k]
+        e[NEW_D1Y, k] = e[D1Y, k] * e[COS_TURN, k] - e[D3Y, k] * e[SIN_TURN, k]
 
 
 @kernel
@@ -296,39 +235,39 @@ def _sum_from_centres(
 @kernel
 def _elastic_terms(q: Array, z: Array, h: float, beam: BeamConstants, w: StepArrays) -> None:
     """Differentiate h W(K(q_{n+1/2})) with the strain of the averaged directors (16)."""
-    w.elastic[:] = 0.0
-    w.elastic_sum[:] = 0.0
-    w.elastic_size[:] = 0.0
+    e = w.elements
+    e[ELASTIC] = 0.0
+    e[ELASTIC_SUM] = 0.0
+    e[ELASTIC_SIZE] = 0.0
     for j in range(beam.joint_stiffness.size):
         mean = q[3 + j] + 0.5 * z[3 + j]
         sine = np.sin(mean)
         cosine = np.cos(mean)
-        front = w.cos_half[j]
-        back = w.cos_half[j + 1]
+        front = e[COS_HALF, j]
+        back = e[COS_HALF, j + 1]
         moment = h * beam.joint_stiffness[j] * front * back * sine
         straight = 0.5 * front * back * cosine
-        w.elastic[j] += moment * (-straight + 0.5 * w.sin_half[j] * back * sine)
-        w.elastic[j + 1] += moment * (straight + 0.5 * w.sin_half[j + 1] * front * sine)
-        w.elastic_sum[j] -= 2.0 * moment * straight
-        w.elastic_sum[j + 1] += 2.0 * moment * straight
-        w.elastic_size[j] += abs(moment)
-        w.elastic_size[j + 1] += abs(moment)
+        e[ELASTIC, j] += moment * (-straight + 0.5 * e[SIN_HALF, j] * back * sine)
+        e[ELASTIC, j + 1] += moment * (straight + 0.5 * e[SIN_HALF, j + 1] * front * sine)
+        e[ELASTIC_SUM, j] -= 2.0 * moment * straight
+        e[ELASTIC_SUM, j + 1] += 2.0 * moment * straight
+        e[ELASTIC_SIZE, j] += abs(moment)
+        e[ELASTIC_SIZE, j + 1] += abs(moment)
 
 
 @kernel
-def _impulses(
-    torques: Array, z: Array, h: float, beam: BeamConstants, w: StepArrays
-) -> None:
+def _impulses(torques: Array, z: Array, h: float, beam: BeamConstants, w: StepArrays) -> None:
     """Collect the impulses of held joint torques and of Kelvin-Voigt damping over the step."""
-    w.impulse[:] = 0.0
-    w.impulse_size[:] = 0.0
+    e = w.elements
+    e[IMPULSE] = 0.0
+    e[IMPULSE_SIZE] = 0.0
     for j in range(torques.size):
         impulse = h * torques[j] - beam.joint_damping[j] * z[3 + j]
-        w.impulse[j] -= impulse
-        w.impulse[j + 1] += impulse
+        e[IMPULSE, j] -= impulse
+        e[IMPULSE, j + 1] += impulse
         size = h * abs(torques[j]) + beam.joint_damping[j] * abs(z[3 + j])
-        w.impulse_size[j] += size
-        w.impulse_size[j + 1] += size
+        e[IMPULSE_SIZE, j] += size
+        e[IMPULSE_SIZE, j + 1] += size
 
 
 @kernel
@@ -366,6 +305,9 @@ def evaluate_step(
     float
         max_i |r_i|/s_i with s_i = max(1e-3, |p_i|, impulses); not finite where z is not.
     """
+    e = w.elements
+    u = w.unknowns
+    m = w.motions
     elements = beam.elements
     dl = beam.element_length
     mass_rate = beam.element_mass / h
@@ -374,85 +316,84 @@ def evaluate_step(
     _set_increment(z, w)
     for k in range(elements):
         # d3(n+1) - d3(n) without cancellation.
-        versine = -2.0 * w.sin_half[k] * w.sin_half[k]
-        w.sum_x[k] = versine * w.d3x[k] + w.sin_turn[k] * w.d1x[k]
-        w.sum_y[k] = versine * w.d3y[k] + w.sin_turn[k] * w.d1y[k]
-    _sum_to_centres(w.sum_x, w.sum_y, z[0], z[1], dl, w.move_x, w.move_y)
+        versine = -2.0 * e[SIN_HALF, k] * e[SIN_HALF, k]
+        e[SUM_X, k] = versine * e[D3X, k] + e[SIN_TURN, k] * e[D1X, k]
+        e[SUM_Y, k] = versine * e[D3Y, k] + e[SIN_TURN, k] * e[D1Y, k]
+    _sum_to_centres(e[SUM_X], e[SUM_Y], z[0], z[1], dl, e[MOVE_X], e[MOVE_Y])
 
     with_fluid = fluid.model != NO_FLUID
     if with_fluid:
         for k in range(elements):
-            w.motion[k] = w.d1x[k] * w.move_x[k] + w.d1y[k] * w.move_y[k]
-            w.motion[elements + k] = w.sin_turn[k]
+            m[MOTION, k] = e[D1X, k] * e[MOVE_X, k] + e[D1Y, k] * e[MOVE_Y, k]
+            m[MOTION, elements + k] = e[SIN_TURN, k]
         if fluid.axial:
             last = elements - 1
-            w.motion[2 * elements] = w.d3x[0] * w.move_x[0] + w.d3y[0] * w.move_y[0]
-            w.motion[2 * elements + 1] = (
-                w.d3x[last] * w.move_x[last] + w.d3y[last] * w.move_y[last]
+            m[MOTION, 2 * elements] = e[D3X, 0] * e[MOVE_X, 0] + e[D3Y, 0] * e[MOVE_Y, 0]
+            m[MOTION, 2 * elements + 1] = (
+                e[D3X, last] * e[MOVE_X, last] + e[D3Y, last] * e[MOVE_Y, last]
             )
-        mat_vec(w.added_mass, w.motion, w.fluid_impulse)
-        for i in range(w.fluid_impulse.size):
-            w.fluid_impulse[i] *= inverse_h
-        shape_force(w.motion, fluid, fluid_work, w.shape)
+        mat_vec(w.added_mass, m[MOTION], m[FLUID_IMPULSE])
+        for i in range(m[FLUID_IMPULSE].size):
+            m[FLUID_IMPULSE, i] *= inverse_h
+        shape_force(m[MOTION], fluid, fluid_work, e[SHAPE])
 
     total_x = 0.0
     total_y = 0.0
     size = 0.0
     for k in range(elements):
-        w.momentum_x[k] = mass_rate * w.move_x[k]
-        w.momentum_y[k] = mass_rate * w.move_y[k]
+        e[MOMENTUM_X, k] = mass_rate * e[MOVE_X, k]
+        e[MOMENTUM_Y, k] = mass_rate * e[MOVE_Y, k]
         if with_fluid:
-            w.momentum_x[k] += w.fluid_impulse[k] * w.d1x[k]
-            w.momentum_y[k] += w.fluid_impulse[k] * w.d1y[k]
+            e[MOMENTUM_X, k] += m[FLUID_IMPULSE, k] * e[D1X, k]
+            e[MOMENTUM_Y, k] += m[FLUID_IMPULSE, k] * e[D1Y, k]
             if fluid.axial and (k == 0 or k == elements - 1):
-                axial = w.fluid_impulse[2 * elements + (1 if k > 0 else 0)]
-                w.momentum_x[k] += axial * w.d3x[k]
-                w.momentum_y[k] += axial * w.d3y[k]
-        total_x += w.momentum_x[k]
-        total_y += w.momentum_y[k]
-        size += abs(w.momentum_x[k]) + abs(w.momentum_y[k])
-    _sum_from_centres(
-        w.momentum_x, w.momentum_y, total_x, total_y, dl, w.behind_x, w.behind_y
-    )
+                axial = m[FLUID_IMPULSE, 2 * elements + (1 if k > 0 else 0)]
+                e[MOMENTUM_X, k] += axial * e[D3X, k]
+                e[MOMENTUM_Y, k] += axial * e[D3Y, k]
+        total_x += e[MOMENTUM_X, k]
+        total_y += e[MOMENTUM_Y, k]
+        size += abs(e[MOMENTUM_X, k]) + abs(e[MOMENTUM_Y, k])
+    _sum_from_centres(e[MOMENTUM_X], e[MOMENTUM_Y], total_x, total_y, dl, e[BEHIND_X], e[BEHIND_Y])
     _elastic_terms(q, z, h, beam, w)
     _impulses(torques, z, h, beam, w)
 
-    w.residual[0] = p[0] - total_x
-    w.residual[1] = p[1] - total_y
-    w.change[0] = 0.0
-    w.change[1] = 0.0
+    u[RESIDUAL, 0] = p[0] - total_x
+    u[RESIDUAL, 1] = p[1] - total_y
+    u[CHANGE, 0] = 0.0
+    u[CHANGE, 1] = 0.0
     for i in range(2):
-        w.scale[i] = max(SMALLEST_SCALE, abs(p[i]))
-        w.size[i] = size + abs(p[i])
+        u[SCALE, i] = max(SMALLEST_SCALE, abs(p[i]))
+        u[SIZE, i] = size + abs(p[i])
     for j in range(elements):
-        turning = inertia_rate * w.sin_turn[j]
+        turning = inertia_rate * e[SIN_TURN, j]
         munk = 0.0
         shape = 0.0
         if with_fluid:
-            turning += w.fluid_impulse[elements + j] * w.cos_turn[j]
-            munk = -w.fluid_impulse[j] * (w.d3x[j] * w.move_x[j] + w.d3y[j] * w.move_y[j])
-            shape = inverse_h * w.shape[j]
+            turning += m[FLUID_IMPULSE, elements + j] * e[COS_TURN, j]
+            munk = -m[FLUID_IMPULSE, j] * (e[D3X, j] * e[MOVE_X, j] + e[D3Y, j] * e[MOVE_Y, j])
+            shape = inverse_h * e[SHAPE, j]
             if fluid.axial and (j == 0 or j == elements - 1):
-                axial = w.fluid_impulse[2 * elements + (1 if j > 0 else 0)]
-                munk += axial * (w.d1x[j] * w.move_x[j] + w.d1y[j] * w.move_y[j])
-        arm = w.d1x[j] * w.behind_x[j] + w.d1y[j] * w.behind_y[j]
-        new_arm = w.new_d1x[j] * w.behind_x[j] + w.new_d1y[j] * w.behind_y[j]
-        w.residual[2 + j] = (
-            p[2 + j] - turning + munk - arm - w.elastic[j] + shape + 0.5 * w.impulse[j]
+                axial = m[FLUID_IMPULSE, 2 * elements + (1 if j > 0 else 0)]
+                munk += axial * (e[D1X, j] * e[MOVE_X, j] + e[D1Y, j] * e[MOVE_Y, j])
+        arm = e[D1X, j] * e[BEHIND_X, j] + e[D1Y, j] * e[BEHIND_Y, j]
+        new_arm = e[NEW_D1X, j] * e[BEHIND_X, j] + e[NEW_D1Y, j] * e[BEHIND_Y, j]
+        u[RESIDUAL, 2 + j] = (
+            p[2 + j] - turning + munk - arm - e[ELASTIC, j] + shape + 0.5 * e[IMPULSE, j]
         )
-        w.change[2 + j] = munk + (new_arm - arm) - w.elastic_sum[j] + shape + w.impulse[j]
-        forces = w.elastic_size[j] + abs(shape) + abs(munk) + w.impulse_size[j]
-        w.scale[2 + j] = max(SMALLEST_SCALE, max(abs(p[2 + j]), forces))
-        w.size[2 + j] = abs(p[2 + j]) + abs(turning) + abs(arm) + forces + dl * size
+        u[CHANGE, 2 + j] = munk + (new_arm - arm) - e[ELASTIC_SUM, j] + shape + e[IMPULSE, j]
+        forces = e[ELASTIC_SIZE, j] + abs(shape) + abs(munk) + e[IMPULSE_SIZE, j]
+        u[SCALE, 2 + j] = max(SMALLEST_SCALE, max(abs(p[2 + j]), forces))
+        u[SIZE, 2 + j] = abs(p[2 + j]) + abs(turning) + abs(arm) + forces + dl * size
     return residual_norm(w)
 
 
 @kernel
 def residual_norm(w: StepArrays) -> float:
     """Return max_i |r_i|/s_i; a residual that is not a number counts as infinite."""
+    u = w.unknowns
     largest = 0.0
-    for i in range(w.residual.size):
-        ratio = abs(w.residual[i]) / w.scale[i]
+    for i in range(u[RESIDUAL].size):
+        ratio = abs(u[RESIDUAL, i]) / u[SCALE, i]
         if not ratio <= largest:
             largest = ratio if ratio >= 0.0 else np.inf
     return largest
@@ -461,9 +402,10 @@ def residual_norm(w: StepArrays) -> float:
 @kernel
 def round_off_floor(w: StepArrays) -> float:
     """Estimate the scaled residual that rounding alone leaves."""
+    u = w.unknowns
     largest = 0.0
-    for i in range(w.residual.size):
-        largest = max(largest, w.size[i] / w.scale[i])
+    for i in range(u[RESIDUAL].size):
+        largest = max(largest, u[SIZE, i] / u[SCALE, i])
     return 2.220446049250313e-16 * largest
 
 
@@ -473,14 +415,16 @@ def _inertia_columns(
     beam: BeamConstants,
     fluid: FluidConstants,
     fluid_work: FluidWork,
-    with_shape: bool,
+    shape_difference: float,
     w: StepArrays,
 ) -> None:
     """Differentiate the negative inertial part of the residual, a column per row of `transposed`.
 
     Columns belong to dc and to the turns delta_k. The derivative of the shape force, N + 2 further
-    evaluations of it, is part of it only on request.
+    evaluations of it, is part of it where `shape_difference`, its difference quotient, is positive.
     """
+    e = w.elements
+    m = w.motions
     elements = beam.elements
     dl = beam.element_length
     mass_rate = beam.element_mass / h
@@ -491,71 +435,67 @@ def _inertia_columns(
         j = column - 2
         for k in range(elements):
             if column == 0:
-                w.sum_x[k] = 1.0
-                w.sum_y[k] = 0.0
+                e[SUM_X, k] = 1.0
+                e[SUM_Y, k] = 0.0
             elif column == 1:
-                w.sum_x[k] = 0.0
-                w.sum_y[k] = 1.0
+                e[SUM_X, k] = 0.0
+                e[SUM_Y, k] = 1.0
             else:
                 lever = dl * (
                     (1.0 if j < k else (0.5 if j == k else 0.0)) - chain_weight(j, elements)
                 )
-                w.sum_x[k] = lever * w.new_d1x[j]
-                w.sum_y[k] = lever * w.new_d1y[j]
+                e[SUM_X, k] = lever * e[NEW_D1X, j]
+                e[SUM_Y, k] = lever * e[NEW_D1Y, j]
         if with_fluid:
             for k in range(elements):
-                w.column_motion[k] = w.d1x[k] * w.sum_x[k] + w.d1y[k] * w.sum_y[k]
-                w.column_motion[elements + k] = w.cos_turn[k] if k == j else 0.0
+                m[COLUMN_MOTION, k] = e[D1X, k] * e[SUM_X, k] + e[D1Y, k] * e[SUM_Y, k]
+                m[COLUMN_MOTION, elements + k] = e[COS_TURN, k] if k == j else 0.0
             if fluid.axial:
                 last = elements - 1
-                w.column_motion[2 * elements] = (
-                    w.d3x[0] * w.sum_x[0] + w.d3y[0] * w.sum_y[0]
+                m[COLUMN_MOTION, 2 * elements] = e[D3X, 0] * e[SUM_X, 0] + e[D3Y, 0] * e[SUM_Y, 0]
+                m[COLUMN_MOTION, 2 * elements + 1] = (
+                    e[D3X, last] * e[SUM_X, last] + e[D3Y, last] * e[SUM_Y, last]
                 )
-                w.column_motion[2 * elements + 1] = (
-                    w.d3x[last] * w.sum_x[last] + w.d3y[last] * w.sum_y[last]
-                )
-            mat_vec(w.added_mass, w.column_motion, w.column_impulse)
-            if with_shape:
+            mat_vec(w.added_mass, m[COLUMN_MOTION], m[COLUMN_IMPULSE])
+            if shape_difference > 0.0:
                 # The shape force is a quadratic form, so this difference quotient is off by no
                 # more than its step, and a Newton matrix need not be better.
-                for i in range(w.moved.size):
-                    w.moved[i] = w.motion[i] + _SHAPE_DIFFERENCE * w.column_motion[i]
-                shape_force(w.moved, fluid, fluid_work, w.column_shape)
+                for i in range(m[MOVED].size):
+                    m[MOVED, i] = m[MOTION, i] + shape_difference * m[COLUMN_MOTION, i]
+                shape_force(m[MOVED], fluid, fluid_work, e[COLUMN_SHAPE])
         total_x = 0.0
         total_y = 0.0
         for k in range(elements):
             turning = 0.0
             if k == j:
-                turning = beam.element_inertia * inverse_h * w.cos_turn[k]
-            moving_x = w.sum_x[k]
-            moving_y = w.sum_y[k]
+                turning = beam.element_inertia * inverse_h * e[COS_TURN, k]
+            moving_x = e[SUM_X, k]
+            moving_y = e[SUM_Y, k]
             push_x = mass_rate * moving_x
             push_y = mass_rate * moving_y
             if with_fluid:
-                lateral = inverse_h * w.column_impulse[k]
-                rotary = inverse_h * w.column_impulse[elements + k]
-                push_x += lateral * w.d1x[k]
-                push_y += lateral * w.d1y[k]
-                turning += rotary * w.cos_turn[k]
+                lateral = inverse_h * m[COLUMN_IMPULSE, k]
+                rotary = inverse_h * m[COLUMN_IMPULSE, elements + k]
+                push_x += lateral * e[D1X, k]
+                push_y += lateral * e[D1Y, k]
+                turning += rotary * e[COS_TURN, k]
                 if k == j:
-                    turning -= w.fluid_impulse[elements + k] * w.sin_turn[k]
-                turning += lateral * (w.d3x[k] * w.move_x[k] + w.d3y[k] * w.move_y[k])
-                turning += w.fluid_impulse[k] * (w.d3x[k] * moving_x + w.d3y[k] * moving_y)
+                    turning -= m[FLUID_IMPULSE, elements + k] * e[SIN_TURN, k]
+                turning += lateral * (e[D3X, k] * e[MOVE_X, k] + e[D3Y, k] * e[MOVE_Y, k])
+                turning += m[FLUID_IMPULSE, k] * (e[D3X, k] * moving_x + e[D3Y, k] * moving_y)
                 if fluid.axial and (k == 0 or k == elements - 1):
                     end = 2 * elements + (1 if k > 0 else 0)
-                    axial = inverse_h * w.column_impulse[end]
-                    push_x += axial * w.d3x[k]
-                    push_y += axial * w.d3y[k]
-                    turning -= axial * (w.d1x[k] * w.move_x[k] + w.d1y[k] * w.move_y[k])
-                    turning -= w.fluid_impulse[end] * (
-                        w.d1x[k] * moving_x + w.d1y[k] * moving_y
-                    )
+                    axial = inverse_h * m[COLUMN_IMPULSE, end]
+                    push_x += axial * e[D3X, k]
+                    push_y += axial * e[D3Y, k]
+                    turning -= axial * (e[D1X, k] * e[MOVE_X, k] + e[D1Y, k] * e[MOVE_Y, k])
+                    turning -= m[FLUID_IMPULSE, end] * (e[D1X, k] * moving_x + e[D1Y, k] * moving_y)
             total_x += push_x
             total_y += push_y
-            w.sum_x[k] = push_x
-            w.sum_y[k] = push_y
-            if with_shape and with_fluid:
-                turning -= inverse_h * (w.column_shape[k] - w.shape[k]) / _SHAPE_DIFFERENCE
+            e[SUM_X, k] = push_x
+            e[SUM_Y, k] = push_y
+            if shape_difference > 0.0 and with_fluid:
+                turning -= inverse_h * (e[COLUMN_SHAPE, k] - e[SHAPE, k]) / shape_difference
             out[2 + k] = turning
         out[0] = total_x
         out[1] = total_y
@@ -564,11 +504,11 @@ def _inertia_columns(
         for back in range(elements):
             k = elements - 1 - back
             weight = chain_weight(k, elements)
-            lever_x = dl * (behind_x + 0.5 * w.sum_x[k] - weight * total_x)
-            lever_y = dl * (behind_y + 0.5 * w.sum_y[k] - weight * total_y)
-            out[2 + k] += w.d1x[k] * lever_x + w.d1y[k] * lever_y
-            behind_x += w.sum_x[k]
-            behind_y += w.sum_y[k]
+            lever_x = dl * (behind_x + 0.5 * e[SUM_X, k] - weight * total_x)
+            lever_y = dl * (behind_y + 0.5 * e[SUM_Y, k] - weight * total_y)
+            out[2 + k] += e[D1X, k] * lever_x + e[D1Y, k] * lever_y
+            behind_x += e[SUM_X, k]
+            behind_y += e[SUM_Y, k]
 
 
 @kernel
@@ -580,30 +520,31 @@ def mass_matrix(
     It is the inertial Jacobian at a vanishing increment. `set_pose` was called for q_n, and
     `w.added_mass` is A(q_n).
     """
-    w.sin_turn[:] = 0.0
-    w.cos_turn[:] = 1.0
-    w.new_d1x[:] = w.d1x
-    w.new_d1y[:] = w.d1y
-    w.move_x[:] = 0.0
-    w.move_y[:] = 0.0
-    w.fluid_impulse[:] = 0.0
-    _inertia_columns(1.0, beam, fluid, fluid_work, False, w)
+    e = w.elements
+    m = w.motions
+    e[SIN_TURN] = 0.0
+    e[COS_TURN] = 1.0
+    e[NEW_D1X] = e[D1X]
+    e[NEW_D1Y] = e[D1Y]
+    e[MOVE_X] = 0.0
+    e[MOVE_Y] = 0.0
+    m[FLUID_IMPULSE] = 0.0
+    _inertia_columns(1.0, beam, fluid, fluid_work, 0.0, w)
     w.mass[:] = w.transposed
 
 
 @kernel
-def _add_elastic_columns(
-    q: Array, z: Array, h: float, beam: BeamConstants, w: StepArrays
-) -> None:
+def _add_elastic_columns(q: Array, z: Array, h: float, beam: BeamConstants, w: StepArrays) -> None:
     """Add the elastic part to columns of the turns: the factors cos(delta/2) of the strain."""
+    e = w.elements
     for j in range(beam.joint_stiffness.size):
         mean = q[3 + j] + 0.5 * z[3 + j]
         sine = np.sin(mean)
         cosine = np.cos(mean)
-        front = w.cos_half[j]
-        back = w.cos_half[j + 1]
-        front_sine = w.sin_half[j]
-        back_sine = w.sin_half[j + 1]
+        front = e[COS_HALF, j]
+        back = e[COS_HALF, j + 1]
+        front_sine = e[SIN_HALF, j]
+        back_sine = e[SIN_HALF, j + 1]
         stiffness = h * beam.joint_stiffness[j]
         strain = front * back * sine
         row_front = 0.5 * (-front * back * cosine + front_sine * back * sine)
@@ -638,16 +579,17 @@ def step_jacobian(
     beam: BeamConstants,
     fluid: FluidConstants,
     fluid_work: FluidWork,
-    with_shape: bool,
+    shape_difference: float,
     w: StepArrays,
 ) -> None:
     """Write minus the derivative of the residual with respect to z to `w.jacobian`.
 
     Call `evaluate_step` for the same z before. All terms are there, except that the shape force is
-    held unless `with_shape`: its derivative costs as much as the rest of the step.
+    held where `shape_difference` is 0: its derivative costs as much as the rest of the step.
     """
+    e = w.elements
     elements = beam.elements
-    _inertia_columns(h, beam, fluid, fluid_work, with_shape, w)
+    _inertia_columns(h, beam, fluid, fluid_work, shape_difference, w)
     _add_elastic_columns(q, z, h, beam, w)
     # From turns of elements to turns of joints: joint j turns everything behind it.
     for back in range(elements - 1):
@@ -658,15 +600,15 @@ def step_jacobian(
         mean = q[3 + j] + 0.5 * z[3 + j]
         sine = np.sin(mean)
         cosine = np.cos(mean)
-        front = w.cos_half[j]
-        back = w.cos_half[j + 1]
+        front = e[COS_HALF, j]
+        back = e[COS_HALF, j + 1]
         stiffness = h * beam.joint_stiffness[j]
         strain = front * back * sine
         slope = front * back * cosine
-        row_front = 0.5 * (-slope + w.sin_half[j] * back * sine)
-        row_back = 0.5 * (slope + w.sin_half[j + 1] * front * sine)
-        front_change = 0.5 * (strain + w.sin_half[j] * back * cosine)
-        back_change = 0.5 * (-strain + w.sin_half[j + 1] * front * cosine)
+        row_front = 0.5 * (-slope + e[SIN_HALF, j] * back * sine)
+        row_back = 0.5 * (slope + e[SIN_HALF, j + 1] * front * sine)
+        front_change = 0.5 * (strain + e[SIN_HALF, j] * back * cosine)
+        back_change = 0.5 * (-strain + e[SIN_HALF, j + 1] * front * cosine)
         damping = 0.5 * beam.joint_damping[j]
         w.transposed[3 + j, 2 + j] += (
             0.5 * stiffness * (slope * row_front + strain * front_change) - damping

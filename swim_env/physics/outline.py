@@ -64,42 +64,34 @@ class FluidGeometry(NamedTuple):
     cap_panels: int
 
 
+# Rows of `OutlineArrays.panels`: vertices, collocation points, unit tangents and lengths of the
+# panels; coordinate of the collocation point along its element from the element's centre (on the
+# ends: height above the centre line); normal velocity of the panel per unit translation along d1,
+# rotation about the centre and translation along d3 of its own element, which are the only
+# non-zero entries of B.
+X, Y, CX, CY, CT, ST, LENGTH, ARM, LATERAL, ROTARY, AXIAL = range(11)
+PANEL_ROWS = 11
+# Rows of `OutlineArrays.nodes`: nodes in the frame of element 1, tan(a/2) at every node (zero at
+# both ends), element angle in that frame (of the element behind the node).
+NODE_X, NODE_Y, HALF_TANGENT, ANGLE = range(4)
+NODE_ROWS = 4
+
+
 class OutlineArrays(NamedTuple):
-    """Arrays that describe an outline of M panels, filled by `build_outline`.
+    """An outline of M panels, filled by `build_outline`.
 
     Attributes
     ----------
-    angle, node_x, node_y : (N,), (N + 1,), (N + 1,) arrays
-        Element angles (rad) and nodes (m) in the frame of element 1.
-    half_tangent : (N + 1,) array
-        tan(a/2) at every node, zero at both ends.
-    x, y, cx, cy, ct, st, length : (M,) arrays
-        Vertices, collocation points, unit tangents, panel lengths.
-    arm : (M,) array
-        Coordinate of the collocation point along its element from the element's centre on the
-        sides (m); height above the centre line on the ends.
-    lateral, rotary, axial : (M,) arrays
-        Normal velocity of the panel per unit translation along d1, rotation about the centre and
-        translation along d3 of its own element: the non-zero entries of B.
+    panels : (PANEL_ROWS, M) array
+        One row per quantity, see the row names above (m, rad or dimensionless).
+    nodes : (NODE_ROWS, N + 1) array
+        One row per quantity.
     element : (M,) int array
         Element that the panel belongs to.
     """
 
-    angle: Array
-    node_x: Array
-    node_y: Array
-    half_tangent: Array
-    x: Array
-    y: Array
-    cx: Array
-    cy: Array
-    ct: Array
-    st: Array
-    length: Array
-    arm: Array
-    lateral: Array
-    rotary: Array
-    axial: Array
+    panels: Array
+    nodes: Array
     element: NDArray[np.int64]
 
 
@@ -136,13 +128,13 @@ def _put_segment(
     panel = length / count
     for v in range(count):
         i = first + v
-        out.x[i] = start_x + ct * (v * panel)
-        out.y[i] = start_y + st * (v * panel)
-        out.cx[i] = start_x + ct * ((v + 0.5) * panel)
-        out.cy[i] = start_y + st * ((v + 0.5) * panel)
-        out.ct[i] = ct
-        out.st[i] = st
-        out.length[i] = panel
+        out.panels[X, i] = start_x + ct * (v * panel)
+        out.panels[Y, i] = start_y + st * (v * panel)
+        out.panels[CX, i] = start_x + ct * ((v + 0.5) * panel)
+        out.panels[CY, i] = start_y + st * ((v + 0.5) * panel)
+        out.panels[CT, i] = ct
+        out.panels[ST, i] = st
+        out.panels[LENGTH, i] = panel
 
 
 @kernel
@@ -169,26 +161,26 @@ def build_outline(joint_angles: Array, geometry: FluidGeometry, out: OutlineArra
     h = geometry.half_thickness
     side = geometry.side_panels
     cap = geometry.cap_panels
-    out.half_tangent[0] = 0.0
-    out.half_tangent[elements] = 0.0
-    out.angle[0] = 0.0
-    out.node_x[0] = 0.0
-    out.node_y[0] = 0.0
+    out.nodes[HALF_TANGENT, 0] = 0.0
+    out.nodes[HALF_TANGENT, elements] = 0.0
+    out.nodes[ANGLE, 0] = 0.0
+    out.nodes[NODE_X, 0] = 0.0
+    out.nodes[NODE_Y, 0] = 0.0
     for k in range(elements - 1):
         half = 0.5 * joint_angles[k]
         cosine = np.cos(half)
         # Beyond 180 degrees the cosine grows again, so the angle itself is bounded too.
         if not (cosine * LARGEST_MITRE >= 1.0 and abs(half) < 0.5 * np.pi):
             return OUTLINE_DEGENERATE
-        out.half_tangent[k + 1] = np.sin(half) / cosine
-        out.angle[k + 1] = out.angle[k] + joint_angles[k]
+        out.nodes[HALF_TANGENT, k + 1] = np.sin(half) / cosine
+        out.nodes[ANGLE, k + 1] = out.nodes[ANGLE, k] + joint_angles[k]
     for k in range(elements):
-        ct = np.cos(out.angle[k])
-        st = np.sin(out.angle[k])
-        out.node_x[k + 1] = out.node_x[k] + dl * ct
-        out.node_y[k + 1] = out.node_y[k] + dl * st
-        left = h * out.half_tangent[k]
-        right = h * out.half_tangent[k + 1]
+        ct = np.cos(out.nodes[ANGLE, k])
+        st = np.sin(out.nodes[ANGLE, k])
+        out.nodes[NODE_X, k + 1] = out.nodes[NODE_X, k] + dl * ct
+        out.nodes[NODE_Y, k + 1] = out.nodes[NODE_Y, k] + dl * st
+        left = h * out.nodes[HALF_TANGENT, k]
+        right = h * out.nodes[HALF_TANGENT, k + 1]
         shortening = left + right
         if not dl - abs(shortening) >= SHORTEST_SIDE * dl:
             return OUTLINE_DEGENERATE
@@ -197,8 +189,8 @@ def build_outline(joint_angles: Array, geometry: FluidGeometry, out: OutlineArra
         _put_segment(
             below,
             side,
-            out.node_x[k] - left * ct + h * st,
-            out.node_y[k] - left * st - h * ct,
+            out.nodes[NODE_X, k] - left * ct + h * st,
+            out.nodes[NODE_Y, k] - left * st - h * ct,
             ct,
             st,
             dl + shortening,
@@ -209,8 +201,8 @@ def build_outline(joint_angles: Array, geometry: FluidGeometry, out: OutlineArra
         _put_segment(
             above,
             side,
-            out.node_x[k] + (dl - right) * ct - h * st,
-            out.node_y[k] + (dl - right) * st + h * ct,
+            out.nodes[NODE_X, k] + (dl - right) * ct - h * st,
+            out.nodes[NODE_Y, k] + (dl - right) * st + h * ct,
             -ct,
             -st,
             dl - shortening,
@@ -220,26 +212,26 @@ def build_outline(joint_angles: Array, geometry: FluidGeometry, out: OutlineArra
         panel_above = (dl - shortening) / side
         for v in range(side):
             i = below + v
-            out.arm[i] = -left + (v + 0.5) * panel_below - 0.5 * dl
-            out.lateral[i] = -1.0
-            out.rotary[i] = -out.arm[i]
-            out.axial[i] = 0.0
+            out.panels[ARM, i] = -left + (v + 0.5) * panel_below - 0.5 * dl
+            out.panels[LATERAL, i] = -1.0
+            out.panels[ROTARY, i] = -out.panels[ARM, i]
+            out.panels[AXIAL, i] = 0.0
             out.element[i] = k
             i = above + v
-            out.arm[i] = dl - right - (v + 0.5) * panel_above - 0.5 * dl
-            out.lateral[i] = 1.0
-            out.rotary[i] = out.arm[i]
-            out.axial[i] = 0.0
+            out.panels[ARM, i] = dl - right - (v + 0.5) * panel_above - 0.5 * dl
+            out.panels[LATERAL, i] = 1.0
+            out.panels[ROTARY, i] = out.panels[ARM, i]
+            out.panels[AXIAL, i] = 0.0
             out.element[i] = k
     last = elements - 1
-    ct = np.cos(out.angle[last])
-    st = np.sin(out.angle[last])
+    ct = np.cos(out.nodes[ANGLE, last])
+    st = np.sin(out.nodes[ANGLE, last])
     tail = elements * side
     _put_segment(
         tail,
         cap,
-        out.node_x[elements] + h * st,
-        out.node_y[elements] - h * ct,
+        out.nodes[NODE_X, elements] + h * st,
+        out.nodes[NODE_Y, elements] - h * ct,
         -st,
         ct,
         2.0 * h,
@@ -251,16 +243,16 @@ def build_outline(joint_angles: Array, geometry: FluidGeometry, out: OutlineArra
         height = h * ((2.0 * v + 1.0) / cap - 1.0)
         # n = d3 at the tail, -d3 at the head; e_z x (height d1) = -height d3.
         i = tail + v
-        out.arm[i] = height
-        out.lateral[i] = 0.0
-        out.rotary[i] = -height
-        out.axial[i] = 1.0
+        out.panels[ARM, i] = height
+        out.panels[LATERAL, i] = 0.0
+        out.panels[ROTARY, i] = -height
+        out.panels[AXIAL, i] = 1.0
         out.element[i] = last
         i = head + v
-        out.arm[i] = -height
-        out.lateral[i] = 0.0
-        out.rotary[i] = -height
-        out.axial[i] = -1.0
+        out.panels[ARM, i] = -height
+        out.panels[LATERAL, i] = 0.0
+        out.panels[ROTARY, i] = -height
+        out.panels[AXIAL, i] = -1.0
         out.element[i] = 0
     return FINE
 
@@ -278,22 +270,64 @@ def _point_to_segment(
 @kernel
 def _panel_gap(i: int, j: int, o: OutlineArrays) -> float:
     """Return the distance of two panels, zero when they cross."""
-    ix, iy = o.x[i] + o.ct[i] * o.length[i], o.y[i] + o.st[i] * o.length[i]
-    jx, jy = o.x[j] + o.ct[j] * o.length[j], o.y[j] + o.st[j] * o.length[j]
-    side_a = o.ct[i] * (o.y[j] - o.y[i]) - o.st[i] * (o.x[j] - o.x[i])
-    side_b = o.ct[i] * (jy - o.y[i]) - o.st[i] * (jx - o.x[i])
-    side_c = o.ct[j] * (o.y[i] - o.y[j]) - o.st[j] * (o.x[i] - o.x[j])
-    side_d = o.ct[j] * (iy - o.y[j]) - o.st[j] * (ix - o.x[j])
+    ix, iy = (
+        o.panels[X, i] + o.panels[CT, i] * o.panels[LENGTH, i],
+        o.panels[Y, i] + o.panels[ST, i] * o.panels[LENGTH, i],
+    )
+    jx, jy = (
+        o.panels[X, j] + o.panels[CT, j] * o.panels[LENGTH, j],
+        o.panels[Y, j] + o.panels[ST, j] * o.panels[LENGTH, j],
+    )
+    side_a = o.panels[CT, i] * (o.panels[Y, j] - o.panels[Y, i]) - o.panels[ST, i] * (
+        o.panels[X, j] - o.panels[X, i]
+    )
+    side_b = o.panels[CT, i] * (jy - o.panels[Y, i]) - o.panels[ST, i] * (jx - o.panels[X, i])
+    side_c = o.panels[CT, j] * (o.panels[Y, i] - o.panels[Y, j]) - o.panels[ST, j] * (
+        o.panels[X, i] - o.panels[X, j]
+    )
+    side_d = o.panels[CT, j] * (iy - o.panels[Y, j]) - o.panels[ST, j] * (ix - o.panels[X, j])
     if side_a * side_b < 0.0 and side_c * side_d < 0.0:
         return 0.0
     return min(
         min(
-            _point_to_segment(o.x[i], o.y[i], o.x[j], o.y[j], o.ct[j], o.st[j], o.length[j]),
-            _point_to_segment(ix, iy, o.x[j], o.y[j], o.ct[j], o.st[j], o.length[j]),
+            _point_to_segment(
+                o.panels[X, i],
+                o.panels[Y, i],
+                o.panels[X, j],
+                o.panels[Y, j],
+                o.panels[CT, j],
+                o.panels[ST, j],
+                o.panels[LENGTH, j],
+            ),
+            _point_to_segment(
+                ix,
+                iy,
+                o.panels[X, j],
+                o.panels[Y, j],
+                o.panels[CT, j],
+                o.panels[ST, j],
+                o.panels[LENGTH, j],
+            ),
         ),
         min(
-            _point_to_segment(o.x[j], o.y[j], o.x[i], o.y[i], o.ct[i], o.st[i], o.length[i]),
-            _point_to_segment(jx, jy, o.x[i], o.y[i], o.ct[i], o.st[i], o.length[i]),
+            _point_to_segment(
+                o.panels[X, j],
+                o.panels[Y, j],
+                o.panels[X, i],
+                o.panels[Y, i],
+                o.panels[CT, i],
+                o.panels[ST, i],
+                o.panels[LENGTH, i],
+            ),
+            _point_to_segment(
+                jx,
+                jy,
+                o.panels[X, i],
+                o.panels[Y, i],
+                o.panels[CT, i],
+                o.panels[ST, i],
+                o.panels[LENGTH, i],
+            ),
         ),
     )
 
@@ -308,7 +342,7 @@ def _pair_too_close(k: int, m: int, geometry: FluidGeometry, out: OutlineArrays)
         for j in range(panels):
             if out.element[j] != m:
                 continue
-            limit = GAP_TO_PANEL * max(out.length[i], out.length[j])
+            limit = GAP_TO_PANEL * max(out.panels[LENGTH, i], out.panels[LENGTH, j])
             if not _panel_gap(i, j, out) >= limit:
                 return True
     return False
@@ -331,16 +365,16 @@ def outline_status(geometry: FluidGeometry, out: OutlineArrays) -> int:
     h = geometry.half_thickness
     widest = 0.0
     for k in range(elements + 1):
-        widest = max(widest, abs(out.half_tangent[k]))
+        widest = max(widest, abs(out.nodes[HALF_TANGENT, k]))
     reach = np.sqrt((0.5 * dl + h * widest) ** 2 + h * h)
     longest = max((dl + 2.0 * h * widest) / geometry.side_panels, 2.0 * h / geometry.cap_panels)
     far = 2.0 * reach + GAP_TO_PANEL * longest
     for k in range(elements):
-        centre_x = 0.5 * (out.node_x[k] + out.node_x[k + 1])
-        centre_y = 0.5 * (out.node_y[k] + out.node_y[k + 1])
+        centre_x = 0.5 * (out.nodes[NODE_X, k] + out.nodes[NODE_X, k + 1])
+        centre_y = 0.5 * (out.nodes[NODE_Y, k] + out.nodes[NODE_Y, k + 1])
         for m in range(k + 2, elements):
-            dx = 0.5 * (out.node_x[m] + out.node_x[m + 1]) - centre_x
-            dy = 0.5 * (out.node_y[m] + out.node_y[m + 1]) - centre_y
+            dx = 0.5 * (out.nodes[NODE_X, m] + out.nodes[NODE_X, m + 1]) - centre_x
+            dy = 0.5 * (out.nodes[NODE_Y, m] + out.nodes[NODE_Y, m + 1]) - centre_y
             if not dx * dx + dy * dy >= far * far and _pair_too_close(k, m, geometry, out):
                 return UNDER_RESOLVED_GAP
     return FINE
@@ -350,11 +384,7 @@ def outline_status(geometry: FluidGeometry, out: OutlineArrays) -> int:
 def gradient_to_element_angles(
     geometry: FluidGeometry,
     outline: OutlineArrays,
-    gradient_x: Array,
-    gradient_y: Array,
-    gradient_turn: Array,
-    gradient_length: Array,
-    gradient_arm: Array,
+    gradient: Array,
     joint_gradient: Array,
     out: Array,
 ) -> None:
@@ -364,10 +394,9 @@ def gradient_to_element_angles(
     ----------
     geometry, outline : FluidGeometry, OutlineArrays
         The outline that the derivatives belong to.
-    gradient_x, gradient_y : (M,) arrays
-        Derivative with respect to the vertices.
-    gradient_turn, gradient_length, gradient_arm : (M,) arrays
-        Derivative with respect to the direction, length and arm of every panel.
+    gradient : (5, M) array
+        Derivative with respect to the vertices' x and y, and to the direction, the length and
+        the arm of every panel.
     joint_gradient : (N + 1,) array
         Work space.
     out : (N,) array
@@ -388,49 +417,48 @@ def gradient_to_element_angles(
     moment = 0.0
     for back in range(elements):
         k = elements - 1 - back
-        ct = np.cos(outline.angle[k])
-        st = np.sin(outline.angle[k])
+        ct = np.cos(outline.nodes[ANGLE, k])
+        st = np.sin(outline.nodes[ANGLE, k])
         moment += dl * (ct * force_y - st * force_x)
         left = 0.0
         right = 0.0
         for above in range(2):
             first = first_panel(geometry, k, above == 1)
-            sign = 1.0 if above == 1 else -1.0
             for v in range(side):
                 i = first + v
-                gx = gradient_x[i]
-                gy = gradient_y[i]
+                gx = gradient[0, i]
+                gy = gradient[1, i]
                 force_x += gx
                 force_y += gy
-                dx = outline.x[i] - outline.node_x[k]
-                dy = outline.y[i] - outline.node_y[k]
-                moment += dx * gy - dy * gx + gradient_turn[i]
+                dx = outline.panels[X, i] - outline.nodes[NODE_X, k]
+                dy = outline.panels[Y, i] - outline.nodes[NODE_Y, k]
+                moment += dx * gy - dy * gx + gradient[2, i]
                 along = gx * ct + gy * st
                 # Both ends of the segment slide along the element: below by -left and +right,
                 # above by +left and -right; v counts from head to tail below, back above.
                 start = v / side
                 middle = (v + 0.5) / side
-                stretch = gradient_length[i] / side
+                stretch = gradient[3, i] / side
                 if above == 1:
-                    right -= along * (1.0 - start) + gradient_arm[i] * (1.0 - middle) + stretch
-                    left += along * start + gradient_arm[i] * middle - stretch
+                    right -= along * (1.0 - start) + gradient[4, i] * (1.0 - middle) + stretch
+                    left += along * start + gradient[4, i] * middle - stretch
                 else:
-                    left -= along * (1.0 - start) + gradient_arm[i] * (1.0 - middle) - stretch
-                    right += along * start + gradient_arm[i] * middle + stretch
+                    left -= along * (1.0 - start) + gradient[4, i] * (1.0 - middle) - stretch
+                    right += along * start + gradient[4, i] * middle + stretch
         for end in range(2):
             if k != (elements - 1 if end == 0 else 0):
                 continue
             first = elements * side if end == 0 else 2 * elements * side + cap
             for v in range(cap):
                 i = first + v
-                force_x += gradient_x[i]
-                force_y += gradient_y[i]
-                dx = outline.x[i] - outline.node_x[k]
-                dy = outline.y[i] - outline.node_y[k]
-                moment += dx * gradient_y[i] - dy * gradient_x[i] + gradient_turn[i]
+                force_x += gradient[0, i]
+                force_y += gradient[1, i]
+                dx = outline.panels[X, i] - outline.nodes[NODE_X, k]
+                dy = outline.panels[Y, i] - outline.nodes[NODE_Y, k]
+                moment += dx * gradient[1, i] - dy * gradient[0, i] + gradient[2, i]
         for end in range(2):
             node = k + end
-            tangent = outline.half_tangent[node]
+            tangent = outline.nodes[HALF_TANGENT, node]
             slide = 0.5 * h * (1.0 + tangent * tangent)
             joint_gradient[node] += slide * (left if end == 0 else right)
         joint_gradient[k] += moment
