@@ -42,6 +42,7 @@ from swim_env.physics.lagrangian import (
     CHANGE,
     DIRECTION,
     INCREMENT,
+    PROPOSED,
     RESIDUAL,
     SAVED_P,
     SAVED_Q,
@@ -88,7 +89,9 @@ TRUSTED_TURN = 1.0
 #: A step is cut into at most 2**MOST_HALVINGS parts.
 MOST_HALVINGS = 10
 _MOST_ITERATIONS = 20
-_MOST_LINE_SEARCHES = 8
+_MOST_SHORTENINGS = 8
+#: A residual within this multiple of the rounding of its terms counts as met.
+ROUND_OFF_MARGIN = 32.0
 
 # Layout of a member's state vector, in rows of N + 2 numbers: q, p, the last three increments;
 # then the counters: steps taken, increments of equal parts that are known (at most 3), and how many
@@ -213,6 +216,18 @@ def _energy(q: Array, p: Array, beam: BeamConstants, w: StepArrays) -> float:
 
 
 @kernel
+def _correction_size(z: Array, dl: float) -> float:
+    """Return the largest turn of an element (rad) or shift (element lengths) in an increment."""
+    largest = max(abs(z[0]), abs(z[1])) / dl
+    turn = 0.0
+    for k in range(2, z.size):
+        turn += z[k]
+        if not abs(turn) <= largest:
+            largest = abs(turn) if turn == turn else np.inf
+    return largest
+
+
+@kernel
 def _newton(
     m: _Member,
     torques: Array,
@@ -224,71 +239,89 @@ def _newton(
 ) -> bool:
     """Improve the increment until the residual is met.
 
+    The matrix is kept as long as corrections shrink. Corrections are shortened by Deuflhard's
+    natural monotonicity test: the next correction with the same matrix has to be smaller. It does
+    not depend on how residuals of turning and of shifting are weighed against each other.
+
     The report is the scaled residual, the number of evaluations (added up), and 1 where rounding
     kept the residual from falling to the tolerance.
     """
     w = m.step
     u = w.unknowns
     z = u[INCREMENT]
+    trial = u[TRIAL]
+    direction = u[DIRECTION]
+    proposed = u[PROPOSED]
+    report[2] = 0.0
     norm = evaluate_step(m.q, m.p, torques, z, h, beam, fluid, m.fluid_work, w)
     report[0] = norm
     report[1] += 1.0
-    report[2] = 0.0
     if not norm < np.inf:
         return False
-    fresh = False
-    factored = False
+    if norm <= solver.tolerance:
+        return True
     difference = 0.0
+    fresh = False
+    renew = True
+    size = 0.0
     for _ in range(_MOST_ITERATIONS):
-        if norm <= solver.tolerance:
-            return True
-        if not factored:
+        if renew:
+            # Here the last evaluation was that of z.
             step_jacobian(m.q, z, h, beam, fluid, m.fluid_work, difference, w)
             if not lu_factor(w.jacobian, m.permutation):
                 return False
-            factored = True
+            direction[:] = u[RESIDUAL]
+            lu_solve(w.jacobian, m.permutation, direction)
+            size = _correction_size(direction, beam.element_length)
             fresh = True
-        u[DIRECTION] = u[RESIDUAL]
-        lu_solve(w.jacobian, m.permutation, u[DIRECTION])
+            renew = False
         length = 1.0
         accepted = False
-        new_norm = norm
-        for _ in range(_MOST_LINE_SEARCHES):
+        new_size = np.inf
+        for _ in range(_MOST_SHORTENINGS):
             for i in range(z.size):
-                u[TRIAL, i] = z[i] + length * u[DIRECTION, i]
-            if not _turns_beyond(u[TRIAL], TRUSTED_TURN):
-                new_norm = evaluate_step(
-                    m.q, m.p, torques, u[TRIAL], h, beam, fluid, m.fluid_work, w
-                )
+                trial[i] = z[i] + length * direction[i]
+            if not _turns_beyond(trial, TRUSTED_TURN):
+                norm = evaluate_step(m.q, m.p, torques, trial, h, beam, fluid, m.fluid_work, w)
                 report[1] += 1.0
-                if new_norm <= (1.0 - 1e-2 * length) * norm:
+                if norm <= solver.tolerance:
+                    z[:] = trial
+                    report[0] = norm
+                    return True
+                proposed[:] = u[RESIDUAL]
+                lu_solve(w.jacobian, m.permutation, proposed)
+                new_size = _correction_size(proposed, beam.element_length)
+                if new_size <= (1.0 - 0.25 * length) * size:
                     accepted = True
                     break
-                if not fresh or new_norm <= 1e3 * round_off_floor(w):
+                if norm <= ROUND_OFF_MARGIN * round_off_floor(w):
+                    # Rounding keeps the residual from falling further: this is as exact as it
+                    # gets.
+                    z[:] = trial
+                    report[0] = norm
+                    report[2] = 1.0
+                    return True
+                if not fresh:
                     break
             length *= 0.5
         if accepted:
-            z[:] = u[TRIAL]
-            # A slowly falling residual asks for a better Jacobian at the new place.
-            factored = new_norm <= 0.3 * norm
-            if fresh and not factored:
-                difference = SHAPE_DIFFERENCE
-            fresh = False
-            norm = new_norm
+            z[:] = trial
+            direction[:] = proposed
+            slow = new_size > 0.25 * size
+            size = new_size
             report[0] = norm
+            fresh = False
+            if slow:
+                renew = True
+                difference = SHAPE_DIFFERENCE
             continue
-        norm = evaluate_step(m.q, m.p, torques, z, h, beam, fluid, m.fluid_work, w)
+        if fresh and difference > 0.0:
+            return False
+        difference = SHAPE_DIFFERENCE
+        renew = True
+        report[0] = evaluate_step(m.q, m.p, torques, z, h, beam, fluid, m.fluid_work, w)
         report[1] += 1.0
-        if norm <= 32.0 * round_off_floor(w):
-            # Rounding keeps the residual from falling further; the step is as exact as it gets.
-            report[2] = 1.0
-            return True
-        if fresh:
-            if difference > 0.0:
-                return False
-            difference = SHAPE_DIFFERENCE
-        factored = False
-    return norm <= solver.tolerance
+    return False
 
 
 @kernel

@@ -88,11 +88,12 @@ Array = NDArray[np.float64]
 _ELEMENT_ROWS = 25
 # Rows of `StepArrays.unknowns`, one number per minimal coordinate: residual of
 # p_n + D1 L_d + h F/2, the scale it is measured with, the magnitude of its terms, the change
-# D1 L_d + D2 L_d + h F of the momentum; Newton's increment, trial and direction; the velocity
+# D1 L_d + D2 L_d + h F of the momentum; Newton's increment, trial, correction and next correction;
+# the velocity
 # M^-1 p at q_n; the increment of the outer step; q and p at its beginning.
-RESIDUAL, SCALE, SIZE, CHANGE, INCREMENT, TRIAL, DIRECTION, VELOCITY, TOTAL = range(9)
-SAVED_Q, SAVED_P = range(9, 11)
-_UNKNOWN_ROWS = 11
+RESIDUAL, SCALE, SIZE, CHANGE, INCREMENT, TRIAL, DIRECTION, PROPOSED = range(8)
+VELOCITY, TOTAL, SAVED_Q, SAVED_P = range(8, 12)
+_UNKNOWN_ROWS = 12
 # Rows of `StepArrays.motions`, one number per unit motion: V, A V/h, both of one column of the
 # Jacobian, scratch.
 MOTION, FLUID_IMPULSE, COLUMN_MOTION, COLUMN_IMPULSE, MOVED = range(5)
