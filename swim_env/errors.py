@@ -34,3 +34,39 @@ class SceneError(SwimError, ValueError):
     def located(self, source: str | None) -> SceneError:
         """Return the same error naming `source`, unless it names one already."""
         return self if self.source is not None else SceneError(self.problem, source)
+
+
+class OutlineError(SwimError, ValueError):
+    """An outline handed in cannot be covered with panels."""
+
+
+class TorqueError(SwimError, ValueError):
+    """Joint torques of the wrong shape or type, or not finite."""
+
+
+class SimulationEndedError(SwimError, RuntimeError):
+    """The simulation cannot go on; it stands at the last state that was reached.
+
+    Parameters
+    ----------
+    reason : str
+        A reason of `swim_env.physics.TERMINATION_REASONS`.
+    time : float
+        Simulated time of the last state that was reached (s).
+    meaning : str
+        One sentence on the reason.
+    """
+
+    def __init__(self, reason: str, time: float, meaning: str) -> None:
+        super().__init__(reason, time, meaning)
+        self.reason = reason
+        self.time = time
+        self.meaning = meaning
+
+    def __str__(self) -> str:
+        """Return the reason, the time and what they mean."""
+        return f"the simulation ended at t = {self.time:.6g} s: {self.reason} ({self.meaning})"
+
+
+class TrajectoryError(SwimError, ValueError):
+    """A trajectory file cannot be written or read."""

@@ -135,12 +135,11 @@ class Scene:
         """Check what depends on the fluid being there or not."""
         beam = self.beam
         if self.fluid is not None and self.fluid.present:
-            limit = 0.5 * beam.element_length
+            limit = 0.25 * beam.length
             if not 0.0 < beam.half_thickness < limit:
                 raise SceneError(
-                    f"beam.half_thickness must be above 0 and below half an element's length, "
-                    f"{limit:.6g} m, as the mitred outline of a body bent to right angles would "
-                    f"have no inner side left, got {beam.half_thickness!r}"
+                    f"beam.half_thickness must be above 0 and below a quarter of the length, "
+                    f"{limit:.6g} m, for an outline of panels, got {beam.half_thickness!r}"
                 )
         elif beam.rotary_inertia == 0.0:
             raise SceneError(

@@ -6,6 +6,7 @@ Every block checks itself when it is made. What concerns several blocks at once 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from typing import Any, TypeVar
@@ -224,7 +225,8 @@ class Beam:
         Number of elements N, at least 2.
     half_thickness : float
         Half the thickness in the plane of motion [m], at least 0. Only the fluid sees it; where
-        there is one it must be above 0 and below half an element's length.
+        there is one it must be above 0 and below a quarter of the length. How far a body may
+        bend hangs on it: the inner side of every element keeps a tenth of its length.
     line_density : float
         Mass per length rho_B A [kg/m], above 0.
     rotary_inertia : float
@@ -374,9 +376,9 @@ class Actuation:
     amplitude : float
         Torque amplitude A [N m].
     frequency : float
-        Angular frequency f [rad/s].
+        Angular frequency f [rad/s]; the paper's 2 pi unless given.
     wave_number : float
-        Wave number kappa [rad per body length].
+        Wave number kappa [rad per body length]; the paper's 2 pi unless given.
     torque_limit : float
         Torque that an environment's action of 1 stands for [N m], above 0. It does not limit
         the amplitude.
@@ -389,8 +391,8 @@ class Actuation:
     """
 
     amplitude: float
-    frequency: float
-    wave_number: float
+    frequency: float = 2.0 * math.pi
+    wave_number: float = 2.0 * math.pi
     torque_limit: float = 1.0
     phase: float = 0.0
     end_time: float | None = None

@@ -13,9 +13,7 @@ import os
 import platform
 import sys
 import tempfile
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -25,7 +23,7 @@ import numba
 import numpy as np
 from numba.core import config as numba_config
 
-__all__ = ["announce_compilation", "cache_folder", "kernel", "vector_kernel"]
+__all__ = ["cache_folder", "kernel", "vector_kernel"]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -116,30 +114,3 @@ def vector_kernel(function: Function) -> Function:
     sign of zero are given up.
     """
     return _compile(function, fastmath={"contract", "reassoc", "arcp", "nsz"})
-
-
-@contextmanager
-def announce_compilation() -> Iterator[None]:
-    """Say on stderr that kernels are being compiled, when this version has not been before.
-
-    Wrap the first call of the kernels in it. The marker that silences later runs is written only
-    after the wrapped block has ended without an error.
-    """
-    marker = _CACHE_FOLDER / "compiled"
-    if marker.exists():
-        yield
-        return
-    print(
-        "swim_env: compiling the physics kernels, once for this version and machine "
-        "(usually under 30 s) ...",
-        file=sys.stderr,
-        flush=True,
-    )
-    start = time.perf_counter()
-    yield
-    marker.touch()
-    print(
-        f"swim_env: compiled in {time.perf_counter() - start:.0f} s, kept in the kernel cache",
-        file=sys.stderr,
-        flush=True,
-    )

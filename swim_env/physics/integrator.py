@@ -243,7 +243,7 @@ def _newton(
     natural monotonicity test: the next correction with the same matrix has to be smaller. It does
     not depend on how residuals of turning and of shifting are weighed against each other.
 
-    The report is the scaled residual, the number of evaluations (added up), and 1 where rounding
+    The report is the scaled residual, the number of corrections tried (added up), and 1 where rounding
     kept the residual from falling to the tolerance.
     """
     w = m.step
@@ -255,7 +255,6 @@ def _newton(
     report[2] = 0.0
     norm = evaluate_step(m.q, m.p, torques, z, h, beam, fluid, m.fluid_work, w)
     report[0] = norm
-    report[1] += 1.0
     if not norm < np.inf:
         return False
     if norm <= solver.tolerance:
@@ -320,7 +319,6 @@ def _newton(
         difference = SHAPE_DIFFERENCE
         renew = True
         report[0] = evaluate_step(m.q, m.p, torques, z, h, beam, fluid, m.fluid_work, w)
-        report[1] += 1.0
     return False
 
 

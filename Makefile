@@ -1,0 +1,84 @@
+# Everything runs from a virtual environment in $(VENV) that the targets make and fill themselves.
+#   make PYTHON=/path/to/python3.12 test      another interpreter
+#   make VENV=/somewhere/else test            another place for the environment
+
+SHELL := /bin/sh
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.SUFFIXES:
+
+# The first of these that is new enough; the last resort gives the message below.
+CHECK_PYTHON := import sys; sys.exit(sys.version_info < (3, 11))
+PYTHON ?= $(shell for p in python3.11 python3 python3.12 python3.13 python; do \
+	$$p -c '$(CHECK_PYTHON)' 2>/dev/null && echo $$p && exit; done; echo python3)
+
+VENV ?= .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+WORKERS ?= 2
+PYTEST := $(BIN)/python -m pytest
+CHECKED := $(wildcard swim_env agents scripts)
+
+# One stamp for each set of extras. They stand in a chain: all sets share one environment, and two
+# installations must never run in it at once (make -j).
+STAMP_VENV := $(VENV)/.stamp-venv
+STAMP_BUILD := $(VENV)/.stamp-build
+STAMP_VIEW := $(VENV)/.stamp-view
+STAMP_DEV := $(VENV)/.stamp-dev
+# An editable install knows the top packages that were there when it was made.
+SOURCES := pyproject.toml setup.py constraints.txt $(wildcard agents/__init__.py)
+
+.PHONY: help venv demo test test-slow test-ci-slice lint types clean
+
+help: ## show this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
+
+venv: $(STAMP_DEV) ## set up .venv with what the tests and the checks need
+
+demo: $(STAMP_VIEW) ## set up and play the paper's travelling wave for 20 s into results/demo
+	$(BIN)/python scripts/replay.py --scene paper_i --duration 20 --output results/demo
+
+test: $(STAMP_DEV) ## set up and run the tests (under 6 minutes)
+	$(PYTEST) -n $(WORKERS) -m "not slow"
+
+test-slow: $(STAMP_DEV) ## set up and run the tests that take longer
+	$(PYTEST) -n $(WORKERS) -m slow --timeout 3600
+
+# Says so and passes while no test is marked (pytest's exit code 5).
+test-ci-slice: $(STAMP_DEV) ## set up and run the fixed-seed slices of the slow tests
+	@code=0; $(PYTEST) -m ci_slice --collect-only -qq >/dev/null 2>&1 || code=$$?; \
+	if [ $$code -eq 5 ]; then echo "no test is marked ci_slice"; else \
+	set -x; $(PYTEST) -n $(WORKERS) -m ci_slice --timeout 600; fi
+
+lint: $(STAMP_DEV) ## check style and layout of the code
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(STAMP_DEV) ## check the types
+	$(BIN)/mypy $(CHECKED)
+
+clean: ## remove .venv, builds and the tools' caches; results stay
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis .coverage
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(STAMP_VENV):
+	@$(PYTHON) -c '$(CHECK_PYTHON)' 2>/dev/null || { \
+	echo "swim-env needs Python 3.11 or later; '$(PYTHON)' is $$($(PYTHON) -V 2>&1 || true)."; \
+	echo "Name another with: make PYTHON=/path/to/python3.11 $(MAKECMDGOALS)"; exit 1; } >&2
+	$(PYTHON) -m venv --clear $(VENV)
+	@touch $@
+
+# The build backend in the environment itself: pinned like the rest, and installed only once.
+$(STAMP_BUILD): $(STAMP_VENV) constraints.txt
+	$(PIP) install -c constraints.txt setuptools
+	@touch $@
+
+$(STAMP_VIEW): $(STAMP_BUILD) $(SOURCES)
+	@echo "Installing the packages to run and to view into $(VENV) (a minute or two the first time) ..."
+	$(PIP) install -c constraints.txt --no-build-isolation -e ".[view]"
+	@touch $@
+
+$(STAMP_DEV): $(STAMP_VIEW) $(SOURCES)
+	@echo "Installing the packages to test and to check into $(VENV) ..."
+	$(PIP) install -c constraints.txt --no-build-isolation -e ".[view,dev]"
+	@touch $@

@@ -1,0 +1,57 @@
+"""What is conserved and what is spent: momentum map, energy balance, work (PHYSICS section 5)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["energy_drift", "momentum_drift", "momentum_map"]
+
+Array = NDArray[np.float64]
+
+
+def momentum_map(q: Array, p: Array) -> Array:
+    """Return the discrete momentum map of states.
+
+    Parameters
+    ----------
+    q : (..., N + 2) array
+        Minimal coordinates: mean centre (m), angle of element 1 and joint angles (rad).
+    p : (..., N + 2) array
+        Carried momenta, conjugate to the mean centre and to the element angles.
+
+    Returns
+    -------
+    (..., 3) array
+        Linear momentum (kg m/s) and angular momentum about the origin (kg m^2/s), per metre of
+        depth. Translating the beam moves c alone; turning it about the origin turns every element
+        and swings c, so the angular momentum is sum_k p_theta_k + c x p_c.
+    """
+    angular = p[..., 2:].sum(axis=-1) + q[..., 0] * p[..., 1] - q[..., 1] * p[..., 0]
+    return np.stack([p[..., 0], p[..., 1], angular], axis=-1)
+
+
+def momentum_drift(momentum: Array) -> float:
+    """Return max_n |J_n - J_0| over a trajectory of momenta (T + 1, 3)."""
+    return float(np.max(np.linalg.norm(momentum - momentum[0], axis=-1)))
+
+
+def energy_drift(energy: Array, work: Array, dissipated: Array) -> float:
+    """Return max_n |H_n - H_0 - work + dissipated| / max_n H of a trajectory.
+
+    Parameters
+    ----------
+    energy : (T + 1,) array
+        H(q_n, p_n) (J).
+    work, dissipated : (T,) arrays
+        Work of the torques and loss to damping in every step (J).
+
+    Returns
+    -------
+    float
+        The largest unexplained energy as a share of the largest energy; 0 where there is none.
+    """
+    balance = energy - energy[0]
+    balance[1:] -= np.cumsum(work - dissipated)
+    largest = float(np.max(energy))
+    return float(np.max(np.abs(balance))) / largest if largest > 0.0 else 0.0

@@ -1,0 +1,97 @@
+"""Loading the compiled kernels: once per process, in one order, compiled by a process of its own.
+
+Two entry points that share a callee both bring a copy of it, and a process binds both to the copy
+that came first. Copies may differ in the last bit, because the compiler contracts products and
+sums differently in different surroundings. For results to be the same to the bit in every process,
+kernels are therefore always taken from the cache and always in the same order. A process that
+finds the cache empty has another one fill it.
+"""
+
+from __future__ import annotations
+
+import functools
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from swim_env.physics._compile import cache_folder
+from swim_env.physics.added_mass import FLUID_MODELS, FluidConstants
+from swim_env.physics.beam import BeamConstants, centres, centres_of_trajectory
+from swim_env.physics.integrator import (
+    RECORD_NAMES,
+    SolverConstants,
+    advance,
+    state_size,
+    weigh,
+    work_sizes,
+)
+from swim_env.physics.outline import FluidGeometry
+from swim_env.physics.panels import LAYERS, influence, normal_influence_transposed
+
+__all__ = ["load_kernels"]
+
+
+@functools.cache
+def load_kernels() -> None:
+    """Load every kernel that is called from Python; compile them first where that is needed.
+
+    Whoever calls a kernel from Python calls this before. It takes a fraction of a second where
+    the cache is filled, and announces on stderr when it is not.
+    """
+    marker = cache_folder() / "compiled"
+    if not marker.exists():
+        start = time.perf_counter()
+        _say("compiling the physics kernels, once for this version and machine (under a minute)")
+        _compile_in_own_process()
+        _call_all()
+        marker.touch()
+        _say(f"compiled in {time.perf_counter() - start:.0f} s, kept in the kernel cache")
+    else:
+        _call_all()
+
+
+def _say(message: str) -> None:
+    print(f"swim_env: {message}", file=sys.stderr, flush=True)
+
+
+def _compile_in_own_process() -> None:
+    """Fill the cache; where no process can be started, this one compiles as it calls."""
+    root = str(Path(__file__).parents[2])
+    code = f"import sys; sys.path.insert(0, {root!r}); from swim_env.physics import loading"
+    command = [sys.executable, "-c", f"{code}; loading._call_all()"]
+    try:
+        subprocess.run(command, check=False, stdin=subprocess.DEVNULL)
+    except OSError:
+        return
+
+
+def _call_all() -> None:
+    """Call every entry point on a beam of two elements at rest."""
+    elements = 2
+    unknowns = elements + 2
+    beam = BeamConstants(elements, 0.5, 0.1, 1e-3, np.ones(1), np.zeros(1))
+    geometry = FluidGeometry(elements, 0.5, 0.01, 1, 1)
+    fluid = FluidConstants(FLUID_MODELS["panels"], geometry, 1.0, False)
+    solver = SolverConstants(0.01, 1e-10, 1)
+    floats, integers = work_sizes(beam, fluid)
+    state = np.zeros(state_size(elements))
+    work = (np.zeros(floats), np.zeros(integers, dtype=np.int64))
+    trace = np.zeros((2, 1, unknowns))
+    record = np.zeros((1, len(RECORD_NAMES)))
+    advance(state, np.zeros((1, 1)), beam, fluid, solver, *work, trace[0], trace[1], record)
+    weigh(state, np.zeros(unknowns), False, beam, fluid, *work)
+    centres(state[:unknowns], 0.5, np.zeros((elements, 2)))
+    centres_of_trajectory(trace[0], 0.5, np.zeros((1, elements, 2)))
+    corners = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    following = np.roll(corners, -1, axis=1)
+    edges = following - corners
+    length = np.hypot(*edges)
+    panels = np.concatenate(
+        [corners, 0.5 * (corners + following), edges / length, length[None, :]]
+    )
+    layers = np.empty((LAYERS, 3, 3))
+    influence(panels, 1.0, np.empty(4), layers)
+    normal_influence_transposed(panels, layers, np.empty((3, 3)))

@@ -1,0 +1,454 @@
+"""The simulator of one swimming beam: a scene, its state, and steps through compiled kernels."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from swim_env.errors import SimulationEndedError, SwimError, TorqueError
+from swim_env.physics.added_mass import FLUID_MODELS, FluidConstants
+from swim_env.physics.beam import BeamConstants, centres, centres_of_trajectory
+from swim_env.physics.integrator import (
+    RECORD_NAMES,
+    SolverConstants,
+    advance,
+    state_size,
+    weigh,
+    work_sizes,
+)
+from swim_env.physics.invariants import momentum_map
+from swim_env.physics.loading import load_kernels
+from swim_env.physics.outline import FluidGeometry
+from swim_env.physics.status import TERMINATION_REASONS, describe
+from swim_env.scene import Initial, Scene, load_scene
+from swim_env.trajectory import Trajectory
+
+__all__ = ["Simulator", "Snapshot"]
+
+Array = NDArray[np.float64]
+
+# Steps per kernel call where someone watches the progress of a rollout.
+_CHUNK = 200
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """A simulator's state, complete: a restored run continues bit for bit.
+
+    Attributes
+    ----------
+    scene : Scene
+        The scene it belongs to.
+    state : bytes
+        The kernel's state vector.
+    reason : str
+        Why the run had ended, empty while it goes on.
+    """
+
+    scene: Scene
+    state: bytes
+    reason: str
+
+
+class Simulator:
+    """Steps one scene through time.
+
+    Parameters
+    ----------
+    scene : Scene, str or os.PathLike
+        The scene, a shipped name or the path of a scene file.
+
+    Raises
+    ------
+    SceneError
+        If there is no such scene.
+    SimulationEndedError
+        If the scene's initial pose cannot be simulated.
+
+    Examples
+    --------
+    >>> simulator = Simulator("paper_i")
+    >>> trajectory = simulator.rollout(simulator.prescribed_torques(100))
+    >>> bool(trajectory.displacement[0] < 0.0)
+    True
+    """
+
+    def __init__(self, scene: Scene | str | os.PathLike[str]) -> None:
+        self.scene = load_scene(scene)
+        load_kernels()
+        self._beam, self._fluid, self._solver = scene_constants(self.scene)
+        floats, integers = work_sizes(self._beam, self._fluid)
+        self._floats = np.zeros(floats)
+        self._integers = np.zeros(integers, dtype=np.int64)
+        self._state = np.zeros(state_size(self.elements))
+        self._trace = np.zeros((2, 1, self.elements + 2))
+        self._record = np.zeros((1, len(RECORD_NAMES)))
+        self._reason = ""
+        self.reset()
+
+    # ---- state ---------------------------------------------------------------------------------
+
+    @property
+    def elements(self) -> int:
+        """Number N of elements."""
+        return self.scene.beam.elements
+
+    @property
+    def time_step(self) -> float:
+        """Length dt of a physics step (s)."""
+        return self.scene.integrator.time_step
+
+    @property
+    def steps(self) -> int:
+        """Number of steps taken since the reset."""
+        return int(self._state[5 * (self.elements + 2)])
+
+    @property
+    def time(self) -> float:
+        """Simulated time (s): the number of steps times the time step."""
+        return self.steps * self.time_step
+
+    @property
+    def termination_reason(self) -> str:
+        """Why the run ended, empty while it goes on; see `swim_env.TERMINATION_REASONS`."""
+        return self._reason
+
+    @property
+    def coordinates(self) -> Array:
+        """Minimal coordinates (N + 2,): mean centre (m), angle of element 1, joint angles (rad)."""
+        return self._state[: self.elements + 2].copy()
+
+    @property
+    def joint_angles(self) -> Array:
+        """Joint angles theta_k - theta_{k-1}, (N - 1,) (rad)."""
+        return self._state[3 : self.elements + 2].copy()
+
+    @property
+    def angles(self) -> Array:
+        """Element angles theta_k, (N,) (rad)."""
+        return np.cumsum(self._state[2 : self.elements + 2])
+
+    @property
+    def centres(self) -> Array:
+        """Element centres r^k, (N, 2) (m)."""
+        out = np.empty((self.elements, 2))
+        centres(self._state[: self.elements + 2], self.scene.beam.element_length, out)
+        return out
+
+    def momentum(self) -> Array:
+        """Return total linear and angular momentum (3,) of body and fluid.
+
+        Returns
+        -------
+        (3,) array
+            (px, py) in kg m/s and the angular momentum about the origin in kg m^2/s, per metre of
+            depth: the discrete momentum map at q_n with the carried p_n.
+        """
+        n = self.elements + 2
+        return momentum_map(self._state[:n], self._state[n : 2 * n])
+
+    def energy(self) -> float:
+        """Return H(q_n, p_n) = p_n M(q_n)^-1 p_n/2 + W(q_n) of body and fluid (J).
+
+        Raises
+        ------
+        SimulationEndedError
+            If the pose has no added mass (a fold that the panels cannot represent).
+        """
+        return self._weigh()[0]
+
+    def velocity(self) -> Array:
+        """Return M(q_n)^-1 p_n, (N + 2,).
+
+        Returns
+        -------
+        (N + 2,) array
+            Velocity of the mean centre (m/s) and turning rate of every element (rad/s).
+
+        Raises
+        ------
+        SimulationEndedError
+            As `energy`.
+        """
+        return self._weigh()[1]
+
+    def _weigh(self) -> tuple[float, Array]:
+        velocity = np.zeros(self.elements + 2)
+        energy, status = weigh(
+            self._state,
+            velocity,
+            False,
+            self._beam,
+            self._fluid,
+            self._floats,
+            self._integers,
+        )
+        if status:
+            raise self._ended(TERMINATION_REASONS[status])
+        return energy, velocity
+
+    def _ended(self, reason: str) -> SimulationEndedError:
+        return SimulationEndedError(reason, self.time, describe(reason))
+
+    # ---- running -------------------------------------------------------------------------------
+
+    def reset(self, initial: Initial | None = None) -> None:
+        """Go back to the start.
+
+        Parameters
+        ----------
+        initial : Initial, optional
+            Another pose and velocity than the scene's.
+
+        Raises
+        ------
+        SceneError
+            If the initial state does not fit the beam or breaks inextensibility.
+        SimulationEndedError
+            If the initial pose cannot be simulated.
+        """
+        beam = self.scene.beam
+        if initial is None:
+            initial = self.scene.initial
+        else:
+            initial.check_sizes(beam)
+            initial.check_inextensible(beam)
+        n = self.elements + 2
+        centre, angles = initial.pose(beam)
+        moving, turning = initial.velocities(beam)
+        state = np.zeros_like(self._state)
+        state[:2] = centre.mean(axis=0)
+        state[2] = angles[0]
+        state[3:n] = initial.joint_angles
+        velocity = np.concatenate([moving.mean(axis=0), turning])
+        _, status = weigh(
+            state, velocity, True, self._beam, self._fluid, self._floats, self._integers
+        )
+        if status:
+            reason = TERMINATION_REASONS[status]
+            raise SimulationEndedError(reason, 0.0, describe(reason))
+        self._state[:] = state
+        self._reason = ""
+
+    def step(self, torques: ArrayLike) -> None:
+        """Advance one physics step.
+
+        Parameters
+        ----------
+        torques : (N - 1,) array_like
+            Joint torques held over the step (N m): positive turns the element behind the joint
+            counter-clockwise and the one in front of it clockwise.
+
+        Raises
+        ------
+        TorqueError
+            If the torques are not N - 1 finite numbers; the state is as before.
+        SimulationEndedError
+            If the step cannot be taken; the state is the last one that was reached.
+        """
+        held = self._checked(torques, 1)
+        self._refuse_after_end()
+        _, status = advance(
+            self._state,
+            held,
+            self._beam,
+            self._fluid,
+            self._solver,
+            self._floats,
+            self._integers,
+            self._trace[0],
+            self._trace[1],
+            self._record,
+        )
+        if status:
+            self._reason = TERMINATION_REASONS[status]
+            raise self._ended(self._reason)
+
+    def rollout(
+        self, torques: ArrayLike, progress: Callable[[int], object] | None = None
+    ) -> Trajectory:
+        """Advance by many steps in one kernel call and return the trajectory.
+
+        Parameters
+        ----------
+        torques : (T, N - 1) array_like
+            Joint torques of every step (N m), each held over its step.
+        progress : callable, optional
+            Called with the number of steps taken since the last call, every few hundred steps.
+
+        Returns
+        -------
+        Trajectory
+            Up to the end, or to the last state that was reached; then `termination_reason` says
+            why it ends there. Its first instant is the present state.
+
+        Raises
+        ------
+        TorqueError
+            If the torques are not finite numbers of shape (T, N - 1); the state is as before.
+        SimulationEndedError
+            If the simulation had ended before.
+        """
+        held = self._checked(torques, 2)
+        self._refuse_after_end()
+        n = self.elements + 2
+        total = len(held)
+        first = self.steps
+        q = np.empty((total + 1, n))
+        p = np.empty((total + 1, n))
+        record = np.zeros((total, len(RECORD_NAMES)))
+        q[0] = self._state[:n]
+        p[0] = self._state[n : 2 * n]
+        taken = 0
+        while taken < total and not self._reason:
+            chunk = slice(taken, min(total, taken + _CHUNK) if progress else total)
+            after = slice(chunk.start + 1, chunk.stop + 1)
+            steps, status = advance(
+                self._state,
+                held[chunk],
+                self._beam,
+                self._fluid,
+                self._solver,
+                self._floats,
+                self._integers,
+                q[after],
+                p[after],
+                record[chunk],
+            )
+            taken += steps
+            if status:
+                self._reason = TERMINATION_REASONS[status]
+            if progress:
+                progress(steps)
+        return self._trajectory(first, q[: taken + 1], p[: taken + 1], held[:taken], record[:taken])
+
+    def _trajectory(
+        self, first: int, q: Array, p: Array, torques: Array, record: Array
+    ) -> Trajectory:
+        positions = np.empty((len(q), self.elements, 2))
+        centres_of_trajectory(q, self.scene.beam.element_length, positions)
+        columns = dict(zip(RECORD_NAMES, record.T.copy(), strict=True))
+        # The kernel records the energy at the beginning of each step; the last state may be one
+        # whose outline cannot be weighed, which is then why the run ended.
+        energy = np.append(columns.pop("energy"), np.nan)
+        try:
+            energy[-1] = self.energy()
+        except SimulationEndedError as error:
+            self._reason = self._reason or error.reason
+        return Trajectory(
+            scene=self.scene,
+            termination_reason=self._reason,
+            time=(first + np.arange(len(q))) * self.time_step,
+            centres=positions,
+            angles=np.cumsum(q[:, 2:], axis=1),
+            torques=torques.copy(),
+            momentum=momentum_map(q, p),
+            energy=energy,
+            **columns,
+        )
+
+    def _refuse_after_end(self) -> None:
+        if self._reason:
+            raise self._ended(self._reason)
+
+    def _checked(self, torques: ArrayLike, dimensions: int) -> Array:
+        """Return torques as a contiguous (T, N - 1) array of finite numbers."""
+        joints = self.elements - 1
+        wanted = f"({joints},)" if dimensions == 1 else f"(T, {joints})"
+        try:
+            given = np.asarray(torques)
+            if given.dtype.kind not in "iuf":
+                raise TypeError(f"got an array of {given.dtype}")
+            held = np.ascontiguousarray(given, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise TorqueError(
+                f"torques at t = {self.time:.6g} s must be numbers of shape {wanted}: {error}"
+            ) from None
+        if held.ndim != dimensions or held.shape[-1] != joints:
+            raise TorqueError(
+                f"torques at t = {self.time:.6g} s must have shape {wanted}, got {given.shape}"
+            )
+        held = held.reshape(-1, joints)
+        if not np.isfinite(held).all():
+            row, joint = (int(i) for i in np.argwhere(~np.isfinite(held))[0])
+            raise TorqueError(
+                f"torques must be finite, got {held[row, joint]} at joint {joint} for the step at "
+                f"t = {self.time + row * self.time_step:.6g} s"
+            )
+        return held
+
+    def prescribed_torques(self, steps: int) -> Array:
+        """Return the scene's torques (N m) for the next steps, (steps, N - 1).
+
+        Each row holds the value at its step's beginning; all are zero in a scene without
+        actuation.
+        """
+        if self.scene.actuation is None:
+            return np.zeros((steps, self.elements - 1))
+        times = (self.steps + np.arange(steps)) * self.time_step
+        return self.scene.actuation.torques(times, self.scene.beam)
+
+    # ---- snapshots -----------------------------------------------------------------------------
+
+    def snapshot(self) -> Snapshot:
+        """Return the complete state, with what the next step's predictor remembers."""
+        return Snapshot(self.scene, self._state.tobytes(), self._reason)
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go back to a snapshot; what follows is bit for bit what followed then.
+
+        Raises
+        ------
+        SwimError
+            If the snapshot belongs to another scene.
+        """
+        if snapshot.scene != self.scene:
+            raise SwimError(
+                f"the snapshot belongs to another scene ({snapshot.scene.name}), it can be "
+                f"restored only into a simulator of the very same scene ({self.scene.name})"
+            )
+        self._state[:] = np.frombuffer(snapshot.state)
+        self._reason = snapshot.reason
+
+
+def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, SolverConstants]:
+    """Return what the kernels need to know of a scene."""
+    beam = scene.beam
+    dl = beam.element_length
+    stiffness = beam.stiffness_at_joints() / dl
+    retardation = scene.damping.retardation_time if scene.damping else 0.0
+    fluid = scene.fluid
+    model = FLUID_MODELS[fluid.model] if fluid else FLUID_MODELS["none"]
+    panels = fluid.panels_per_element if fluid else 2
+    caps = fluid.cap_panels if fluid else 1
+    density = fluid.density if fluid and fluid.density is not None else 0.0
+    geometry = FluidGeometry(beam.elements, dl, beam.half_thickness, panels // 2, caps)
+    return (
+        BeamConstants(
+            beam.elements,
+            dl,
+            dl * beam.line_density,
+            dl * beam.rotary_inertia,
+            stiffness,
+            stiffness * retardation,
+        ),
+        FluidConstants(model, geometry, density, scene.axial_added_mass is not None),
+        SolverConstants(
+            scene.integrator.time_step,
+            scene.integrator.tolerance,
+            _most_solves(beam.elements * panels + 2 * caps),
+        ),
+    )
+
+
+def _most_solves(panels: int) -> int:
+    """Bound the parts of one outer step so that it ends within about a second.
+
+    The bound hangs on the size alone and not on a clock, so results do not depend on the machine.
+    """
+    seconds = 1e-4 + 2e-9 * panels**2.8
+    return int(np.clip(0.5 / seconds, 32, 4096))

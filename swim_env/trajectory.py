@@ -1,0 +1,290 @@
+"""A recorded run: arrays over time, the figures that sum it up, and its file."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+import zipfile
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.errors import SceneError, TrajectoryError
+from swim_env.physics.invariants import energy_drift, momentum_drift
+from swim_env.physics.status import TERMINATION_REASONS
+from swim_env.scene import Scene
+from swim_env.scene_yaml import parse_yaml
+
+__all__ = ["Trajectory", "write_atomically"]
+
+Array = NDArray[np.float64]
+
+#: Version of the file format; a reader refuses versions that it does not know.
+FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A run of T steps of one scene.
+
+    Attributes
+    ----------
+    scene : Scene
+        What was run.
+    termination_reason : str
+        Why the run ended early, a reason of `swim_env.TERMINATION_REASONS`; empty where it did
+        not.
+    time : (T + 1,) array
+        Instants (s).
+    centres : (T + 1, N, 2) array
+        Element centres (m).
+    angles : (T + 1, N) array
+        Element angles (rad).
+    torques : (T, N - 1) array
+        Joint torques held over each step (N m).
+    momentum : (T + 1, 3) array
+        Linear momentum (kg m/s) and angular momentum about the origin (kg m^2/s).
+    energy : (T + 1,) array
+        H(q_n, p_n) (J).
+    work, positive_work, dissipated : (T,) arrays
+        Work of the torques in each step, the sum of its positive parts over joints, and the loss
+        to damping (J).
+    residual : (T,) array
+        Scaled residual of the step equations that was met.
+    iterations : (T,) array
+        Newton corrections tried.
+    parts : (T,) array
+        Parts that a step had to be cut into; 1 where it was solved whole.
+    at_round_off : (T,) array
+        1 where rounding kept the residual above the tolerance.
+    """
+
+    scene: Scene
+    termination_reason: str
+    time: Array
+    centres: Array
+    angles: Array
+    torques: Array
+    momentum: Array
+    energy: Array
+    work: Array
+    positive_work: Array
+    dissipated: Array
+    residual: Array
+    iterations: Array
+    parts: Array
+    at_round_off: Array
+
+    # ---- figures -------------------------------------------------------------------------------
+
+    @property
+    def steps(self) -> int:
+        """Number T of steps."""
+        return len(self.time) - 1
+
+    @property
+    def duration(self) -> float:
+        """Simulated time that the run covers (s)."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def path(self) -> Array:
+        """Path of the mean element centre, (T + 1, 2) (m)."""
+        mean: Array = self.centres.mean(axis=1)
+        return mean
+
+    @property
+    def displacement(self) -> Array:
+        """Change of the mean element centre, (2,) (m)."""
+        net: Array = self.path[-1] - self.path[0]
+        return net
+
+    @property
+    def heading_change(self) -> float:
+        """Change of the mean element angle (rad)."""
+        return float(self.angles[-1].mean() - self.angles[0].mean())
+
+    @property
+    def nodes(self) -> Array:
+        """Nodes of the centre line from head to tail, (T + 1, N + 1, 2) (m)."""
+        half = 0.5 * self.scene.beam.element_length
+        arms = half * np.stack([np.cos(self.angles), np.sin(self.angles)], axis=-1)
+        return np.concatenate([self.centres - arms, (self.centres + arms)[:, -1:]], axis=1)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the figures of PHYSICS section 5, plain numbers and lists.
+
+        Returns
+        -------
+        dict
+            ``scene``; ``duration`` (s) and ``steps`` that were run; ``displacement`` [dx, dy] (m)
+            of the mean element centre, ``heading_change`` (rad), ``mean_speed``
+            |displacement|/duration (m/s); ``work``, ``positive_work``, ``dissipated`` (J);
+            ``energy_drift`` and ``momentum_drift``; ``max_residual``;
+            ``newton_iterations_mean``; ``halved_steps`` and ``most_parts`` of a step;
+            ``round_off_steps``; ``termination_reason`` (empty where the run was not cut short).
+        """
+        steps = self.steps
+        speed = float(np.hypot(*self.displacement)) / self.duration if steps else 0.0
+        known = np.isfinite(self.energy)
+        last = int(np.count_nonzero(known))
+        return {
+            "scene": self.scene.name,
+            "duration": self.duration,
+            "steps": steps,
+            "displacement": [float(x) for x in self.displacement],
+            "heading_change": self.heading_change,
+            "mean_speed": speed,
+            "work": float(self.work.sum()),
+            "positive_work": float(self.positive_work.sum()),
+            "dissipated": float(self.dissipated.sum()),
+            "energy_drift": energy_drift(
+                self.energy[:last], self.work[: last - 1], self.dissipated[: last - 1]
+            ),
+            "momentum_drift": momentum_drift(self.momentum),
+            "max_residual": float(self.residual.max(initial=0.0)),
+            "newton_iterations_mean": float(self.iterations.mean()) if steps else 0.0,
+            "halved_steps": int(np.count_nonzero(self.parts > 1)),
+            "most_parts": int(self.parts.max(initial=0)),
+            "round_off_steps": int(np.count_nonzero(self.at_round_off)),
+            "termination_reason": self.termination_reason,
+        }
+
+    # ---- file ----------------------------------------------------------------------------------
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the trajectory to a compressed NumPy file (.npz), whole or not at all.
+
+        The arrays stand under their names; the scene is a YAML text under ``scene``. Nothing in
+        it needs pickle.
+
+        Raises
+        ------
+        TrajectoryError
+            If the file cannot be written.
+        """
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+
+        def write(file: IO[bytes]) -> None:
+            np.savez_compressed(
+                file,
+                format_version=np.array(FORMAT_VERSION),
+                scene=np.array(self.scene.to_yaml()),
+                termination_reason=np.array(self.termination_reason),
+                **arrays,
+            )
+
+        try:
+            write_atomically(path, write)
+        except OSError as error:
+            raise TrajectoryError(
+                f"cannot write the trajectory: {error.strerror or error} ({os.fspath(path)})"
+            ) from None
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Trajectory:
+        """Read a trajectory that `save` wrote.
+
+        Raises
+        ------
+        TrajectoryError
+            If the file cannot be read, is damaged, or is not a trajectory of a known version.
+        """
+        name = os.fspath(path)
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                content = {key: file[key] for key in file.files}
+        except OSError as error:
+            raise TrajectoryError(
+                f"cannot read the trajectory: {error.strerror or error} ({name})"
+            ) from None
+        except (ValueError, zipfile.BadZipFile, EOFError, KeyError, AttributeError) as error:
+            raise TrajectoryError(
+                f"not a trajectory file, or a damaged one: {error} ({name})"
+            ) from None
+        wanted = ("format_version", "scene", "termination_reason", *_ARRAYS)
+        missing = [key for key in wanted if key not in content]
+        if missing:
+            raise TrajectoryError(
+                f"not a trajectory file, it lacks {', '.join(missing)} ({name})"
+            )
+        if content["format_version"].shape != () or int(content["format_version"]) != (
+            FORMAT_VERSION
+        ):
+            raise TrajectoryError(
+                f"the trajectory has format version {content['format_version']}, this version of "
+                f"swim_env reads {FORMAT_VERSION} ({name})"
+            )
+        reason = str(content["termination_reason"])
+        if reason not in TERMINATION_REASONS.values():
+            raise TrajectoryError(f"unknown termination_reason {reason!r} ({name})")
+        try:
+            scene = Scene.from_dict(parse_yaml(str(content["scene"]), name), name)
+        except SceneError as error:
+            raise TrajectoryError(f"the trajectory's scene is not valid: {error}") from None
+        trajectory = cls(
+            scene=scene,
+            termination_reason=reason,
+            **{key: np.asarray(content[key], dtype=np.float64) for key in _ARRAYS},
+        )
+        trajectory._check_shapes(name)
+        return trajectory
+
+    def _check_shapes(self, name: str) -> None:
+        elements = self.scene.beam.elements
+        steps = len(self.torques)
+        for key, shape in {
+            "time": (steps + 1,),
+            "centres": (steps + 1, elements, 2),
+            "angles": (steps + 1, elements),
+            "torques": (steps, elements - 1),
+            "momentum": (steps + 1, 3),
+            "energy": (steps + 1,),
+        }.items():
+            if getattr(self, key).shape != shape:
+                raise TrajectoryError(
+                    f"the trajectory's {key} must have shape {shape}, got "
+                    f"{getattr(self, key).shape} ({name})"
+                )
+
+
+_ARRAYS = tuple(
+    field.name for field in fields(Trajectory) if field.name not in ("scene", "termination_reason")
+)
+
+
+def write_atomically(path: str | os.PathLike[str], write: Any) -> None:
+    """Write a file whole or not at all.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        The file; its folder must exist. An older file stays until the new one is complete.
+    write : callable
+        Called with the open binary file.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; nothing half-written stays behind.
+    """
+    target = Path(path)
+    descriptor, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            write(file)
+            file.flush()
+            os.fsync(file.fileno())
+        # mkstemp makes files private; give the permissions that an ordinary file would have.
+        mask = os.umask(0)
+        os.umask(mask)
+        os.chmod(temporary, 0o666 & ~mask)
+        os.replace(temporary, target)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            os.unlink(temporary)
+        raise
