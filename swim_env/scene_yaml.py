@@ -214,7 +214,8 @@ def parse_overrides(
     if isinstance(overrides, Mapping):
         return dict(overrides)
     found: dict[str, object] = {}
-    for text in [overrides] if isinstance(overrides, str) else overrides:
+    texts: Iterable[object] = [overrides] if isinstance(overrides, str) else overrides
+    for text in texts:
         if not isinstance(text, str) or "=" not in text or not text.split("=", 1)[0].strip():
             raise SceneError(
                 f"override {text!r} must read block.field=value, as in beam.elements=27"

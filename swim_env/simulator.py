@@ -342,7 +342,7 @@ class Simulator:
         return Trajectory(
             scene=self.scene,
             termination_reason=self._reason,
-            time=(first + np.arange(len(q))) * self.time_step,
+            time=np.arange(first, first + len(q), dtype=np.float64) * self.time_step,
             centres=positions,
             angles=np.cumsum(q[:, 2:], axis=1),
             torques=torques.copy(),

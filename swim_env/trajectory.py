@@ -209,9 +209,7 @@ class Trajectory:
         wanted = ("format_version", "scene", "termination_reason", *_ARRAYS)
         missing = [key for key in wanted if key not in content]
         if missing:
-            raise TrajectoryError(
-                f"not a trajectory file, it lacks {', '.join(missing)} ({name})"
-            )
+            raise TrajectoryError(f"not a trajectory file, it lacks {', '.join(missing)} ({name})")
         if content["format_version"].shape != () or int(content["format_version"]) != (
             FORMAT_VERSION
         ):
@@ -223,7 +221,8 @@ class Trajectory:
         if reason not in TERMINATION_REASONS.values():
             raise TrajectoryError(f"unknown termination_reason {reason!r} ({name})")
         try:
-            scene = Scene.from_dict(parse_yaml(str(content["scene"]), name), name)
+            data: Any = parse_yaml(str(content["scene"]), name)
+            scene = Scene.from_dict(data, name)
         except SceneError as error:
             raise TrajectoryError(f"the trajectory's scene is not valid: {error}") from None
         trajectory = cls(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from swim_env.physics._compile import kernel, vector_kernel
 
-__all__ = ["cholesky", "cholesky_solve", "invert", "lu_factor", "lu_solve", "mat_vec", "norm_1"]
+__all__ = ["cholesky", "cholesky_solve", "invert", "lu_factor", "lu_solve", "mat_vec"]
 
 Array = NDArray[np.float64]
 
@@ -54,18 +54,6 @@ def mat_vec_transposed(matrix: Array, vector: Array, out: Array) -> None:
         factor = vector[i]
         for j in range(matrix.shape[1]):
             out[j] += matrix[i, j] * factor
-
-
-@vector_kernel
-def norm_1(matrix: Array) -> float:
-    """Return the largest sum of magnitudes over a row of the transpose, i.e. over a column."""
-    largest = 0.0
-    for j in range(matrix.shape[1]):
-        total = 0.0
-        for i in range(matrix.shape[0]):
-            total += abs(matrix[i, j])
-        largest = max(largest, total)
-    return largest
 
 
 @kernel

@@ -30,7 +30,7 @@ _TWO_52_BITS = 0x4330000000000000
 _TWO_52 = 4503599627370496.0
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def _bits_of(typingctx, value):  # type: ignore[no-untyped-def]
     """Reinterpret a float64 as int64."""
 
@@ -40,7 +40,7 @@ def _bits_of(typingctx, value):  # type: ignore[no-untyped-def]
     return types.int64(types.float64), codegen
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def _float_of(typingctx, value):  # type: ignore[no-untyped-def]
     """Reinterpret an int64 as float64."""
 
@@ -69,7 +69,8 @@ def log(x: float) -> float:
     series = series * z + 0.39999999999298454703
     series = series * z + 0.66666666666667652707
     # 2 s + s^3 (...) keeps the last digits of small logarithms; ln 2 comes in two parts.
-    return power * _LN2_HIGH + (2.0 * s + (s * z * series + power * _LN2_LOW))
+    result: float = power * _LN2_HIGH + (2.0 * s + (s * z * series + power * _LN2_LOW))
+    return result
 
 
 @kernel

@@ -13,6 +13,7 @@ keeps its length and its held torques, and the parts are counted.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -69,7 +70,6 @@ from swim_env.physics.status import (
 
 __all__ = [
     "RECORD_NAMES",
-    "SCHEMES",
     "SolverConstants",
     "advance",
     "state_size",
@@ -78,9 +78,6 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-
-#: Integration schemes that a scene may name, and their codes.
-SCHEMES: dict[str, int] = {"paper": 0}
 
 #: Largest turn of an element or joint in one (part of a) step (rad).
 LARGEST_TURN = 0.5
@@ -218,12 +215,12 @@ def _energy(q: Array, p: Array, beam: BeamConstants, w: StepArrays) -> float:
 @kernel
 def _correction_size(z: Array, dl: float) -> float:
     """Return the largest turn of an element (rad) or shift (element lengths) in an increment."""
-    largest = max(abs(z[0]), abs(z[1])) / dl
+    largest: float = max(abs(z[0]), abs(z[1])) / dl
     turn = 0.0
     for k in range(2, z.size):
         turn += z[k]
         if not abs(turn) <= largest:
-            largest = abs(turn) if turn == turn else np.inf
+            largest = abs(turn) if turn == turn else math.inf
     return largest
 
 
@@ -243,8 +240,8 @@ def _newton(
     natural monotonicity test: the next correction with the same matrix has to be smaller. It does
     not depend on how residuals of turning and of shifting are weighed against each other.
 
-    The report is the scaled residual, the number of corrections tried (added up), and 1 where rounding
-    kept the residual from falling to the tolerance.
+    The report is the scaled residual, the number of corrections tried (added up), and 1 where
+    rounding kept the residual from falling to the tolerance.
     """
     w = m.step
     u = w.unknowns

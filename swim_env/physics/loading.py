@@ -89,9 +89,7 @@ def _call_all() -> None:
     following = np.roll(corners, -1, axis=1)
     edges = following - corners
     length = np.hypot(*edges)
-    panels = np.concatenate(
-        [corners, 0.5 * (corners + following), edges / length, length[None, :]]
-    )
+    panels = np.concatenate([corners, 0.5 * (corners + following), edges / length, length[None, :]])
     layers = np.empty((LAYERS, 3, 3))
     influence(panels, 1.0, np.empty(4), layers)
     normal_influence_transposed(panels, layers, np.empty((3, 3)))

@@ -88,7 +88,7 @@ _COMPLEX_STEP = 1e-30
 
 
 def _ended(code: int, time: float, detail: str = "") -> SimulationEndedError:
-    """Return the exception for a code of the status table; that speaks of parts of steps."""
+    """Return the exception for a status code, by the table where there is no detail to give."""
     reason = TERMINATION_REASONS[code]
     meaning = detail or describe(reason)
     return SimulationEndedError(reason, time, meaning)

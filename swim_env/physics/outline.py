@@ -10,6 +10,7 @@ h tan(a/2) along the element, so every side segment is exactly parallel to its e
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -264,7 +265,7 @@ def _point_to_segment(
     along = min(max((px - ax) * ct + (py - ay) * st, 0.0), length)
     dx = px - ax - along * ct
     dy = py - ay - along * st
-    return np.sqrt(dx * dx + dy * dy)
+    return math.sqrt(dx * dx + dy * dy)
 
 
 @kernel

@@ -45,7 +45,9 @@ def added_mass_of_polygon(vertices: ArrayLike, density: float = 1.0) -> Array:
         outline encloses no area, or the density is not a positive number.
     """
     corners = _checked_corners(vertices)
-    if isinstance(density, bool) or not np.isscalar(density) or not 0.0 < float(density) < np.inf:
+    if isinstance(density, bool) or not isinstance(density, (int, float, np.number)):
+        raise OutlineError(f"density must be a number in kg/m^3, got {density!r}")
+    if not 0.0 < float(density) < np.inf:
         raise OutlineError(f"density must be a positive number in kg/m^3, got {density!r}")
     load_kernels()
     panels = _panels(corners)
@@ -118,7 +120,7 @@ def _side(a: Array, b: Array, c: Array) -> Array:
 def _boxes_meet(a: Array, b: Array, c: Array, d: Array) -> NDArray[np.bool_]:
     low, high = np.minimum(a, b), np.maximum(a, b)
     others_low, others_high = np.minimum(c, d), np.maximum(c, d)
-    meet: NDArray[np.bool_] = ((low <= others_high) & (others_low <= high)).all(axis=-1)
+    meet: NDArray[np.bool_] = np.all((low <= others_high) & (others_low <= high), axis=-1)
     return meet
 
 

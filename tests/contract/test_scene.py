@@ -344,8 +344,8 @@ BAD = [
     ("beam.length", -1.0, "must be above 0 m, got -1.0"),
     ("beam.elements", 1, "beam.elements must be at least 2, got 1"),
     ("beam.half_thickness", -0.01, "must be at least 0 m, got -0.01"),
-    ("beam.half_thickness", 0.0, "above 0 and below half an element's length"),
-    ("beam.half_thickness", 0.0556, "0.0555556 m, as the mitred outline"),
+    ("beam.half_thickness", 0.0, "above 0 and below a quarter of the length"),
+    ("beam.half_thickness", 0.2501, "0.25 m, for an outline of panels"),
     ("beam.line_density", 0.0, "must be above 0 kg/m, got 0.0"),
     ("beam.rotary_inertia", -1e-9, "must be at least 0 kg m, got -1e-09"),
     ("beam.bending_stiffness", -5.0, "must be at least 0 N m^2, got -5.0"),
@@ -469,7 +469,7 @@ def test_message_of_a_file(tmp_path, monkeypatch) -> None:
         ({"beam": {"lenght": 1.0}}, ["unknown field beam.lenght (nearest: length)"]),
         ({"fluid": {"qqq": 1}}, ["unknown field fluid.qqq; known fields: model, density"]),
         ({"damping": {}}, ["damping.retardation_time is missing"]),
-        ({"actuation": {"amplitude": 1, "frequency": 1}}, ["actuation.wave_number is missing"]),
+        ({"actuation": {"frequency": 1}}, ["actuation.amplitude is missing"]),
         ({"fluid": {"model": "panels"}}, ["panels need fluid.density"]),
         ({"fluid": {}}, ["panels need fluid.density"]),
         ({"fluid": {"model": "none", "density": 10}}, ["fluid.density has no meaning", "got 10"]),
@@ -510,16 +510,17 @@ def test_effects_without_meaning() -> None:
 
 
 def test_thickness_limits() -> None:
-    """Without a fluid any thickness goes; with one, from tiny up to just below half an element."""
+    """Without a fluid any thickness goes; with one, from tiny up to a quarter of the length."""
     Scene(beam=Beam(half_thickness=0.0))
     Scene(beam=Beam(half_thickness=3.0))
     for share in (1e-6, 0.2, 0.499):
         Scene(fluid=WATER, beam=Beam(half_thickness=share / 9))
+    Scene(fluid=WATER, beam=Beam(elements=161))
     fails(
-        lambda: Scene(fluid=WATER, beam=Beam(elements=50)),
+        lambda: Scene(fluid=WATER, beam=Beam(half_thickness=0.25)),
         "beam.half_thickness must be above 0 and below",
-        "0.01 m",
-        "got 0.01",
+        "0.25 m",
+        "got 0.25",
     )
 
 
@@ -562,7 +563,9 @@ def test_replace_makes_and_removes_blocks() -> None:
         assert axial.effects == ("axial_added_mass",)
     assert axial.replace("axial_added_mass", None) == scene
     passive = load_scene("paper_xi")
-    fails(lambda: passive.replace("actuation.amplitude", 1.0), "actuation.frequency is missing")
+    fails(lambda: passive.replace("actuation.frequency", 1.0), "actuation.amplitude is missing")
+    paper_wave = passive.replace("actuation.amplitude", 1.0).actuation
+    assert paper_wave == Actuation(1.0, 2.0 * math.pi, 2.0 * math.pi)
     wave = {"amplitude": 1.0, "frequency": 2.0, "wave_number": 3.0}
     driven = passive.replace({f"actuation.{key}": value for key, value in wave.items()})
     assert driven.actuation == Actuation(1.0, 2.0, 3.0)

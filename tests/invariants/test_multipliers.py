@@ -194,7 +194,9 @@ def test_both_forms_move_alike(solved: tuple[Case, MultiplierTrajectory]) -> Non
         np.testing.assert_allclose(free, minimal, rtol=0.0, atol=AGREEMENT)
 
 
-def test_constraints_hold_to_round_off(solved: tuple[Case, MultiplierTrajectory]) -> None:
+def test_step_equations_are_solved_and_constraints_hold_to_round_off(
+    solved: tuple[Case, MultiplierTrajectory],
+) -> None:
     case, result = solved
     for pose in result.coordinates:
         assert np.abs(constraints(pose, case.beam.element_length)).max() <= ROUND_OFF
@@ -203,6 +205,8 @@ def test_constraints_hold_to_round_off(solved: tuple[Case, MultiplierTrajectory]
     handedness = d3[..., 0] * d1[..., 1] - d3[..., 1] * d1[..., 0]
     np.testing.assert_allclose(handedness, 1.0, rtol=0.0, atol=ROUND_OFF)
     assert np.abs(result.multipliers).max() > 1e-6
+    # The balance of momentum is solved as well, at every step.
+    assert result.residual.max() <= TOLERANCE
 
 
 def test_momentum_is_conserved(solved: tuple[Case, MultiplierTrajectory]) -> None:

@@ -1,0 +1,73 @@
+"""What the scripts share: the scene's arguments, progress, and errors as one line."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import sys
+from collections.abc import Callable, Iterator
+
+from tqdm import tqdm
+
+from swim_env.errors import SwimError
+from swim_env.scene import Scene, load_scene, scene_names
+
+__all__ = ["add_scene_arguments", "progress_bar", "run", "scene_of"]
+
+#: Exit codes: bad input, and interrupted by the user.
+BAD_INPUT, INTERRUPTED = 2, 130
+
+
+def add_scene_arguments(parser: argparse.ArgumentParser, default: str | None = None) -> None:
+    """Add ``--scene`` and ``--set`` to a parser."""
+    shipped = ", ".join(scene_names())
+    parser.add_argument(
+        "--scene",
+        default=default,
+        required=default is None,
+        metavar="NAME",
+        help=f"a shipped scene ({shipped}) or the path of a scene file",
+    )
+    parser.add_argument(
+        "--set",
+        dest="overrides",
+        action="extend",
+        nargs="+",
+        default=[],
+        metavar="FIELD=VALUE",
+        help="change fields of the scene, for example beam.elements=27 damping=null",
+    )
+
+
+def scene_of(arguments: argparse.Namespace) -> Scene:
+    """Return the scene that the arguments of `add_scene_arguments` name."""
+    return load_scene(arguments.scene, arguments.overrides)
+
+
+@contextlib.contextmanager
+def progress_bar(total: int, unit: str, label: str) -> Iterator[Callable[[int], object]]:
+    """Show a progress bar on stderr, once a second has passed; yields its update function."""
+    with tqdm(total=total, unit=unit, desc=label, delay=1.0, file=sys.stderr, leave=False) as bar:
+        yield bar.update
+
+
+def run(main: Callable[[list[str] | None], int], arguments: list[str] | None = None) -> int:
+    """Run a script's main function and return its exit code.
+
+    Errors of the package become one line on stderr and exit code 2. A reader of standard output
+    that goes away ends the script quietly.
+    """
+    try:
+        code = main(arguments)
+        sys.stdout.flush()
+        return code
+    except SwimError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except KeyboardInterrupt:
+        print("interrupted, nothing was written", file=sys.stderr)
+        return INTERRUPTED

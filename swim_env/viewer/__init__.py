@@ -1,0 +1,5 @@
+"""Looking at runs: still pictures for people who read."""
+
+from swim_env.viewer.stills import draw_path, save_figure
+
+__all__ = ["draw_path", "save_figure"]

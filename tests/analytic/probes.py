@@ -1,0 +1,180 @@
+"""Views into the compiled kernels and into a simulator's mass, for tests only."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env import Simulator
+from swim_env.physics._compile import kernel
+from swim_env.physics.added_mass import (
+    FLUID_MODELS,
+    FluidConstants,
+    added_mass,
+    carve_fluid_work,
+    fluid_work_sizes,
+    motion_count,
+    shape_force,
+)
+from swim_env.physics.beam import BeamConstants
+from swim_env.physics.integrator import weigh, work_sizes
+from swim_env.physics.lagrangian import (
+    CHANGE,
+    RESIDUAL,
+    carve_step_arrays,
+    evaluate_step,
+    mass_matrix,
+    set_pose,
+    step_array_size,
+    step_jacobian,
+)
+from swim_env.physics.loading import load_kernels
+from swim_env.physics.outline import FluidGeometry
+
+Array = NDArray[np.float64]
+
+
+@kernel
+def _fluid_probe(joint_angles, motion, fluid, floats, integers, mass, raw, gradient):
+    work = carve_fluid_work(floats, integers, fluid)
+    status = added_mass(joint_angles, fluid, work, mass)
+    if status == 0:
+        shape_force(motion, fluid, work, gradient)
+        for a in range(raw.shape[0]):
+            for b in range(raw.shape[0]):
+                total = 0.0
+                for i in range(work.loads.shape[1]):
+                    total += work.loads[a, i] * work.sources[b, i]
+                raw[a, b] = -fluid.density * total
+    return status
+
+
+@kernel
+def _step_probe(
+    q, p, torques, z, h, difference, beam, fluid, floats, integers, residual, change, jacobian, mass
+):
+    used = step_array_size(beam.elements, motion_count(fluid))
+    w = carve_step_arrays(floats[:used], beam.elements, motion_count(fluid))
+    work = carve_fluid_work(floats[used:], integers, fluid)
+    set_pose(q, w)
+    status = added_mass(q[3:], fluid, work, w.added_mass)
+    if status == 0:
+        mass_matrix(beam, fluid, work, w)
+        mass[:] = w.mass
+        evaluate_step(q, p, torques, z, h, beam, fluid, work, w)
+        residual[:] = w.unknowns[RESIDUAL]
+        change[:] = w.unknowns[CHANGE]
+        step_jacobian(q, z, h, beam, fluid, work, difference, w)
+        jacobian[:] = w.jacobian
+    return status
+
+
+def fluid_constants(
+    elements: int,
+    panels: int,
+    caps: int = 1,
+    *,
+    axial: bool = False,
+    length: float = 1.0,
+    half_thickness: float = 0.01,
+    density: float = 10.0,
+    model: str = "panels",
+) -> FluidConstants:
+    geometry = FluidGeometry(elements, length / elements, half_thickness, panels // 2, caps)
+    return FluidConstants(FLUID_MODELS[model], geometry, density, axial)
+
+
+class FluidProbe(NamedTuple):
+    """Added mass, the matrix before its symmetric part is taken, and the shape gradient."""
+
+    mass: Array
+    raw: Array
+    gradient: Array
+
+
+def probe_fluid(
+    joint_angles: Array, fluid: FluidConstants, motion: Array | None = None
+) -> FluidProbe:
+    load_kernels()
+    count = int(motion_count(fluid))
+    floats, integers = fluid_work_sizes(fluid)
+    if motion is None:
+        motion = np.zeros(count)
+    mass, raw = np.zeros((count, count)), np.zeros((count, count))
+    gradient = np.zeros(fluid.geometry.elements)
+    work = (np.zeros(floats), np.zeros(integers, dtype=np.int64))
+    status = _fluid_probe(
+        np.asarray(joint_angles, dtype=float), motion, fluid, *work, mass, raw, gradient
+    )
+    assert status == 0, f"no added mass, status {status}, for joints {joint_angles}"
+    return FluidProbe(mass, raw, gradient)
+
+
+class StepProbe(NamedTuple):
+    """Residual, change of the momentum, minus the residual's Jacobian, and the mass at q_n."""
+
+    residual: Array
+    change: Array
+    jacobian: Array
+    mass: Array
+
+
+def probe_step(
+    q: Array,
+    p: Array,
+    torques: Array,
+    z: Array,
+    h: float,
+    beam: BeamConstants,
+    fluid: FluidConstants,
+    difference: float = 0.0,
+) -> StepProbe:
+    load_kernels()
+    n = beam.elements + 2
+    floats, integers = work_sizes(beam, fluid)
+    out = StepProbe(np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros((n, n)))
+    work = (np.zeros(floats), np.zeros(integers, dtype=np.int64))
+    status = _step_probe(q, p, torques, z, h, difference, beam, fluid, *work, *out)
+    assert status == 0, f"the step cannot be evaluated, status {status}"
+    return out
+
+
+def mass_of(simulator: Simulator) -> Array:
+    """Return the total mass (N + 2, N + 2) on (mean centre, element angles) at the present pose.
+
+    The start by momentum p_0 = M v_0 gives one column for every unit velocity.
+    """
+    state = simulator._state.copy()
+    n = simulator.elements + 2
+    mass = np.zeros((n, n))
+    for i, velocity in enumerate(np.eye(n)):
+        constants = (simulator._beam, simulator._fluid, simulator._floats, simulator._integers)
+        _, status = weigh(state, velocity, True, *constants)
+        assert status == 0, f"no mass, status {status}"
+        mass[i] = state[n : 2 * n]
+    return mass
+
+
+class RigidMass(NamedTuple):
+    """Mass of the stiff straight body along itself and across, inertia and coupling there."""
+
+    along: float
+    across: float
+    inertia: float
+    coupling: float
+
+
+def rigid_mass(simulator: Simulator) -> RigidMass:
+    """Sum the mass of the straight beam along x to that of the rigid body about its centre."""
+    mass = mass_of(simulator)
+    n = simulator.elements + 2
+    turning = np.zeros(n)
+    turning[2:] = 1.0
+    return RigidMass(
+        float(mass[0, 0]),
+        float(mass[1, 1]),
+        float(turning @ mass @ turning),
+        float(mass[1] @ turning),
+    )
