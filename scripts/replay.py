@@ -9,6 +9,7 @@ import sys
 from typing import Any
 
 from swim_env.command_line import add_scene_arguments, progress_bar, run, scene_of
+from swim_env.physics.loading import load_kernels
 from swim_env.replay import check_result_folder, replay, steps_of, write_results
 
 
@@ -57,7 +58,9 @@ def main(arguments: list[str] | None = None) -> int:
     scene = scene_of(options)
     if options.output is not None:
         check_result_folder(options.output)
-    with progress_bar(steps_of(scene, options.duration), "step", scene.name) as progress:
+    steps = steps_of(scene, options.duration)
+    load_kernels()
+    with progress_bar(steps, "step", scene.name) as progress:
         trajectory, summary = replay(scene, options.duration, progress)
     if summary["termination_reason"]:
         print(

@@ -6,6 +6,7 @@ import contextlib
 import os
 import tempfile
 import zipfile
+import zlib
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import IO, Any
@@ -196,13 +197,13 @@ class Trajectory:
         """
         name = os.fspath(path)
         try:
-            with np.load(path, allow_pickle=False) as file:
+            with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
                 content = {key: file[key] for key in file.files}
         except OSError as error:
             raise TrajectoryError(
                 f"cannot read the trajectory: {error.strerror or error} ({name})"
             ) from None
-        except (ValueError, zipfile.BadZipFile, EOFError, KeyError, AttributeError) as error:
+        except (ValueError, TypeError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
             raise TrajectoryError(
                 f"not a trajectory file, or a damaged one: {error} ({name})"
             ) from None
