@@ -85,14 +85,16 @@ def _checked_corners(vertices: ArrayLike) -> Array:
     short = np.flatnonzero(np.hypot(edges[:, 0], edges[:, 1]) <= 1e-14 * size)
     if short.size:
         raise OutlineError(f"edge {int(short[0])} of the outline has no length")
-    following = np.roll(corners, -1, axis=0)
     # Corners seen from the first one: far from the origin the products would lose the area.
-    here, there = corners - corners[0], following - corners[0]
-    area = 0.5 * float(np.sum(here[:, 0] * there[:, 1] - there[:, 0] * here[:, 1]))
-    if abs(area) <= 1e-14 * size * size:
+    seen = corners - corners[0]
+    furthest = seen[np.argmax(np.hypot(seen[:, 0], seen[:, 1]))]
+    off_line = np.abs(furthest[0] * seen[:, 1] - furthest[1] * seen[:, 0])
+    if float(off_line.max()) <= 1e-14 * size * size:
         raise OutlineError("the outline must enclose an area, its corners lie on one line")
     _refuse_crossings(corners)
-    return corners if area > 0.0 else corners[::-1].copy()
+    following = np.roll(seen, -1, axis=0)
+    doubled_area = float(np.sum(seen[:, 0] * following[:, 1] - following[:, 0] * seen[:, 1]))
+    return corners if doubled_area > 0.0 else corners[::-1].copy()
 
 
 def _refuse_crossings(corners: Array) -> None:

@@ -34,10 +34,20 @@ from swim_env.physics.loading import load_kernels
 from swim_env.physics.outline import FluidGeometry
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 
 @kernel
-def _fluid_probe(joint_angles, motion, fluid, floats, integers, mass, raw, gradient):
+def _fluid_probe(
+    joint_angles: Array,
+    motion: Array,
+    fluid: FluidConstants,
+    floats: Array,
+    integers: Integers,
+    mass: Array,
+    raw: Array,
+    gradient: Array,
+) -> int:
     work = carve_fluid_work(floats, integers, fluid)
     status = added_mass(joint_angles, fluid, work, mass)
     if status == 0:
@@ -53,8 +63,21 @@ def _fluid_probe(joint_angles, motion, fluid, floats, integers, mass, raw, gradi
 
 @kernel
 def _step_probe(
-    q, p, torques, z, h, difference, beam, fluid, floats, integers, residual, change, jacobian, mass
-):
+    q: Array,
+    p: Array,
+    torques: Array,
+    z: Array,
+    h: float,
+    difference: float,
+    beam: BeamConstants,
+    fluid: FluidConstants,
+    floats: Array,
+    integers: Integers,
+    residual: Array,
+    change: Array,
+    jacobian: Array,
+    mass: Array,
+) -> int:
     used = step_array_size(beam.elements, motion_count(fluid))
     w = carve_step_arrays(floats[:used], beam.elements, motion_count(fluid))
     work = carve_fluid_work(floats[used:], integers, fluid)

@@ -141,14 +141,17 @@ def test_thin_plate_limit() -> None:
         per_side = int(round(4.0 / thickness))
         corner = 0.5 + 0.5j * thickness
         corners = np.array([-corner, corner.conjugate(), corner, -corner.conjugate()])
-        mass = added_mass_of_polygon(cut_edges(corners, [per_side, 8, per_side, 8]))
-        excess.append(np.diag(mass)[1:] / plate - 1.0)
+        mass = np.diag(added_mass_of_polygon(cut_edges(corners, [per_side, 8, per_side, 8])))[1:]
+        off = float(np.abs(mass / rectangle_mass(1.0, thickness)[1:] - 1.0).max())
+        assert off < 2e-3, f"a rectangle {thickness} thick is off the exact mass by {off:.2e}"
+        excess.append(mass / plate - 1.0)
     text = f"excess over the plate {[e.tolist() for e in excess]} at thickness 4, 2, 1 %"
     for k in range(2):
         values = [float(e[k]) for e in excess]
         assert values[0] > values[1] > values[2] > 0.0, text
-        # The excess goes as t log(1/t), a little under first order.
-        assert all(0.7 < order < 1.0 for order in orders(values)), f"{text}: {orders(values)}"
+        # The excess goes as t log(1/t): exactly 0.73 and 0.76 (0.62 and 0.68 in rotation).
+        observed = orders(values)
+        assert 0.6 < observed[0] < observed[1] < 1.0, f"{text}: orders {observed}"
     thin = np.diag(added_mass_of_polygon(ellipse(0.5, 0.005, 1600)))
     errors = np.abs(thin[1:] / plate - 1.0)
     assert errors.max() < 1.2e-3, f"ellipse 1 % thick is off the plate by {errors.tolist()}"
@@ -255,7 +258,7 @@ def test_rigid_swimmer_is_its_polygon(elements: int, panels: int, caps: int, ben
         ([[0.0, 0.0], [1.0, 0.0], [np.inf, 1.0]], "finite.* in row 2"),
         ([[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [0.0, 1.0]], "edge 1 of the outline has no length"),
         ([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]], "enclose an area"),
-        ([[0.0, 0.0], [2.0, 2.0], [2.0, 0.0], [0.5, 2.0]], "edges 0 and 2 .* cross or touch"),
+        ([[0.0, 0.0], [2.0, 2.0], [2.0, 0.0], [0.5, 3.0]], "edges 0 and 2 .* cross or touch"),
         (
             [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 0.0], [0.0, 1.0]],
             "edges 0 and 2 .* cross or touch",
@@ -265,6 +268,12 @@ def test_rigid_swimmer_is_its_polygon(elements: int, panels: int, caps: int, ben
 def test_bad_outline_is_refused_by_name(vertices: object, message: str) -> None:
     with pytest.raises(OutlineError, match=message):
         added_mass_of_polygon(vertices)  # type: ignore[arg-type]
+
+
+def test_bow_tie_is_refused_for_its_crossing() -> None:
+    # Its two halves cancel in the signed area, yet its corners do not lie on one line.
+    with pytest.raises(OutlineError, match="edges 0 and 2 .* cross or touch"):
+        added_mass_of_polygon([[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]])
 
 
 @pytest.mark.parametrize("density", [0.0, -1.0, np.nan, np.inf, True, None, "water", [1.0]])
