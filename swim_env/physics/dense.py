@@ -57,6 +57,26 @@ def mat_vec_transposed(matrix: Array, vector: Array, out: Array) -> None:
 
 
 @kernel
+def _bring_up_pivot(matrix: Array, k: int, permutation: NDArray[np.int64]) -> bool:
+    """Exchange row k with the row below that has the largest entry in column k, and note it."""
+    pivot_row = k
+    largest = abs(matrix[k, k])
+    for i in range(k + 1, matrix.shape[0]):
+        if abs(matrix[i, k]) > largest:
+            largest = abs(matrix[i, k])
+            pivot_row = i
+    permutation[k] = pivot_row
+    if not (largest > 0.0 and largest < np.inf):
+        return False
+    if pivot_row != k:
+        for j in range(matrix.shape[1]):
+            held = matrix[k, j]
+            matrix[k, j] = matrix[pivot_row, j]
+            matrix[pivot_row, j] = held
+    return True
+
+
+@kernel
 def invert(matrix: Array, permutation: NDArray[np.int64]) -> bool:
     """Invert a square matrix in place by Gauss-Jordan elimination with row pivoting.
 
@@ -74,20 +94,8 @@ def invert(matrix: Array, permutation: NDArray[np.int64]) -> bool:
     """
     n = matrix.shape[0]
     for k in range(n):
-        pivot_row = k
-        largest = abs(matrix[k, k])
-        for i in range(k + 1, n):
-            if abs(matrix[i, k]) > largest:
-                largest = abs(matrix[i, k])
-                pivot_row = i
-        permutation[k] = pivot_row
-        if not (largest > 0.0 and largest < np.inf):
+        if not _bring_up_pivot(matrix, k, permutation):
             return False
-        if pivot_row != k:
-            for j in range(n):
-                held = matrix[k, j]
-                matrix[k, j] = matrix[pivot_row, j]
-                matrix[pivot_row, j] = held
         reciprocal = 1.0 / matrix[k, k]
         matrix[k, k] = 1.0
         for j in range(n):
@@ -114,20 +122,8 @@ def lu_factor(matrix: Array, permutation: NDArray[np.int64]) -> bool:
     """Factorise a square matrix (n, n) in place, rows exchanged; False at a zero pivot."""
     n = matrix.shape[0]
     for k in range(n):
-        pivot_row = k
-        largest = abs(matrix[k, k])
-        for i in range(k + 1, n):
-            if abs(matrix[i, k]) > largest:
-                largest = abs(matrix[i, k])
-                pivot_row = i
-        permutation[k] = pivot_row
-        if not (largest > 0.0 and largest < np.inf):
+        if not _bring_up_pivot(matrix, k, permutation):
             return False
-        if pivot_row != k:
-            for j in range(n):
-                held = matrix[k, j]
-                matrix[k, j] = matrix[pivot_row, j]
-                matrix[pivot_row, j] = held
         reciprocal = 1.0 / matrix[k, k]
         for i in range(k + 1, n):
             matrix[i, k] *= reciprocal

@@ -59,6 +59,8 @@ def _say(message: str) -> None:
 
 def _compile_in_own_process() -> None:
     """Fill the cache; where no process can be started, this one compiles as it calls."""
+    if not sys.executable:
+        return
     root = str(Path(__file__).parents[2])
     code = f"import sys; sys.path.insert(0, {root!r}); from swim_env.physics import loading"
     command = [sys.executable, "-c", f"{code}; loading._call_all()"]
