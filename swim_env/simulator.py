@@ -154,10 +154,7 @@ class Simulator:
     def energy(self) -> float:
         """Return H(q_n, p_n) = p_n M(q_n)^-1 p_n/2 + W(q_n) of body and fluid (J).
 
-        Raises
-        ------
-        SimulationEndedError
-            If the pose has no added mass (a fold that the panels cannot represent).
+        Every state that the simulator hands out has been weighed, so this does not fail.
         """
         return self._weigh()[0]
 
@@ -168,11 +165,6 @@ class Simulator:
         -------
         (N + 2,) array
             Velocity of the mean centre (m/s) and turning rate of every element (rad/s).
-
-        Raises
-        ------
-        SimulationEndedError
-            As `energy`.
         """
         return self._weigh()[1]
 
@@ -297,7 +289,7 @@ class Simulator:
         self._refuse_after_end()
         n = self.elements + 2
         total = len(held)
-        first = self.steps
+        first, start = self.steps, self.energy()
         q = np.empty((total + 1, n))
         p = np.empty((total + 1, n))
         record = np.zeros((total, len(RECORD_NAMES)))
@@ -324,21 +316,17 @@ class Simulator:
                 self._reason = TERMINATION_REASONS[status]
             if progress:
                 progress(steps)
-        return self._trajectory(first, q[: taken + 1], p[: taken + 1], held[:taken], record[:taken])
+        upto = slice(taken + 1)
+        return self._trajectory(first, start, q[upto], p[upto], held[:taken], record[:taken])
 
     def _trajectory(
-        self, first: int, q: Array, p: Array, torques: Array, record: Array
+        self, first: int, start: float, q: Array, p: Array, torques: Array, record: Array
     ) -> Trajectory:
         positions = np.empty((len(q), self.elements, 2))
         centres_of_trajectory(q, self.scene.beam.element_length, positions)
         columns = dict(zip(RECORD_NAMES, record.T.copy(), strict=True))
-        # The kernel records the energy at the beginning of each step; the last state may be one
-        # whose outline cannot be weighed, which is then why the run ended.
-        energy = np.append(columns.pop("energy"), np.nan)
-        try:
-            energy[-1] = self.energy()
-        except SimulationEndedError as error:
-            self._reason = self._reason or error.reason
+        # The kernel records the energy at the end of each step.
+        energy = np.concatenate([[start], columns.pop("energy")])
         return Trajectory(
             scene=self.scene,
             termination_reason=self._reason,

@@ -131,8 +131,6 @@ class Trajectory:
         """
         steps = self.steps
         speed = float(np.hypot(*self.displacement)) / self.duration if steps else 0.0
-        known = np.isfinite(self.energy)
-        last = int(np.count_nonzero(known))
         return {
             "scene": self.scene.name,
             "duration": self.duration,
@@ -143,9 +141,7 @@ class Trajectory:
             "work": float(self.work.sum()),
             "positive_work": float(self.positive_work.sum()),
             "dissipated": float(self.dissipated.sum()),
-            "energy_drift": energy_drift(
-                self.energy[:last], self.work[: last - 1], self.dissipated[: last - 1]
-            ),
+            "energy_drift": energy_drift(self.energy, self.work, self.dissipated),
             "momentum_drift": momentum_drift(self.momentum),
             "max_residual": float(self.residual.max(initial=0.0)),
             "newton_iterations_mean": float(self.iterations.mean()) if steps else 0.0,

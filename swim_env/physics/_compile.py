@@ -3,7 +3,8 @@
 numba's own cache looks only at the file that a kernel stands in. A kernel whose *callee* changed
 would go on running the old code. Every kernel of this package is therefore cached in a folder
 whose name carries a hash of all kernel sources, of the versions of numba, llvmlite, NumPy and
-Python, and of the processor that the code was made for.
+Python, and of the processor that the code was made for, and of the place of the package. Where no cache folder can be
+written, the code is kept in a temporary folder for this process alone.
 """
 
 from __future__ import annotations
@@ -31,11 +32,11 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 def _fingerprint() -> str:
     digest = hashlib.sha256()
     for source in sorted(Path(__file__).parent.glob("*.py")):
-        content = source.read_bytes()
-        if b"_compile import" in content or source.samefile(__file__):
-            digest.update(source.name.encode())
-            digest.update(content)
+        digest.update(source.name.encode())
+        digest.update(source.read_bytes())
     for part in (
+        # numba files kernels under the path of their source, so every installation has its own.
+        Path(__file__).resolve().parent,
         numba.__version__,
         llvmlite.__version__,
         np.__version__,
@@ -61,6 +62,11 @@ def _base_folder() -> Path:
     return base / "swim_env"
 
 
+def _private_temporary_folder() -> Path:
+    """Return a folder that nobody else can write to: cached code is trusted when it is loaded."""
+    return Path(tempfile.mkdtemp(prefix="swim_env-kernels-"))
+
+
 def _writable(folder: Path) -> bool:
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -72,12 +78,11 @@ def _writable(folder: Path) -> bool:
 
 def _find_cache_folder() -> Path:
     name = f"kernels-{_fingerprint()}"
-    folder = _base_folder() / name
-    if not _writable(folder):
-        user = os.getuid() if hasattr(os, "getuid") else "user"
-        folder = Path(tempfile.gettempdir()) / f"swim_env-{user}" / name
-        folder.mkdir(parents=True, exist_ok=True)
-    return folder
+    try:
+        folder = _base_folder() / name
+    except RuntimeError:  # no home folder can be told
+        return _private_temporary_folder()
+    return folder if _writable(folder) else _private_temporary_folder()
 
 
 _CACHE_FOLDER = _find_cache_folder()

@@ -90,10 +90,11 @@ _ELEMENT_ROWS = 25
 # p_n + D1 L_d + h F/2, the scale it is measured with, the magnitude of its terms, the change
 # D1 L_d + D2 L_d + h F of the momentum; Newton's increment, trial, correction and next correction;
 # the velocity
-# M^-1 p at q_n; the increment of the outer step; q and p at its beginning.
+# M^-1 p at q_n; the increment of the outer step; q and p at its beginning; the
+# angles that the mass stands for, behind a flag.
 RESIDUAL, SCALE, SIZE, CHANGE, INCREMENT, TRIAL, DIRECTION, PROPOSED = range(8)
-VELOCITY, TOTAL, SAVED_Q, SAVED_P = range(8, 12)
-_UNKNOWN_ROWS = 12
+VELOCITY, TOTAL, SAVED_Q, SAVED_P, PREPARED = range(8, 13)
+_UNKNOWN_ROWS = 13
 # Rows of `StepArrays.motions`, one number per unit motion: V, A V/h, both of one column of the
 # Jacobian, scratch.
 MOTION, FLUID_IMPULSE, COLUMN_MOTION, COLUMN_IMPULSE, MOVED = range(5)

@@ -62,8 +62,8 @@ def _compile_in_own_process() -> None:
     if not sys.executable:
         return
     root = str(Path(__file__).parents[2])
-    code = f"import sys; sys.path.insert(0, {root!r}); from swim_env.physics import loading"
-    command = [sys.executable, "-c", f"{code}; loading._call_all()"]
+    code = f"import sys; sys.path.append({root!r}); from swim_env.physics import loading"
+    command = [sys.executable, "-P", "-c", f"{code}; loading._call_all()"]
     try:
         subprocess.run(command, check=False, stdin=subprocess.DEVNULL)
     except OSError:

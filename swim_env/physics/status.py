@@ -35,10 +35,11 @@ _MEANING = {
         "the panels cannot resolve"
     ),
     "influence_singular": "the normal influence matrix of the panels has no inverse",
-    "mass_not_positive": "the discrete total mass lost positivity, the outline is too coarse",
-    "step_not_solved": "the step equations could not be solved, even in 1024 parts of the step",
+    "mass_not_positive": "the discrete total mass is not positive definite: the outline is too coarse for the bend, or "
+    "the inertia too small for the numbers",
+    "step_not_solved": "the step equations could not be solved, however short a part of the step was tried",
     "turn_too_large": (
-        "an element or a joint turns by more than 0.5 rad in a step, even in 1024 parts of it"
+        "an element or a joint turns by more than 0.5 rad in however short a part of a step"
     ),
     "state_not_finite": "the state holds a number that is not finite",
 }
