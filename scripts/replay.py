@@ -11,6 +11,7 @@ from typing import Any
 from swim_env.command_line import add_scene_arguments, progress_bar, run, scene_of
 from swim_env.physics.loading import load_kernels
 from swim_env.replay import check_result_folder, replay, steps_of, write_results
+from swim_env.viewer import require_matplotlib
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -57,6 +58,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     scene = scene_of(options)
     if options.output is not None:
+        require_matplotlib()
         check_result_folder(options.output)
     steps = steps_of(scene, options.duration)
     load_kernels()

@@ -15,8 +15,8 @@ from swim_env.scene import Scene, load_scene, scene_names
 
 __all__ = ["add_scene_arguments", "progress_bar", "run", "scene_of"]
 
-#: Exit codes: bad input, and interrupted by the user.
-BAD_INPUT, INTERRUPTED = 2, 130
+#: Exit codes: the machine failed, bad input, interrupted by the user.
+FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
 
 def add_scene_arguments(parser: argparse.ArgumentParser, default: str | None = None) -> None:
@@ -68,6 +68,15 @@ def run(main: Callable[[list[str] | None], int], arguments: list[str] | None = N
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:
+        where = f" ({error.filename})" if error.filename else ""
+        print(f"error: {error.strerror or error}{where}", file=sys.stderr)
+        return FAILED
+    except MemoryError:
+        print(
+            "error: the run does not fit into memory; make it shorter or coarser", file=sys.stderr
+        )
+        return FAILED
     except KeyboardInterrupt:
         print("interrupted, nothing was written", file=sys.stderr)
         return INTERRUPTED

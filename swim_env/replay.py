@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import shutil
 import tempfile
 import time
 from collections.abc import Callable
@@ -16,8 +15,12 @@ from swim_env.errors import SwimError
 from swim_env.scene import Scene
 from swim_env.simulator import Simulator
 from swim_env.trajectory import Trajectory
+from swim_env.viewer import draw_path, save_figure
 
 __all__ = ["RESULT_FILES", "replay", "steps_of", "write_results"]
+
+#: Longest replay, whose trajectory is kept in memory.
+MOST_STEPS = 2_000_000
 
 #: What a result folder holds.
 RESULT_FILES = ("summary.json", "trajectory.npz", "scene.yaml", "path.png")
@@ -36,11 +39,17 @@ def steps_of(scene: Scene, duration: float | None = None) -> int:
     Raises
     ------
     SwimError
-        If the duration is not a positive number, or shorter than half a step.
+        If the duration is not a positive number, shorter than half a step, or longer than
+        MOST_STEPS steps.
     """
     wanted = scene.episode.duration if duration is None else duration
     if not (math.isfinite(wanted) and wanted > 0.0):
         raise SwimError(f"the duration must be a positive number of seconds, got {wanted!r}")
+    if wanted / scene.integrator.time_step > MOST_STEPS:
+        raise SwimError(
+            f"the duration must be at most {MOST_STEPS:,} time steps of "
+            f"{scene.integrator.time_step:g} s, got {wanted:g} s"
+        )
     steps = round(wanted / scene.integrator.time_step)
     if steps < 1:
         raise SwimError(
@@ -102,38 +111,39 @@ def write_results(
     SwimError
         If the folder holds other files, or cannot be written.
     """
-    from swim_env.viewer import draw_path, save_figure
-
-    target = Path(folder)
+    # A link to a folder keeps pointing there.
+    target = Path(os.path.realpath(folder))
     check_result_folder(target)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}."))
+        with tempfile.TemporaryDirectory(
+            dir=target.parent, prefix=f".{target.name[:100]}.", ignore_cleanup_errors=True
+        ) as scratch:
+            ready = Path(scratch) / "new"
+            ready.mkdir()
+            text = json.dumps(summary, indent=2, allow_nan=False)
+            (ready / "summary.json").write_text(text + "\n", encoding="utf-8")
+            trajectory.save(ready / "trajectory.npz")
+            trajectory.scene.save(ready / "scene.yaml")
+            save_figure(draw_path(trajectory), ready / "path.png")
+            _exchange(ready, target, Path(scratch) / "old")
     except OSError as error:
         raise SwimError(
             f"cannot write results: {error.strerror or error} ({os.fspath(folder)})"
         ) from None
+
+
+def _exchange(ready: Path, target: Path, old: Path) -> None:
+    """Put a finished folder in the place of another, or leave the other where it is."""
+    if not target.exists():
+        ready.rename(target)
+        return
+    target.rename(old)
     try:
-        text = json.dumps(summary, indent=2, allow_nan=False)
-        (scratch / "summary.json").write_text(text + "\n", encoding="utf-8")
-        trajectory.save(scratch / "trajectory.npz")
-        trajectory.scene.save(scratch / "scene.yaml")
-        save_figure(draw_path(trajectory), scratch / "path.png")
-        scratch.chmod(0o755)
-        old = scratch / "old"
-        if target.exists():
-            target.rename(old)
-        scratch_ready = scratch.with_name(scratch.name + ".new")
-        scratch_ready.mkdir()
-        for name in RESULT_FILES:
-            (scratch / name).rename(scratch_ready / name)
-        scratch_ready.rename(target)
-    except OSError as error:
-        raise SwimError(
-            f"cannot write results: {error.strerror or error} ({os.fspath(folder)})"
-        ) from None
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
+        ready.rename(target)
+    except BaseException:
+        old.rename(target)
+        raise
 
 
 def check_result_folder(folder: str | os.PathLike[str]) -> None:
@@ -144,14 +154,18 @@ def check_result_folder(folder: str | os.PathLike[str]) -> None:
     SwimError
         If it does, or if the path is a file.
     """
+    name = os.fspath(folder)
     target = Path(folder)
-    if not target.exists():
-        return
-    if not target.is_dir():
-        raise SwimError(f"results go into a folder, this is a file ({os.fspath(folder)})")
-    others = sorted(entry.name for entry in target.iterdir() if entry.name not in RESULT_FILES)
+    try:
+        if not target.exists():
+            return
+        if not target.is_dir():
+            raise SwimError(f"results go into a folder, this is a file ({name})")
+        others = sorted(entry.name for entry in target.iterdir() if entry.name not in RESULT_FILES)
+    except OSError as error:
+        raise SwimError(f"cannot use the folder: {error.strerror or error} ({name})") from None
     if others:
         raise SwimError(
             f"the folder holds other files than earlier results, for example {others[0]}; name "
-            f"an empty or a new one ({os.fspath(folder)})"
+            f"an empty or a new one ({name})"
         )

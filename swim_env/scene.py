@@ -16,6 +16,7 @@ from swim_env.errors import SceneError
 from swim_env.scene_checks import check_fields, check_text, nearest
 from swim_env.scene_parts import (
     FLUID_MODEL_NAMES,
+    MOST_PANELS_IN_ALL,
     SCHEME_NAMES,
     TOLERANCE_RANGE,
     Actuation,
@@ -140,6 +141,12 @@ class Scene:
                 raise SceneError(
                     f"beam.half_thickness must be above 0 and below a quarter of the length, "
                     f"{limit:.6g} m, for an outline of panels, got {beam.half_thickness!r}"
+                )
+            panels = beam.elements * self.fluid.panels_per_element + 2 * self.fluid.cap_panels
+            if panels > MOST_PANELS_IN_ALL:
+                raise SceneError(
+                    f"beam.elements times fluid.panels_per_element and the ends' panels must be "
+                    f"at most {MOST_PANELS_IN_ALL} panels, got {panels}"
                 )
         elif beam.rotary_inertia == 0.0:
             raise SceneError(

@@ -84,13 +84,15 @@ def check_real(
     return number
 
 
-def check_integer(value: object, field: str, at_least: int) -> int:
-    """Return `value` as an int if it is an integer not below the bound."""
+def check_integer(value: object, field: str, at_least: int, at_most: int) -> int:
+    """Return `value` as an int if it is an integer within the bounds."""
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
         raise SceneError(f"{field} must be an integer, got {got(value)}")
     number = int(value)
     if number < at_least:
         raise SceneError(f"{field} must be at least {at_least}, got {got(value)}")
+    if number > at_most:
+        raise SceneError(f"{field} must be at most {at_most}, got {got(value)}")
     return number
 
 

@@ -37,6 +37,12 @@ SCHEME_NAMES: tuple[str, ...] = ("paper",)
 TOLERANCE_RANGE: tuple[float, float] = (1e-13, 1e-4)
 """Smallest and largest `Integrator.tolerance`."""
 
+MOST_ELEMENTS, MOST_PANELS = 1000, 1000
+"""Largest `Beam.elements`, and largest `Fluid.panels_per_element` and `Fluid.cap_panels`."""
+
+MOST_PANELS_IN_ALL = 5000
+"""Largest number of panels of the whole outline: matrices of more do not fit into memory."""
+
 Floats = NDArray[np.float64]
 _Block = TypeVar("_Block")
 
@@ -222,7 +228,7 @@ class Beam:
     length : float
         Length l [m], above 0.
     elements : int
-        Number of elements N, at least 2.
+        Number of elements N, 2 to 1000.
     half_thickness : float
         Half the thickness in the plane of motion [m], at least 0. Only the fluid sees it; where
         there is one it must be above 0 and below a quarter of the length. How far a body may
@@ -246,7 +252,7 @@ class Beam:
 
     def __post_init__(self) -> None:
         """Check every field and store it in its final form."""
-        elements = check_integer(self.elements, "beam.elements", at_least=2)
+        elements = check_integer(self.elements, "beam.elements", at_least=2, at_most=MOST_ELEMENTS)
         _set(
             self,
             length=check_real(self.length, "beam.length", "m", above=0.0),
@@ -302,9 +308,9 @@ class Fluid:
     density : float or None
         Fluid density [kg/m^3, at unit depth], above 0; None with the model ``none``.
     panels_per_element : int
-        Panels on both sides of an element together, even, at least 2.
+        Panels on both sides of an element together, even, 2 to 1000.
     cap_panels : int
-        Panels that close each end of the body, at least 1.
+        Panels that close each end of the body, 1 to 1000.
     """
 
     model: str = "panels"
@@ -326,13 +332,15 @@ class Fluid:
             raise SceneError(f"{model} need fluid.density, a number above 0 in kg/m^3, got null")
         else:
             density = check_real(density, "fluid.density", "kg/m^3", above=0.0)
-        panels = check_integer(self.panels_per_element, "fluid.panels_per_element", at_least=2)
+        panels = check_integer(
+            self.panels_per_element, "fluid.panels_per_element", at_least=2, at_most=MOST_PANELS
+        )
         if panels % 2:
             raise SceneError(
                 "fluid.panels_per_element must be even, as it counts both sides of an element, "
                 f"got {panels}"
             )
-        caps = check_integer(self.cap_panels, "fluid.cap_panels", at_least=1)
+        caps = check_integer(self.cap_panels, "fluid.cap_panels", at_least=1, at_most=MOST_PANELS)
         _set(self, density=density, panels_per_element=panels, cap_panels=caps)
 
     @property

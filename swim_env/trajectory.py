@@ -177,9 +177,9 @@ class Trajectory:
 
         try:
             write_atomically(path, write)
-        except OSError as error:
+        except (OSError, ValueError) as error:
             raise TrajectoryError(
-                f"cannot write the trajectory: {error.strerror or error} ({os.fspath(path)})"
+                f"cannot write the trajectory: {error} ({os.fspath(path)})"
             ) from None
 
     @classmethod
@@ -196,9 +196,8 @@ class Trajectory:
             with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
                 content = {key: file[key] for key in file.files}
         except OSError as error:
-            raise TrajectoryError(
-                f"cannot read the trajectory: {error.strerror or error} ({name})"
-            ) from None
+            reason = error.strerror or str(error)
+            raise TrajectoryError(f"cannot read the trajectory: {reason} ({name})") from None
         except (ValueError, TypeError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
             raise TrajectoryError(
                 f"not a trajectory file, or a damaged one: {error} ({name})"
@@ -207,12 +206,11 @@ class Trajectory:
         missing = [key for key in wanted if key not in content]
         if missing:
             raise TrajectoryError(f"not a trajectory file, it lacks {', '.join(missing)} ({name})")
-        if content["format_version"].shape != () or int(content["format_version"]) != (
-            FORMAT_VERSION
-        ):
+        version = content["format_version"].tolist()
+        if version != FORMAT_VERSION:
             raise TrajectoryError(
-                f"the trajectory has format version {content['format_version']}, this version of "
-                f"swim_env reads {FORMAT_VERSION} ({name})"
+                f"the trajectory has format version {version}, this version of swim_env reads "
+                f"{FORMAT_VERSION} ({name})"
             )
         reason = str(content["termination_reason"])
         if reason not in TERMINATION_REASONS.values():
@@ -222,25 +220,26 @@ class Trajectory:
             scene = Scene.from_dict(data, name)
         except SceneError as error:
             raise TrajectoryError(f"the trajectory's scene is not valid: {error}") from None
-        trajectory = cls(
-            scene=scene,
-            termination_reason=reason,
-            **{key: np.asarray(content[key], dtype=np.float64) for key in _ARRAYS},
-        )
+        try:
+            arrays = {key: np.asarray(content[key], dtype=np.float64) for key in _ARRAYS}
+        except (TypeError, ValueError) as error:
+            raise TrajectoryError(f"the trajectory holds no numbers: {error} ({name})") from None
+        trajectory = cls(scene=scene, termination_reason=reason, **arrays)
         trajectory._check_shapes(name)
         return trajectory
 
     def _check_shapes(self, name: str) -> None:
         elements = self.scene.beam.elements
-        steps = len(self.torques)
-        for key, shape in {
+        steps = len(np.atleast_1d(self.torques))
+        shapes = dict.fromkeys(_ARRAYS, (steps,)) | {
             "time": (steps + 1,),
             "centres": (steps + 1, elements, 2),
             "angles": (steps + 1, elements),
             "torques": (steps, elements - 1),
             "momentum": (steps + 1, 3),
             "energy": (steps + 1,),
-        }.items():
+        }
+        for key, shape in shapes.items():
             if getattr(self, key).shape != shape:
                 raise TrajectoryError(
                     f"the trajectory's {key} must have shape {shape}, got "

@@ -3,15 +3,17 @@
 numba's own cache looks only at the file that a kernel stands in. A kernel whose *callee* changed
 would go on running the old code. Every kernel of this package is therefore cached in a folder
 whose name carries a hash of all kernel sources, of the versions of numba, llvmlite, NumPy and
-Python, and of the processor that the code was made for, and of the place of the package. Where no cache folder can be
-written, the code is kept in a temporary folder for this process alone.
+Python, of the processor that the code was made for, and of the place of the package. Where no
+cache folder can be written, the code is kept in a temporary folder for this process alone.
 """
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import os
 import platform
+import shutil
 import sys
 import tempfile
 from collections.abc import Callable
@@ -62,9 +64,13 @@ def _base_folder() -> Path:
     return base / "swim_env"
 
 
-def _private_temporary_folder() -> Path:
-    """Return a folder that nobody else can write to: cached code is trusted when it is loaded."""
-    return Path(tempfile.mkdtemp(prefix="swim_env-kernels-"))
+def _private_temporary_folder(name: str) -> Path:
+    """Make a folder that nobody else can write to: cached code is trusted when it is loaded."""
+    base = tempfile.mkdtemp(prefix="swim_env-")
+    atexit.register(shutil.rmtree, base, ignore_errors=True)
+    folder = Path(base) / name
+    folder.mkdir()
+    return folder
 
 
 def _writable(folder: Path) -> bool:
@@ -81,8 +87,8 @@ def _find_cache_folder() -> Path:
     try:
         folder = _base_folder() / name
     except RuntimeError:  # no home folder can be told
-        return _private_temporary_folder()
-    return folder if _writable(folder) else _private_temporary_folder()
+        return _private_temporary_folder(name)
+    return folder if _writable(folder) else _private_temporary_folder(name)
 
 
 _CACHE_FOLDER = _find_cache_folder()

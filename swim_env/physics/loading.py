@@ -10,6 +10,7 @@ finds the cache empty has another one fill it.
 from __future__ import annotations
 
 import functools
+import os
 import subprocess
 import sys
 import time
@@ -64,8 +65,9 @@ def _compile_in_own_process() -> None:
     root = str(Path(__file__).parents[2])
     code = f"import sys; sys.path.append({root!r}); from swim_env.physics import loading"
     command = [sys.executable, "-P", "-c", f"{code}; loading._call_all()"]
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache_folder().parent)}
     try:
-        subprocess.run(command, check=False, stdin=subprocess.DEVNULL)
+        subprocess.run(command, check=False, stdin=subprocess.DEVNULL, env=environment)
     except OSError:
         return
 

@@ -35,9 +35,13 @@ _MEANING = {
         "the panels cannot resolve"
     ),
     "influence_singular": "the normal influence matrix of the panels has no inverse",
-    "mass_not_positive": "the discrete total mass is not positive definite: the outline is too coarse for the bend, or "
-    "the inertia too small for the numbers",
-    "step_not_solved": "the step equations could not be solved, however short a part of the step was tried",
+    "mass_not_positive": (
+        "the discrete total mass is not positive definite: the outline is too coarse for the bend, "
+        "or the inertia too small for the numbers"
+    ),
+    "step_not_solved": (
+        "the step equations could not be solved, however short a part of the step was tried"
+    ),
     "turn_too_large": (
         "an element or a joint turns by more than 0.5 rad in however short a part of a step"
     ),

@@ -5,6 +5,7 @@ Drawn with matplotlib's object interface, so nothing global is touched and no wi
 
 from __future__ import annotations
 
+import importlib.util
 import os
 from typing import IO, TYPE_CHECKING, Any
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["draw_path", "save_figure"]
+__all__ = ["draw_path", "require_matplotlib", "save_figure"]
 
 #: Runs through colours that differ in lightness as well, from the beginning to the end of a run.
 TIME_COLOURS = "viridis"
@@ -26,14 +27,24 @@ BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "#666666"
 _SMALL = 8
 
 
-def _figure(width: float, height: float) -> Figure:
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError:
+def require_matplotlib() -> None:
+    """Refuse to go on without matplotlib.
+
+    Raises
+    ------
+    SwimError
+        If it is not installed; the message says how to get it.
+    """
+    if importlib.util.find_spec("matplotlib") is None:
         raise SwimError(
             "pictures need matplotlib: install the extra 'view' (pip install 'swim-env[view]')"
-        ) from None
+        )
+
+
+def _figure(width: float, height: float) -> Figure:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(width, height), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
@@ -83,6 +94,7 @@ def draw_path(trajectory: Trajectory, shapes: int = 6) -> Figure:
     SwimError
         If matplotlib is not installed.
     """
+    require_matplotlib()
     from matplotlib import colormaps
 
     instants = np.unique(np.linspace(0, trajectory.steps, shapes).round().astype(int))

@@ -92,6 +92,11 @@ def test_result_folder(tmp_path):
         (["--scene", "paper_i", "--duration", "-1"], "must be a positive number of seconds"),
         (["--scene", "paper_i", "--duration", "nan"], "must be a positive number of seconds"),
         (["--scene", "paper_i", "--duration", "1e-5"], "at least one time step, 0.01 s"),
+        (["--scene", "paper_i", "--duration", "1e300"], "at most 2,000,000 time steps"),
+        (["--scene", "paper_i", "--set", "integrator.time_step=1e-320"], "at most 2,000,000"),
+        (["--scene", "paper_i", "--set", "beam.elements=100000"], "elements must be at most 1000"),
+        (["--scene", "paper_i", "--set", "fluid.panels_per_element=800"], "at most 5000 panels"),
+        (["--scene", "paper_i", "--set", "initial.velocity=[1e200, 1e200]"], "state_not_finite"),
         (["--scene", "paper_i", "--duration", "x"], "invalid float value"),
         ([], "--scene"),
         (["--scene", "paper_i", "--set", "initial.joint_angles=3"], "outline_degenerate"),
@@ -136,6 +141,59 @@ def test_failing_write_leaves_old_results(tmp_path, monkeypatch):
         write_results(trajectory, summary, folder)
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+@pytest.mark.parametrize("error", [OSError(5, "Input/output error"), KeyboardInterrupt()])
+def test_failing_exchange_puts_old_results_back(tmp_path, monkeypatch, error):
+    """Even the last rename may fail: the older folder is back in its place."""
+    trajectory, summary = replay(load_scene("paper_iv"), 0.1)
+    folder = tmp_path / "run"
+    write_results(trajectory, summary, folder)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    rename = Path.rename
+
+    def breaks(self, target):
+        if self.name == "new":
+            raise error
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", breaks)
+    with pytest.raises(SwimError if isinstance(error, OSError) else KeyboardInterrupt):
+        write_results(trajectory, {**summary, "scene": "other"}, folder)
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+def test_a_link_stays_a_link(tmp_path):
+    """Results go into the folder that a link points to."""
+    trajectory, summary = replay(load_scene("paper_iv"), 0.1)
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to("real")
+    write_results(trajectory, summary, tmp_path / "link")
+    assert (tmp_path / "link").is_symlink()
+    assert sorted(path.name for path in (tmp_path / "real").iterdir()) == sorted(RESULT_FILES)
+
+
+def test_unusable_output_is_one_line(tmp_path):
+    """A name that the file system refuses, and a full standard output."""
+    done = command(
+        "--scene", "paper_iv", "--duration", "0.1", "--output", str(tmp_path / ("x" * 300))
+    )
+    assert done.returncode == 2
+    assert "File name too long" in done.stderr
+    assert "Traceback" not in done.stderr
+    with open("/dev/full", "w") as full:
+        process = subprocess.run(
+            [sys.executable, str(ROOT / "scripts" / "replay.py"), "--scene", "paper_iv", "--json"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=ROOT,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+        )
+    assert process.returncode == 1
+    assert "No space left on device" in process.stderr
+    assert "Traceback" not in process.stderr
 
 
 def test_early_end_is_reported():

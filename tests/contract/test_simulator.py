@@ -204,6 +204,28 @@ def test_progress_sees_every_step(simulator):
     np.testing.assert_array_equal(watched.centres, alone.centres)
 
 
+def test_every_state_handed_out_can_be_weighed():
+    """The step that would reach a pose beyond the panels' limits is the one that ends the run."""
+    simulator = Simulator("paper_i")
+    rng = np.random.default_rng(2)
+    with pytest.raises(SimulationEndedError) as caught:
+        while simulator.time < 10.0:
+            torques = rng.choice([-1.0, 1.0], 8)
+            for _ in range(2):
+                simulator.step(torques)
+                assert np.isfinite(simulator.energy())
+    assert caught.value.time == simulator.time
+    assert np.isfinite(simulator.energy())
+    assert np.isfinite(simulator.velocity()).all()
+
+
+def test_a_start_beyond_floating_point_is_refused():
+    """A velocity whose energy overflows is refused by name."""
+    scene = load_scene("paper_i").replace("initial.velocity", (1e200, 1e200))
+    with pytest.raises(SimulationEndedError, match="state_not_finite"):
+        Simulator(scene)
+
+
 def test_early_end_is_told(simulator):
     """A run that cannot go on keeps its last good state, and says why until it is reset."""
     torques = np.full((2000, 8), 40.0)
@@ -278,6 +300,9 @@ def test_unreadable_trajectories(tmp_path, simulator):
         content = dict(file)
     for key, value, part in (
         ("format_version", np.array(99), "format version 99"),
+        ("format_version", np.array("new"), "format version new"),
+        ("energy", np.array(["a"] * 6), "holds no numbers"),
+        ("work", np.zeros(3), r"work must have shape \(5,\)"),
         ("termination_reason", np.array("bored"), "unknown termination_reason 'bored'"),
         ("angles", np.zeros((2, 2)), r"angles must have shape \(6, 9\)"),
         ("scene", np.array("beam: {elements: 1}"), "beam.elements must be at least 2"),
@@ -303,6 +328,8 @@ def test_failed_save_leaves_the_old_file(tmp_path, simulator, monkeypatch):
         trajectory.save(file)
     assert file.read_bytes() == before
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.npz"]
+    with pytest.raises(TrajectoryError, match="cannot write"):
+        trajectory.save(f"{file}\0")
     with pytest.raises(TrajectoryError, match="cannot write"):
         trajectory.save(tmp_path / "no" / "such" / "folder.npz")
 
