@@ -60,6 +60,14 @@ def test_a_few_seeds_stay_finite_and_end_by_name(name: str, kind: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.ci_slice
+@pytest.mark.parametrize("kind", KINDS)
+def test_other_seeds_stay_finite_and_end_by_name(kind: str) -> None:
+    _check("swimmer", kind, range(100, 120))
+    _check("paper_i", kind, range(100, 102))
+
+
+@pytest.mark.slow
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", SHARE_THAT_LASTS)
