@@ -202,7 +202,8 @@ class Scene:
         ----------
         mapping : mapping
             Fields and blocks by name; what is left out has its default, optional blocks left
-            out or null are absent.
+            out or null are absent. Only `axial_added_mass`, which has no fields, may not be null,
+            since a bare ``axial_added_mass:`` might be meant as its presence.
         source : str, optional
             Where the mapping came from, for messages.
 
