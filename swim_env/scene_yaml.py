@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import os
 import re
-import secrets
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import yaml
 
 from swim_env.errors import SceneError
+from swim_env.files import write_atomically
 
 _FLOAT = re.compile(
     r"^[-+]?(?:(?:\.[0-9]+|[0-9]+\.[0-9]*)(?:[eE][-+]?[0-9]+)?|[0-9]+[eE][-+]?[0-9]+"
@@ -159,7 +159,7 @@ def read_text(path: str | os.PathLike[str], source: str) -> str:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write a UTF-8 text file whole or not at all (a temporary file, then a rename).
+    """Write a UTF-8 text file whole or not at all.
 
     Parameters
     ----------
@@ -173,17 +173,8 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
     SceneError
         If the file cannot be written; what was there before is untouched.
     """
-    target = Path(path)
-    scratch = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
     try:
-        try:
-            with open(scratch, "x", encoding="utf-8", newline="\n") as stream:
-                stream.write(text)
-                stream.flush()
-                os.fsync(stream.fileno())
-            os.replace(scratch, target)
-        finally:
-            scratch.unlink(missing_ok=True)
+        write_atomically(path, lambda file: file.write(text.encode("utf-8")))
     except OSError as error:
         reason = error.strerror or type(error).__name__
         raise SceneError(f"cannot write the scene file: {reason}", os.fspath(path)) from None

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
-import tempfile
 import zipfile
 import zlib
 from dataclasses import dataclass, fields
-from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import SceneError, TrajectoryError
+from swim_env.files import write_atomically
 from swim_env.physics.invariants import energy_drift, momentum_drift
 from swim_env.physics.status import TERMINATION_REASONS
 from swim_env.scene import Scene
 from swim_env.scene_yaml import parse_yaml
 
-__all__ = ["Trajectory", "write_atomically"]
+__all__ = ["Trajectory"]
 
 Array = NDArray[np.float64]
 
@@ -250,36 +248,3 @@ class Trajectory:
 _ARRAYS = tuple(
     field.name for field in fields(Trajectory) if field.name not in ("scene", "termination_reason")
 )
-
-
-def write_atomically(path: str | os.PathLike[str], write: Any) -> None:
-    """Write a file whole or not at all.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        The file; its folder must exist. An older file stays until the new one is complete.
-    write : callable
-        Called with the open binary file.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written; nothing half-written stays behind.
-    """
-    target = Path(path)
-    descriptor, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    try:
-        with os.fdopen(descriptor, "wb") as file:
-            write(file)
-            file.flush()
-            os.fsync(file.fileno())
-        # mkstemp makes files private; give the permissions that an ordinary file would have.
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(temporary, 0o666 & ~mask)
-        os.replace(temporary, target)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            os.unlink(temporary)
-        raise

@@ -186,7 +186,7 @@ def build_outline(joint_angles: Array, geometry: FluidGeometry, out: OutlineArra
         if not dl - abs(shortening) >= SHORTEST_SIDE * dl:
             return OUTLINE_DEGENERATE
         # Below: from (-left, -h) to (dl + right, -h) in the element's frame.
-        below = k * side
+        below = first_panel(geometry, k, False)
         _put_segment(
             below,
             side,
@@ -198,7 +198,7 @@ def build_outline(joint_angles: Array, geometry: FluidGeometry, out: OutlineArra
             out,
         )
         # Above: from (dl - right, h) back to (left, h).
-        above = elements * side + cap + (elements - 1 - k) * side
+        above = first_panel(geometry, k, True)
         _put_segment(
             above,
             side,
@@ -259,77 +259,44 @@ def build_outline(joint_angles: Array, geometry: FluidGeometry, out: OutlineArra
 
 
 @kernel
-def _point_to_segment(
-    px: float, py: float, ax: float, ay: float, ct: float, st: float, length: float
-) -> float:
-    along = min(max((px - ax) * ct + (py - ay) * st, 0.0), length)
-    dx = px - ax - along * ct
-    dy = py - ay - along * st
+def _distance_to_panel(px: float, py: float, j: int, panels: Array) -> float:
+    """Return the distance (m) of a point from panel j."""
+    ct = panels[CT, j]
+    st = panels[ST, j]
+    dx = px - panels[X, j]
+    dy = py - panels[Y, j]
+    along = min(max(dx * ct + dy * st, 0.0), panels[LENGTH, j])
+    dx -= along * ct
+    dy -= along * st
     return math.sqrt(dx * dx + dy * dy)
 
 
 @kernel
-def _panel_gap(i: int, j: int, o: OutlineArrays) -> float:
-    """Return the distance of two panels, zero when they cross."""
-    ix, iy = (
-        o.panels[X, i] + o.panels[CT, i] * o.panels[LENGTH, i],
-        o.panels[Y, i] + o.panels[ST, i] * o.panels[LENGTH, i],
-    )
-    jx, jy = (
-        o.panels[X, j] + o.panels[CT, j] * o.panels[LENGTH, j],
-        o.panels[Y, j] + o.panels[ST, j] * o.panels[LENGTH, j],
-    )
-    side_a = o.panels[CT, i] * (o.panels[Y, j] - o.panels[Y, i]) - o.panels[ST, i] * (
-        o.panels[X, j] - o.panels[X, i]
-    )
-    side_b = o.panels[CT, i] * (jy - o.panels[Y, i]) - o.panels[ST, i] * (jx - o.panels[X, i])
-    side_c = o.panels[CT, j] * (o.panels[Y, i] - o.panels[Y, j]) - o.panels[ST, j] * (
-        o.panels[X, i] - o.panels[X, j]
-    )
-    side_d = o.panels[CT, j] * (iy - o.panels[Y, j]) - o.panels[ST, j] * (ix - o.panels[X, j])
-    if side_a * side_b < 0.0 and side_c * side_d < 0.0:
+def _side_of_panel(px: float, py: float, j: int, panels: Array) -> float:
+    """Return the signed distance (m) of a point from the line through panel j."""
+    side: float = panels[CT, j] * (py - panels[Y, j]) - panels[ST, j] * (px - panels[X, j])
+    return side
+
+
+@kernel
+def _panel_gap(i: int, j: int, panels: Array) -> float:
+    """Return the distance (m) of two panels, zero when they cross."""
+    ax = panels[X, i]
+    ay = panels[Y, i]
+    bx = ax + panels[CT, i] * panels[LENGTH, i]
+    by = ay + panels[ST, i] * panels[LENGTH, i]
+    cx = panels[X, j]
+    cy = panels[Y, j]
+    dx = cx + panels[CT, j] * panels[LENGTH, j]
+    dy = cy + panels[ST, j] * panels[LENGTH, j]
+    if (
+        _side_of_panel(cx, cy, i, panels) * _side_of_panel(dx, dy, i, panels) < 0.0
+        and _side_of_panel(ax, ay, j, panels) * _side_of_panel(bx, by, j, panels) < 0.0
+    ):
         return 0.0
     return min(
-        min(
-            _point_to_segment(
-                o.panels[X, i],
-                o.panels[Y, i],
-                o.panels[X, j],
-                o.panels[Y, j],
-                o.panels[CT, j],
-                o.panels[ST, j],
-                o.panels[LENGTH, j],
-            ),
-            _point_to_segment(
-                ix,
-                iy,
-                o.panels[X, j],
-                o.panels[Y, j],
-                o.panels[CT, j],
-                o.panels[ST, j],
-                o.panels[LENGTH, j],
-            ),
-        ),
-        min(
-            _point_to_segment(
-                o.panels[X, j],
-                o.panels[Y, j],
-                o.panels[X, i],
-                o.panels[Y, i],
-                o.panels[CT, i],
-                o.panels[ST, i],
-                o.panels[LENGTH, i],
-            ),
-            _point_to_segment(
-                jx,
-                jy,
-                o.panels[X, i],
-                o.panels[Y, i],
-                o.panels[CT, i],
-                o.panels[ST, i],
-                o.panels[LENGTH, i],
-            ),
-        ),
+        min(_distance_to_panel(ax, ay, j, panels), _distance_to_panel(bx, by, j, panels)),
+        min(_distance_to_panel(cx, cy, i, panels), _distance_to_panel(dx, dy, i, panels)),
     )
 
 
@@ -344,7 +311,7 @@ def _pair_too_close(k: int, m: int, geometry: FluidGeometry, out: OutlineArrays)
             if out.element[j] != m:
                 continue
             limit = GAP_TO_PANEL * max(out.panels[LENGTH, i], out.panels[LENGTH, j])
-            if not _panel_gap(i, j, out) >= limit:
+            if not _panel_gap(i, j, out.panels) >= limit:
                 return True
     return False
 

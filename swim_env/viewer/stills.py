@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import SwimError
-from swim_env.trajectory import Trajectory, write_atomically
+from swim_env.files import write_atomically
+from swim_env.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,0 +1,39 @@
+"""Writing files whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO
+
+__all__ = ["write_atomically"]
+
+
+def write_atomically(path: str | os.PathLike[str], write: Callable[[IO[bytes]], object]) -> None:
+    """Write a file through a temporary one beside it, which then takes its name.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        The file; its folder must exist. An older file stays until the new one is complete.
+    write : callable
+        Called with the open binary file.
+
+    Raises
+    ------
+    OSError, ValueError
+        If the file cannot be written, or its name is not one; what was there before is untouched
+        and nothing half-written stays behind.
+    """
+    target = Path(path)
+    scratch = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
+    try:
+        with open(scratch, "xb") as file:
+            write(file)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(scratch, target)
+    finally:
+        scratch.unlink(missing_ok=True)
