@@ -98,7 +98,7 @@ class Scene:
     integrator : Integrator
         Time step, tolerance, scheme.
     episode : Episode
-        Duration.
+        Duration; and for environments the control interval, the heading and the start's noise.
     """
 
     name: str = "unnamed"
@@ -167,6 +167,30 @@ class Scene:
     def effects(self) -> tuple[str, ...]:
         """Names of the effects that are present, in the order of `EFFECT_NAMES`."""
         return tuple(name for name in EFFECT_NAMES if getattr(self, name) is not None)
+
+    @property
+    def steps_per_action(self) -> int:
+        """Number of time steps over which an environment holds an action.
+
+        Raises
+        ------
+        SceneError
+            If the control interval is not a whole number of time steps.
+        """
+        ratio = self.episode.control_interval / self.integrator.time_step
+        steps = round(ratio)
+        if steps < 1 or abs(ratio - steps) > 1e-9 * ratio:
+            raise SceneError(
+                f"episode.control_interval must be a whole number of steps of "
+                f"integrator.time_step, {self.integrator.time_step!r} s, got "
+                f"{self.episode.control_interval!r} s, which is {ratio:.6g} steps"
+            )
+        return steps
+
+    @property
+    def actions_per_episode(self) -> int:
+        """Number of actions that an environment takes in an episode, at least 1."""
+        return max(1, round(self.episode.duration / self.episode.control_interval))
 
     def to_dict(self) -> dict[str, Any]:
         """Return every field as mappings, lists and scalars; absent blocks are left out."""

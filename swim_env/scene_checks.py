@@ -133,7 +133,7 @@ def check_reals(
     )
 
 
-def check_pair(value: object, field: str, unit: str) -> Pair:
+def check_pair(value: object, field: str, unit: str = "") -> Pair:
     """Return a list of two numbers as a tuple."""
     items = listed(value)
     if items is None or len(items) != 2:

@@ -630,16 +630,56 @@ class Integrator:
 
 @dataclass(frozen=True)
 class Episode:
-    """How long the scene is played.
+    """How the scene is played: how long, and for learners, how often they act and for what.
 
     Attributes
     ----------
     duration : float
-        Simulated time of a replay unless it is told otherwise [s], above 0.
+        Simulated time of an episode, and of a replay unless it is told otherwise [s], above 0.
+    control_interval : float
+        Time over which an environment holds an action [s], above 0; environments need a whole
+        number of time steps in it.
+    heading : tuple of float
+        Direction (x, y) in which an environment counts displacement, a unit vector. By default
+        -x, which is head first for a body that starts along +x.
+    bend_noise : float
+        Environments start with joint angles that are off by up to this [rad], at least 0.
+    heading_noise : float
+        They start with the body turned by up to this [rad], at least 0.
+    velocity_noise : float
+        They start with a rigid motion whose components are off by up to this [m/s], at least 0:
+        the velocity along x and y, and the turning rate times the body length. In an ideal fluid
+        this momentum stays for the whole episode, so it has to be small.
     """
 
     duration: float = 20.0
+    control_interval: float = 0.02
+    heading: Pair = (-1.0, 0.0)
+    bend_noise: float = 0.01
+    heading_noise: float = 0.05
+    velocity_noise: float = 1e-4
 
     def __post_init__(self) -> None:
         """Check every field and store it in its final form."""
-        _set(self, duration=check_real(self.duration, "episode.duration", "s", above=0.0))
+        heading = check_pair(self.heading, "episode.heading")
+        norm = math.hypot(*heading)
+        if not abs(norm - 1.0) <= 1e-6:
+            raise SceneError(
+                f"episode.heading must be a unit vector (x, y), got {list(heading)} of length "
+                f"{norm:.6g}"
+            )
+        _set(
+            self,
+            duration=check_real(self.duration, "episode.duration", "s", above=0.0),
+            control_interval=check_real(
+                self.control_interval, "episode.control_interval", "s", above=0.0
+            ),
+            heading=heading,
+            bend_noise=check_real(self.bend_noise, "episode.bend_noise", "rad", at_least=0.0),
+            heading_noise=check_real(
+                self.heading_noise, "episode.heading_noise", "rad", at_least=0.0
+            ),
+            velocity_noise=check_real(
+                self.velocity_noise, "episode.velocity_noise", "m/s", at_least=0.0
+            ),
+        )

@@ -9,20 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from swim_env.bodies import Bodies, minimal_start
 from swim_env.errors import SimulationEndedError, SwimError, TorqueError
-from swim_env.physics.added_mass import FLUID_MODELS, FluidConstants
-from swim_env.physics.beam import BeamConstants, centres, centres_of_trajectory
-from swim_env.physics.integrator import (
-    RECORD_NAMES,
-    SolverConstants,
-    advance,
-    state_size,
-    weigh,
-    work_sizes,
-)
+from swim_env.physics.beam import centres, centres_of_trajectory
+from swim_env.physics.integrator import RECORD_NAMES
 from swim_env.physics.invariants import momentum_map
-from swim_env.physics.loading import load_kernels
-from swim_env.physics.outline import FluidGeometry
 from swim_env.physics.status import TERMINATION_REASONS, describe
 from swim_env.scene import Initial, Scene, load_scene
 from swim_env.trajectory import Trajectory
@@ -79,14 +70,9 @@ class Simulator:
 
     def __init__(self, scene: Scene | str | os.PathLike[str]) -> None:
         self.scene = load_scene(scene)
-        load_kernels()
-        self._beam, self._fluid, self._solver = scene_constants(self.scene)
-        floats, integers = work_sizes(self._beam, self._fluid)
-        self._floats = np.zeros(floats)
-        self._integers = np.zeros(integers, dtype=np.int64)
-        self._state = np.zeros(state_size(self.elements))
-        self._trace = np.zeros((2, 1, self.elements + 2))
-        self._record = np.zeros((1, len(RECORD_NAMES)))
+        self._bodies = Bodies(self.scene)
+        self._state = self._bodies.states[0]
+        self._record = self._bodies.new_record(1)
         self._reason = ""
         self.reset()
 
@@ -105,7 +91,7 @@ class Simulator:
     @property
     def steps(self) -> int:
         """Number of steps taken since the reset."""
-        return int(self._state[5 * (self.elements + 2)])
+        return int(self._bodies.steps[0])
 
     @property
     def time(self) -> float:
@@ -169,16 +155,7 @@ class Simulator:
         return self._weigh()[1]
 
     def _weigh(self) -> tuple[float, Array]:
-        velocity = np.zeros(self.elements + 2)
-        energy, status = weigh(
-            self._state,
-            velocity,
-            False,
-            self._beam,
-            self._fluid,
-            self._floats,
-            self._integers,
-        )
+        energy, velocity, status = self._bodies.weigh(0)
         if status:
             raise self._ended(TERMINATION_REASONS[status])
         return energy, velocity
@@ -203,27 +180,35 @@ class Simulator:
         SimulationEndedError
             If the initial pose cannot be simulated.
         """
-        beam = self.scene.beam
-        if initial is None:
-            initial = self.scene.initial
-        else:
-            initial.check_sizes(beam)
-            initial.check_inextensible(beam)
-        n = self.elements + 2
-        centre, angles = initial.pose(beam)
-        moving, turning = initial.velocities(beam)
-        state = np.zeros_like(self._state)
-        state[:2] = centre.mean(axis=0)
-        state[2] = angles[0]
-        state[3:n] = initial.joint_angles
-        velocity = np.concatenate([moving.mean(axis=0), turning])
-        _, status = weigh(
-            state, velocity, True, self._beam, self._fluid, self._floats, self._integers
-        )
-        if status:
-            reason = TERMINATION_REASONS[status]
-            raise SimulationEndedError(reason, 0.0, describe(reason))
-        self._state[:] = state
+        start = minimal_start(self.scene, self.scene.initial if initial is None else initial)
+        self.reset_to(*start)
+
+    def reset_to(self, coordinates: ArrayLike, velocity: ArrayLike) -> None:
+        """Go to a start given in minimal coordinates, at time zero.
+
+        Parameters
+        ----------
+        coordinates : (N + 2,) array_like
+            As `Simulator.coordinates`: mean centre (m), angle of element 1, joint angles (rad).
+        velocity : (N + 2,) array_like
+            As `Simulator.velocity`: of the mean centre (m/s), and turning rates (rad/s).
+
+        Raises
+        ------
+        SwimError
+            If they are not N + 2 finite numbers each.
+        SimulationEndedError
+            If the pose cannot be simulated; the state is as before.
+        """
+        given = []
+        for name, value in (("coordinates", coordinates), ("velocity", velocity)):
+            array = np.array(value, dtype=np.float64)
+            if array.shape != (self.elements + 2,) or not np.isfinite(array).all():
+                raise SwimError(
+                    f"{name} must be {self.elements + 2} finite numbers, got {array.tolist()}"
+                )
+            given.append(array)
+        self._bodies.start(0, *given)
         self._reason = ""
 
     def step(self, torques: ArrayLike) -> None:
@@ -244,18 +229,8 @@ class Simulator:
         """
         held = self._checked(torques, 1)
         self._refuse_after_end()
-        _, status = advance(
-            self._state,
-            held,
-            self._beam,
-            self._fluid,
-            self._solver,
-            self._floats,
-            self._integers,
-            self._trace[0],
-            self._trace[1],
-            self._record,
-        )
+        self._bodies.advance(held[None], 1, self._record)
+        status = int(self._bodies.outcome[0, 1])
         if status:
             self._reason = TERMINATION_REASONS[status]
             raise self._ended(self._reason)
@@ -299,18 +274,13 @@ class Simulator:
         while taken < total and not self._reason:
             chunk = slice(taken, min(total, taken + _CHUNK) if progress else total)
             after = slice(chunk.start + 1, chunk.stop + 1)
-            steps, status = advance(
-                self._state,
-                held[chunk],
-                self._beam,
-                self._fluid,
-                self._solver,
-                self._floats,
-                self._integers,
-                q[after],
-                p[after],
-                record[chunk],
+            self._bodies.advance(
+                held[None, chunk],
+                1,
+                record[None, chunk],
+                trace=(q[None, after], p[None, after]),
             )
+            steps, status = (int(n) for n in self._bodies.outcome[0])
             taken += steps
             if status:
                 self._reason = TERMINATION_REASONS[status]
@@ -401,42 +371,3 @@ class Simulator:
             )
         self._state[:] = np.frombuffer(snapshot.state)
         self._reason = snapshot.reason
-
-
-def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, SolverConstants]:
-    """Return what the kernels need to know of a scene."""
-    beam = scene.beam
-    dl = beam.element_length
-    stiffness = beam.stiffness_at_joints() / dl
-    retardation = scene.damping.retardation_time if scene.damping else 0.0
-    fluid = scene.fluid
-    model = FLUID_MODELS[fluid.model] if fluid else FLUID_MODELS["none"]
-    panels = fluid.panels_per_element if fluid else 2
-    caps = fluid.cap_panels if fluid else 1
-    density = fluid.density if fluid and fluid.density is not None else 0.0
-    geometry = FluidGeometry(beam.elements, dl, beam.half_thickness, panels // 2, caps)
-    return (
-        BeamConstants(
-            beam.elements,
-            dl,
-            dl * beam.line_density,
-            dl * beam.rotary_inertia,
-            stiffness,
-            stiffness * retardation,
-        ),
-        FluidConstants(model, geometry, density, scene.axial_added_mass is not None),
-        SolverConstants(
-            scene.integrator.time_step,
-            scene.integrator.tolerance,
-            _most_solves(beam.elements * panels + 2 * caps),
-        ),
-    )
-
-
-def _most_solves(panels: int) -> int:
-    """Bound the parts of one outer step so that it ends within about a second.
-
-    The bound hangs on the size alone and not on a clock, so results do not depend on the machine.
-    """
-    seconds = 1e-4 + 2e-9 * panels**2.8
-    return int(np.clip(0.5 / seconds, 32, 4096))

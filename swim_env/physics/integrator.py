@@ -458,8 +458,10 @@ def _outer_step(
 
 @kernel
 def advance(
-    state: Array,
+    members: NDArray[np.int64],
+    states: Array,
     torques: Array,
+    hold: int,
     beam: BeamConstants,
     fluid: FluidConstants,
     solver: SolverConstants,
@@ -468,39 +470,58 @@ def advance(
     trace_q: Array,
     trace_p: Array,
     record: Array,
-) -> tuple[int, int]:
-    """Advance one member by as many steps as there are rows of torques.
+    velocities: Array,
+    outcome: NDArray[np.int64],
+) -> None:
+    """Advance some members of a batch, each by all its rows of torques.
+
+    Members do not know of each other: what becomes of one depends on its own rows alone, whichever
+    members are advanced in the same call or, by other threads, at the same time.
 
     Parameters
     ----------
-    state : (S,) array
-        The member's state, see `weigh`; changed in place. At an early end it is the last state
-        that was reached, at the beginning of the step that failed.
-    torques : (T, N - 1) array
-        Joint torques held over each step (N m).
+    members : (K,) array
+        The members to advance, rows of all arrays that begin with M.
+    states : (M, S) array
+        Their states, see `weigh`; changed in place. At an early end a state is the last one that
+        was reached, at the beginning of the step that failed.
+    torques : (M, R, N - 1) array
+        Joint torques (N m).
+    hold : int
+        Number of steps over which each row of torques is held.
     beam, fluid, solver : BeamConstants, FluidConstants, SolverConstants
         The scene.
-    floats, integers : arrays
+    floats, integers : (M, F), (M, I) arrays
         Work space of `work_sizes`.
-    trace_q, trace_p : (T, N + 2) arrays
-        Overwritten: coordinates and momenta after each step.
-    record : (T, 8) array
+    trace_q, trace_p : (M, T, N + 2) arrays
+        Overwritten: coordinates and momenta after each of the first T steps; T may be 0.
+    record : (M, R hold, 8) array
         Overwritten: a row of RECORD_NAMES per step; the energy is that at the step's end.
-
-    Returns
-    -------
-    steps, status : int
-        Steps taken and 0, or the code of the reason for an early end.
+    velocities : (M, N + 2) array
+        Overwritten: M^-1 p at the last state: velocity of the mean centre (m/s) and turning rate
+        of every element (rad/s).
+    outcome : (M, 2) array
+        Overwritten: steps taken and 0, or the code of the reason for an early end.
     """
-    m = _member(state, beam, fluid, floats, integers)
     report = np.zeros(3)
-    for step in range(torques.shape[0]):
-        status = _outer_step(m, torques[step], beam, fluid, solver, report, record[step])
-        if status != FINE:
-            return step, status
-        trace_q[step, :] = m.q
-        trace_p[step, :] = m.p
-    return torques.shape[0], FINE
+    for member in members:
+        m = _member(states[member], beam, fluid, floats[member], integers[member])
+        steps = torques.shape[1] * hold
+        taken = 0
+        status = FINE
+        while taken < steps and status == FINE:
+            held = torques[member, taken // hold]
+            status = _outer_step(m, held, beam, fluid, solver, report, record[member, taken])
+            if status == FINE:
+                if taken < trace_q.shape[1]:
+                    trace_q[member, taken, :] = m.q
+                    trace_p[member, taken, :] = m.p
+                taken += 1
+        outcome[member, 0] = taken
+        outcome[member, 1] = status
+        # A state that is handed out has been weighed before, so this does not fail.
+        _prepare(m.q, m.p, beam, fluid, m.fluid_work, m.step)
+        velocities[member, :] = m.step.unknowns[VELOCITY]
 
 
 @kernel
@@ -518,8 +539,8 @@ def weigh(
     Parameters
     ----------
     state : (S,) array
-        The member's state: q, p, the last three increments, the number of steps taken and the
-        number of increments that are known.
+        The member's state: q, p, the last three increments, the number of steps taken, the number
+        of increments that are known and the length of the last part.
     given : (N + 2,) array
         Velocity of the mean centre (m/s) and turning rate of every element (rad/s).
         At a start it is read, and p_0 = dL/dq'(q_0, v_0) = M v_0 is written to the state;

@@ -81,14 +81,28 @@ def _call_all() -> None:
     fluid = FluidConstants(FLUID_MODELS["panels"], geometry, 1.0, False)
     solver = SolverConstants(0.01, 1e-10, 1)
     floats, integers = work_sizes(beam, fluid)
-    state = np.zeros(state_size(elements))
-    work = (np.zeros(floats), np.zeros(integers, dtype=np.int64))
-    trace = np.zeros((2, 1, unknowns))
-    record = np.zeros((1, len(RECORD_NAMES)))
-    advance(state, np.zeros((1, 1)), beam, fluid, solver, *work, trace[0], trace[1], record)
-    weigh(state, np.zeros(unknowns), False, beam, fluid, *work)
+    states = np.zeros((1, state_size(elements)))
+    work = (np.zeros((1, floats)), np.zeros((1, integers), dtype=np.int64))
+    trace = np.zeros((2, 1, 1, unknowns))
+    record = np.zeros((1, 1, len(RECORD_NAMES)))
+    advance(
+        np.zeros(1, dtype=np.int64),
+        states,
+        np.zeros((1, 1, 1)),
+        1,
+        beam,
+        fluid,
+        solver,
+        *work,
+        *trace,
+        record,
+        np.zeros((1, unknowns)),
+        np.zeros((1, 2), dtype=np.int64),
+    )
+    state = states[0]
+    weigh(state, np.zeros(unknowns), False, beam, fluid, work[0][0], work[1][0])
     centres(state[:unknowns], 0.5, np.zeros((elements, 2)))
-    centres_of_trajectory(trace[0], 0.5, np.zeros((1, elements, 2)))
+    centres_of_trajectory(trace[0, 0], 0.5, np.zeros((1, elements, 2)))
     corners = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     following = np.roll(corners, -1, axis=1)
     edges = following - corners

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env import Simulator
+from swim_env.bodies import Bodies
 from swim_env.physics._compile import kernel
 from swim_env.physics.added_mass import (
     FLUID_MODELS,
@@ -19,7 +20,7 @@ from swim_env.physics.added_mass import (
     shape_force,
 )
 from swim_env.physics.beam import BeamConstants
-from swim_env.physics.integrator import weigh, work_sizes
+from swim_env.physics.integrator import work_sizes
 from swim_env.physics.lagrangian import (
     CHANGE,
     RESIDUAL,
@@ -169,15 +170,12 @@ def mass_of(simulator: Simulator) -> Array:
 
     The start by momentum p_0 = M v_0 gives one column for every unit velocity.
     """
-    state = simulator._state.copy()
-    n = simulator.elements + 2
-    mass = np.zeros((n, n))
-    for i, velocity in enumerate(np.eye(n)):
-        constants = (simulator._beam, simulator._fluid, simulator._floats, simulator._integers)
-        _, status = weigh(state, velocity, True, *constants)
-        assert status == 0, f"no mass, status {status}"
-        mass[i] = state[n : 2 * n]
-    return mass
+    bodies = Bodies(simulator.scene)
+    mass = []
+    for velocity in np.eye(simulator.elements + 2):
+        bodies.start(0, simulator.coordinates, velocity)
+        mass.append(bodies.momenta[0].copy())
+    return np.array(mass)
 
 
 class RigidMass(NamedTuple):

@@ -142,19 +142,34 @@ def by_kernels(case: Case) -> tuple[Array, Array, Array]:
         np.zeros(size, kind)
         for size, kind in zip(work_sizes(beam, fluid), (np.float64, np.int64), strict=True)
     )
-    state = np.zeros(state_size(beam.elements))
-    state[: case.q0.size] = case.q0
-    _, status = weigh(state, case.velocity.copy(), True, beam, fluid, floats, integers)
+    states = np.zeros((1, state_size(beam.elements)))
+    states[0, : case.q0.size] = case.q0
+    _, status = weigh(states[0], case.velocity.copy(), True, beam, fluid, floats, integers)
     assert status == 0
     count = case.torques.shape[0]
-    q, p = np.zeros((2, count, case.q0.size))
-    record = np.zeros((count, len(RECORD_NAMES)))
-    solver = SolverConstants(case.time_step, TOLERANCE, 4096)
-    done = advance(state, case.torques, beam, fluid, solver, floats, integers, q, p, record)
-    assert done == (count, 0)
+    q, p = np.zeros((2, 1, count, case.q0.size))
+    record = np.zeros((1, count, len(RECORD_NAMES)))
+    outcome = np.zeros((1, 2), dtype=np.int64)
+    advance(
+        np.zeros(1, dtype=np.int64),
+        states,
+        case.torques[None],
+        1,
+        beam,
+        fluid,
+        SolverConstants(case.time_step, TOLERANCE, 4096),
+        floats[None],
+        integers[None],
+        q,
+        p,
+        record,
+        np.zeros((1, case.q0.size)),
+        outcome,
+    )
+    assert outcome.tolist() == [[count, 0]]
     # Only whole steps can be compared: the form with multipliers does not cut them.
-    assert (record[:, RECORD_NAMES.index("parts")] == 1.0).all()
-    return q, p, record
+    assert (record[0, :, RECORD_NAMES.index("parts")] == 1.0).all()
+    return q[0], p[0], record[0]
 
 
 def by_multipliers(case: Case) -> MultiplierTrajectory:

@@ -1,0 +1,253 @@
+"""The state of one or many bodies of one scene, and the kernel calls that move them.
+
+The simulator, the single environment and the batched one all step bodies through this class and
+so through the same compiled code: a body's motion is the same to the bit whoever steps it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.errors import SimulationEndedError
+from swim_env.physics.added_mass import FLUID_MODELS, FluidConstants
+from swim_env.physics.beam import BeamConstants
+from swim_env.physics.integrator import (
+    RECORD_NAMES,
+    SolverConstants,
+    advance,
+    state_size,
+    weigh,
+    work_sizes,
+)
+from swim_env.physics.loading import load_kernels
+from swim_env.physics.outline import FluidGeometry
+from swim_env.physics.status import TERMINATION_REASONS, describe
+from swim_env.scene import Initial, Scene
+from swim_env.threads import share
+
+__all__ = ["Bodies", "minimal_start"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+class Bodies:
+    """M bodies of one scene, each with its own state and work space.
+
+    Parameters
+    ----------
+    scene : Scene
+        What every one of them is.
+    count : int
+        Their number M.
+
+    Attributes
+    ----------
+    states : (M, S) array
+        State vectors of the kernels: q, p and what the predictor remembers.
+    velocities : (M, N + 2) array
+        M^-1 p as of the last start or advance: velocity of the mean centre (m/s) and turning rate
+        of every element (rad/s).
+    outcome : (M, 2) array of int
+        Steps taken by the last advance, and 0 or the code of the reason for an early end.
+    everyone : (M,) array of int
+        The indices of all members.
+    """
+
+    def __init__(self, scene: Scene, count: int = 1) -> None:
+        load_kernels()
+        self.scene = scene
+        self.beam, self.fluid, self.solver = scene_constants(scene)
+        floats, integers = work_sizes(self.beam, self.fluid)
+        self._floats = np.zeros((count, floats))
+        self._integers = np.zeros((count, integers), dtype=np.int64)
+        self.unknowns = scene.beam.elements + 2
+        self.states = np.zeros((count, state_size(scene.beam.elements)))
+        self.velocities = np.zeros((count, self.unknowns))
+        self.outcome = np.zeros((count, 2), dtype=np.int64)
+        self.everyone = np.arange(count)
+        self._no_trace = np.zeros((count, 0, self.unknowns))
+
+    @property
+    def coordinates(self) -> Array:
+        """Minimal coordinates (M, N + 2), a view: mean centre, angle of element 1, joint angles."""
+        return self.states[:, : self.unknowns]
+
+    @property
+    def momenta(self) -> Array:
+        """Momenta (M, N + 2), a view: linear (kg m/s), and angular of every element (kg m^2/s)."""
+        return self.states[:, self.unknowns : 2 * self.unknowns]
+
+    @property
+    def steps(self) -> Indices:
+        """Number of steps that each member has taken since its start, (M,)."""
+        return self.states[:, 5 * self.unknowns].astype(np.int64)
+
+    def start(self, member: int, coordinates: Array, velocity: Array) -> None:
+        """Put a member at a start, or leave it as it is where that cannot be simulated.
+
+        Parameters
+        ----------
+        member : int
+            Which one.
+        coordinates : (N + 2,) array
+            Mean centre (m), angle of element 1 and joint angles (rad).
+        velocity : (N + 2,) array
+            Velocity of the mean centre (m/s) and turning rate of every element (rad/s).
+
+        Raises
+        ------
+        SimulationEndedError
+            If the pose cannot be simulated.
+        """
+        state = np.zeros(self.states.shape[1])
+        state[: self.unknowns] = coordinates
+        _, status = self._weigh(member, state, velocity, True)
+        if status:
+            reason = TERMINATION_REASONS[status]
+            raise SimulationEndedError(reason, 0.0, describe(reason))
+        self.states[member] = state
+        self.velocities[member] = velocity
+        self.outcome[member] = 0
+
+    def weigh(self, member: int) -> tuple[float, Array, int]:
+        """Return a member's energy (J), its velocity M^-1 p (N + 2,), and a code that is 0.
+
+        Every state that is handed out has been weighed before, so this does not fail.
+        """
+        velocity = np.zeros(self.unknowns)
+        energy, status = self._weigh(member, self.states[member], velocity, False)
+        return energy, velocity, status
+
+    def _weigh(
+        self, member: int, state: Array, velocity: Array, start: bool
+    ) -> tuple[float, int]:
+        return weigh(
+            state,
+            velocity,
+            start,
+            self.beam,
+            self.fluid,
+            self._floats[member],
+            self._integers[member],
+        )
+
+    def new_record(self, steps: int) -> Array:
+        """Return an array for `advance` to write to: (M, steps, 8), columns RECORD_NAMES."""
+        return np.zeros((len(self.states), steps, len(RECORD_NAMES)))
+
+    def advance(
+        self,
+        torques: Array,
+        hold: int,
+        record: Array,
+        members: Indices | None = None,
+        threads: int = 1,
+        trace: tuple[Array, Array] | None = None,
+    ) -> None:
+        """Advance members by all their rows of torques, in up to that many threads.
+
+        Parameters
+        ----------
+        torques : (M, R, N - 1) array
+            Joint torques (N m), not checked here.
+        hold : int
+            Steps over which each row is held.
+        record : (M, R hold, 8) array
+            Overwritten for these members; see `swim_env.physics.integrator.advance`.
+        members : (K,) array of int, optional
+            Which ones; all of them unless given.
+        threads : int
+            Largest number of threads to use; 1 starts none.
+        trace : pair of (M, R hold, N + 2) arrays, optional
+            Overwritten with coordinates and momenta after each step.
+        """
+        trace_q, trace_p = trace if trace is not None else (self._no_trace, self._no_trace)
+
+        def run(some: Indices) -> None:
+            advance(
+                some,
+                self.states,
+                torques,
+                hold,
+                self.beam,
+                self.fluid,
+                self.solver,
+                self._floats,
+                self._integers,
+                trace_q,
+                trace_p,
+                record,
+                self.velocities,
+                self.outcome,
+            )
+
+        share(run, self.everyone if members is None else members, threads)
+
+
+def minimal_start(scene: Scene, initial: Initial) -> tuple[Array, Array]:
+    """Return the minimal coordinates and velocities of an initial state.
+
+    Returns
+    -------
+    coordinates : (N + 2,) array
+        Mean centre (m), angle of element 1 and joint angles (rad).
+    velocity : (N + 2,) array
+        Velocity of the mean centre (m/s) and turning rate of every element (rad/s).
+
+    Raises
+    ------
+    SceneError
+        If the initial state does not fit the beam or breaks inextensibility.
+    """
+    beam = scene.beam
+    if initial is not scene.initial:
+        initial.check_sizes(beam)
+        initial.check_inextensible(beam)
+    centre, angles = initial.pose(beam)
+    moving, turning = initial.velocities(beam)
+    coordinates = np.empty(beam.elements + 2)
+    coordinates[:2] = centre.mean(axis=0)
+    coordinates[2] = angles[0]
+    coordinates[3:] = initial.joint_angles
+    return coordinates, np.concatenate([moving.mean(axis=0), turning])
+
+
+def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, SolverConstants]:
+    """Return what the kernels need to know of a scene."""
+    beam = scene.beam
+    dl = beam.element_length
+    stiffness = beam.stiffness_at_joints() / dl
+    retardation = scene.damping.retardation_time if scene.damping else 0.0
+    fluid = scene.fluid
+    model = FLUID_MODELS[fluid.model] if fluid else FLUID_MODELS["none"]
+    panels = fluid.panels_per_element if fluid else 2
+    caps = fluid.cap_panels if fluid else 1
+    density = fluid.density if fluid and fluid.density is not None else 0.0
+    geometry = FluidGeometry(beam.elements, dl, beam.half_thickness, panels // 2, caps)
+    return (
+        BeamConstants(
+            beam.elements,
+            dl,
+            dl * beam.line_density,
+            dl * beam.rotary_inertia,
+            stiffness,
+            stiffness * retardation,
+        ),
+        FluidConstants(model, geometry, density, scene.axial_added_mass is not None),
+        SolverConstants(
+            scene.integrator.time_step,
+            scene.integrator.tolerance,
+            _most_solves(beam.elements * panels + 2 * caps),
+        ),
+    )
+
+
+def _most_solves(panels: int) -> int:
+    """Bound the parts of one outer step so that it ends within about a second.
+
+    The bound hangs on the size alone and not on a clock, so results do not depend on the machine.
+    """
+    seconds = 1e-4 + 2e-9 * panels**2.8
+    return int(np.clip(0.5 / seconds, 32, 4096))
