@@ -16,6 +16,7 @@ from swim_env.physics.integrator import (
     RECORD_NAMES,
     SolverConstants,
     advance,
+    pack_constants,
     state_size,
     weigh,
     work_sizes,
@@ -58,8 +59,9 @@ class Bodies:
     def __init__(self, scene: Scene, count: int = 1) -> None:
         load_kernels()
         self.scene = scene
-        self.beam, self.fluid, self.solver = scene_constants(scene)
-        floats, integers = work_sizes(self.beam, self.fluid)
+        beam, fluid, solver = scene_constants(scene)
+        self._constants = pack_constants(beam, fluid, solver)
+        floats, integers = work_sizes(beam, fluid)
         self._floats = np.zeros((count, floats))
         self._integers = np.zeros((count, integers), dtype=np.int64)
         self.unknowns = scene.beam.elements + 2
@@ -120,15 +122,12 @@ class Bodies:
         energy, status = self._weigh(member, self.states[member], velocity, False)
         return energy, velocity, status
 
-    def _weigh(
-        self, member: int, state: Array, velocity: Array, start: bool
-    ) -> tuple[float, int]:
+    def _weigh(self, member: int, state: Array, velocity: Array, start: bool) -> tuple[float, int]:
         return weigh(
             state,
             velocity,
             start,
-            self.beam,
-            self.fluid,
+            *self._constants,
             self._floats[member],
             self._integers[member],
         )
@@ -171,9 +170,7 @@ class Bodies:
                 self.states,
                 torques,
                 hold,
-                self.beam,
-                self.fluid,
-                self.solver,
+                *self._constants,
                 self._floats,
                 self._integers,
                 trace_q,

@@ -68,5 +68,13 @@ class SimulationEndedError(SwimError, RuntimeError):
         return f"the simulation ended at t = {self.time:.6g} s: {self.reason} ({self.meaning})"
 
 
+class ActionError(SwimError, ValueError):
+    """An action of the wrong shape or type, or not finite."""
+
+
+class OptionError(SwimError, ValueError):
+    """An option or argument of an environment that it does not know or cannot use."""
+
+
 class TrajectoryError(SwimError, ValueError):
     """A trajectory file cannot be written or read."""

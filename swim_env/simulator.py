@@ -71,7 +71,7 @@ class Simulator:
     def __init__(self, scene: Scene | str | os.PathLike[str]) -> None:
         self.scene = load_scene(scene)
         self._bodies = Bodies(self.scene)
-        self._state = self._bodies.states[0]
+        self._state: Array = self._bodies.states[0]
         self._record = self._bodies.new_record(1)
         self._reason = ""
         self.reset()

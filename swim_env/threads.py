@@ -16,6 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numba
 import numpy as np
+from numba.np.ufunc import parallel
 from numpy.typing import NDArray
 
 __all__ = ["share", "usable_threads"]
@@ -34,10 +35,14 @@ _pool_size = 0
 def usable_threads() -> int:
     """Return the number of threads that numba is told to use.
 
-    That is `numba.set_num_threads` or the variable NUMBA_NUM_THREADS, by default the number of
-    processors.
+    That is what `numba.set_num_threads` was given, or the variable NUMBA_NUM_THREADS, by default
+    the number of processors.
     """
-    return int(numba.get_num_threads())
+    # Asking numba itself would start its threads, which no fork survives; they run already where
+    # somebody has set their number.
+    if getattr(parallel, "_is_initialized", False):
+        return int(numba.get_num_threads())
+    return int(numba.config.NUMBA_NUM_THREADS)
 
 
 def share(run: Callable[[Indices], None], members: Indices, threads: int) -> None:

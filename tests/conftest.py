@@ -8,6 +8,6 @@ import pytest
 def pytest_configure(config: pytest.Config) -> None:
     """Compile the kernels before parallel workers start, so that they do not all do it."""
     if not hasattr(config, "workerinput") and not config.option.collectonly:
-        from swim_env.physics.loading import load_kernels
+        from swim_env.assessment import load_assessment
 
-        load_kernels()
+        load_assessment()

@@ -2,9 +2,9 @@
 
 numba's own cache looks only at the file that a kernel stands in. A kernel whose *callee* changed
 would go on running the old code. Every kernel of this package is therefore cached in a folder
-whose name carries a hash of all kernel sources, of the versions of numba, llvmlite, NumPy and
-Python, of the processor that the code was made for, and of the place of the package. Where no
-cache folder can be written, the code is kept in a temporary folder for this process alone.
+whose name carries a hash of all files with kernels in them, of the versions of numba, llvmlite,
+NumPy and Python, of the processor that the code was made for, and of the place of the package.
+Where no cache folder can be written, the code is kept in a temporary folder for this process alone.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 def _fingerprint() -> str:
     digest = hashlib.sha256()
-    for source in sorted(Path(__file__).parent.glob("*.py")):
+    physics = Path(__file__).parent
+    for source in (*sorted(physics.glob("*.py")), physics.parent / "assessment.py"):
         digest.update(source.name.encode())
         digest.update(source.read_bytes())
     for part in (

@@ -61,6 +61,7 @@ from swim_env.physics.lagrangian import (
     step_array_size,
     step_jacobian,
 )
+from swim_env.physics.outline import FluidGeometry
 from swim_env.physics.status import (
     FINE,
     MASS_NOT_POSITIVE,
@@ -73,6 +74,7 @@ __all__ = [
     "RECORD_NAMES",
     "SolverConstants",
     "advance",
+    "pack_constants",
     "state_size",
     "weigh",
     "work_sizes",
@@ -128,6 +130,43 @@ class SolverConstants(NamedTuple):
     time_step: float
     tolerance: float
     most_solves: int
+
+
+def pack_constants(
+    beam: BeamConstants, fluid: FluidConstants, solver: SolverConstants
+) -> tuple[Array, NDArray[np.int64]]:
+    """Return what the entry points need to know of a scene, as two arrays.
+
+    Handing over nested tuples at every call would take longer than all other arguments together.
+    """
+    geometry = fluid.geometry
+    reals = [beam.element_length, beam.element_mass, beam.element_inertia]
+    reals += [geometry.half_thickness, fluid.density, solver.time_step, solver.tolerance]
+    integers = [beam.elements, geometry.side_panels, geometry.cap_panels]
+    integers += [fluid.model, int(fluid.axial), solver.most_solves]
+    joints = (beam.joint_stiffness, beam.joint_damping)
+    return np.concatenate([reals, *joints]), np.array(integers, dtype=np.int64)
+
+
+@kernel
+def _unpack(
+    reals: Array, integers: NDArray[np.int64]
+) -> tuple[BeamConstants, FluidConstants, SolverConstants]:
+    """Return the constants that `pack_constants` has put into arrays."""
+    elements, side_panels, cap_panels, model, axial, most_solves = (
+        integers[0],
+        integers[1],
+        integers[2],
+        integers[3],
+        integers[4],
+        integers[5],
+    )
+    stiffness = reals[7 : 6 + elements]
+    damping = reals[6 + elements : 5 + 2 * elements]
+    beam = BeamConstants(elements, reals[0], reals[1], reals[2], stiffness, damping)
+    geometry = FluidGeometry(elements, reals[0], reals[3], side_panels, cap_panels)
+    fluid = FluidConstants(model, geometry, reals[4], axial == 1)
+    return beam, fluid, SolverConstants(reals[5], reals[6], most_solves)
 
 
 def state_size(elements: int) -> int:
@@ -462,9 +501,8 @@ def advance(
     states: Array,
     torques: Array,
     hold: int,
-    beam: BeamConstants,
-    fluid: FluidConstants,
-    solver: SolverConstants,
+    reals: Array,
+    sizes: NDArray[np.int64],
     floats: Array,
     integers: NDArray[np.int64],
     trace_q: Array,
@@ -489,8 +527,8 @@ def advance(
         Joint torques (N m).
     hold : int
         Number of steps over which each row of torques is held.
-    beam, fluid, solver : BeamConstants, FluidConstants, SolverConstants
-        The scene.
+    reals, sizes : (R,), (6,) arrays
+        The scene, from `pack_constants`.
     floats, integers : (M, F), (M, I) arrays
         Work space of `work_sizes`.
     trace_q, trace_p : (M, T, N + 2) arrays
@@ -503,6 +541,7 @@ def advance(
     outcome : (M, 2) array
         Overwritten: steps taken and 0, or the code of the reason for an early end.
     """
+    beam, fluid, solver = _unpack(reals, sizes)
     report = np.zeros(3)
     for member in members:
         m = _member(states[member], beam, fluid, floats[member], integers[member])
@@ -529,8 +568,8 @@ def weigh(
     state: Array,
     given: Array,
     start: bool,
-    beam: BeamConstants,
-    fluid: FluidConstants,
+    reals: Array,
+    sizes: NDArray[np.int64],
     floats: Array,
     integers: NDArray[np.int64],
 ) -> tuple[float, int]:
@@ -547,14 +586,17 @@ def weigh(
         otherwise M^-1 p is written to it.
     start : bool
         Whether this is a start.
-    beam, fluid, floats, integers
+    reals, sizes
         As in `advance`.
+    floats, integers : (F,), (I,) arrays
+        The member's work space.
 
     Returns
     -------
     energy, status : float, int
         H = p M^-1 p/2 + W (J) and 0, or NaN and the code of the reason why there is none.
     """
+    beam, fluid, _ = _unpack(reals, sizes)
     m = _member(state, beam, fluid, floats, integers)
     status = _prepare(m.q, m.p, beam, fluid, m.fluid_work, m.step)
     if status != FINE:

@@ -25,6 +25,7 @@ from swim_env.physics.integrator import (
     RECORD_NAMES,
     SolverConstants,
     advance,
+    pack_constants,
     state_size,
     weigh,
     work_sizes,
@@ -80,6 +81,7 @@ def _call_all() -> None:
     geometry = FluidGeometry(elements, 0.5, 0.01, 1, 1)
     fluid = FluidConstants(FLUID_MODELS["panels"], geometry, 1.0, False)
     solver = SolverConstants(0.01, 1e-10, 1)
+    constants = pack_constants(beam, fluid, solver)
     floats, integers = work_sizes(beam, fluid)
     states = np.zeros((1, state_size(elements)))
     work = (np.zeros((1, floats)), np.zeros((1, integers), dtype=np.int64))
@@ -90,17 +92,17 @@ def _call_all() -> None:
         states,
         np.zeros((1, 1, 1)),
         1,
-        beam,
-        fluid,
-        solver,
-        *work,
-        *trace,
+        *constants,
+        work[0],
+        work[1],
+        trace[0],
+        trace[1],
         record,
         np.zeros((1, unknowns)),
         np.zeros((1, 2), dtype=np.int64),
     )
     state = states[0]
-    weigh(state, np.zeros(unknowns), False, beam, fluid, work[0][0], work[1][0])
+    weigh(state, np.zeros(unknowns), False, *constants, work[0][0], work[1][0])
     centres(state[:unknowns], 0.5, np.zeros((elements, 2)))
     centres_of_trajectory(trace[0, 0], 0.5, np.zeros((1, elements, 2)))
     corners = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])

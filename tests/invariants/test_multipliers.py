@@ -15,6 +15,7 @@ from swim_env.physics.integrator import (
     RECORD_NAMES,
     SolverConstants,
     advance,
+    pack_constants,
     state_size,
     weigh,
     work_sizes,
@@ -142,9 +143,10 @@ def by_kernels(case: Case) -> tuple[Array, Array, Array]:
         np.zeros(size, kind)
         for size, kind in zip(work_sizes(beam, fluid), (np.float64, np.int64), strict=True)
     )
+    constants = pack_constants(beam, fluid, SolverConstants(case.time_step, TOLERANCE, 4096))
     states = np.zeros((1, state_size(beam.elements)))
     states[0, : case.q0.size] = case.q0
-    _, status = weigh(states[0], case.velocity.copy(), True, beam, fluid, floats, integers)
+    _, status = weigh(states[0], case.velocity.copy(), True, *constants, floats, integers)
     assert status == 0
     count = case.torques.shape[0]
     q, p = np.zeros((2, 1, count, case.q0.size))
@@ -155,9 +157,7 @@ def by_kernels(case: Case) -> tuple[Array, Array, Array]:
         states,
         case.torques[None],
         1,
-        beam,
-        fluid,
-        SolverConstants(case.time_step, TOLERANCE, 4096),
+        *constants,
         floats[None],
         integers[None],
         q,

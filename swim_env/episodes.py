@@ -1,0 +1,321 @@
+"""Episodes of one task, for one body or many: what the single and the batched environment share."""
+
+from __future__ import annotations
+
+import operator
+from copy import deepcopy
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.assessment import (
+    END_CODE,
+    FIGURES,
+    REACHED,
+    TIME_IS_UP,
+    assess,
+    load_assessment,
+    torques_of_actions,
+)
+from swim_env.bodies import Bodies
+from swim_env.errors import ActionError, OptionError, SwimError
+from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
+from swim_env.scene_parts import Actuation
+from swim_env.task import StartPlan, Task
+
+__all__ = ["TERMINATION_REASONS", "Episodes", "EpisodesSnapshot"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: Reasons for which an episode ends before its time, by code: the physics' own and the task's.
+TERMINATION_REASONS: dict[int, str] = {**PHYSICS_REASONS, REACHED: "target_reached"}
+
+#: What `info` holds of the figures, for every task and for some.
+_FORWARD_INFO = (
+    "progress",
+    "reward_progress",
+    "reward_effort",
+    "reward_heading",
+    "heading_error",
+    "work",
+    "positive_work",
+)
+_TARGET_INFO = (*_FORWARD_INFO, "distance")
+
+
+@dataclass(frozen=True)
+class EpisodesSnapshot:
+    """Everything that decides how episodes go on.
+
+    Attributes
+    ----------
+    task : tuple
+        What the episodes are of, to compare with.
+    arrays : dict of str to numpy.ndarray
+        Copies of the state.
+    randoms : list of dict
+        States of the members' random number generators.
+    """
+
+    task: tuple[object, ...]
+    arrays: dict[str, NDArray[Any]]
+    randoms: list[dict[str, Any]]
+
+
+class Episodes:
+    """M episodes that run side by side.
+
+    Parameters
+    ----------
+    task : Task
+        What they are about.
+    count : int
+        Their number M.
+    max_episode_steps : int, optional
+        Actions until the time is up; the scene's duration over its control interval unless given.
+
+    Attributes
+    ----------
+    observations : (M, n) array of float32
+        What each member observes now.
+    actions : (M, N - 1) array
+        The actions that `play` takes.
+    counters : (M, 3) array of int
+        Actions taken, code of the reason for an end, and whether the time is up.
+
+    Raises
+    ------
+    SceneError
+        If the control interval is not a whole number of time steps.
+    OptionError
+        If max_episode_steps is not a number of at least 1.
+    """
+
+    def __init__(self, task: Task, count: int = 1, max_episode_steps: int | None = None) -> None:
+        scene = task.scene
+        self.task = task
+        self._hold = scene.steps_per_action
+        self.limit = scene.actions_per_episode
+        if max_episode_steps is not None:
+            self.limit = whole_number(max_episode_steps, "max_episode_steps")
+        load_assessment()
+        self.bodies = Bodies(scene, count)
+        self.everyone = self.bodies.everyone
+        joints = scene.beam.elements - 1
+        self.actions = np.zeros((count, joints))
+        # A scene without a prescribed torque takes the default limit.
+        actuation = scene.actuation or Actuation(amplitude=0.0)
+        active = scene.beam.joint_fractions <= actuation.active_until
+        self._torque_of_one = np.where(active, actuation.torque_limit, 0.0)
+        self.torques = np.zeros((count, 1, joints))
+        self._record = self.bodies.new_record(self._hold)
+        self._goals = np.zeros((count, 2))
+        self._settings = task.settings(self.limit)
+        self.observations = np.zeros((count, task.observation_size), dtype=np.float32)
+        self._figures = np.zeros((count, len(FIGURES)))
+        self.counters = np.zeros((count, 3), dtype=np.int64)
+        self._info_names = _TARGET_INFO if task.goal_is_point else _FORWARD_INFO
+        self._info_columns = [FIGURES.index(name) for name in self._info_names]
+
+    # ---- running -------------------------------------------------------------------------------
+
+    def start(
+        self,
+        member: int,
+        random: np.random.Generator,
+        plan: StartPlan,
+    ) -> None:
+        """Put a member at a start, which `Task.plan_start` has made of a reset's options.
+
+        Raises
+        ------
+        SimulationEndedError
+            If the start cannot be simulated; the member is as before.
+        """
+        start = self.task.draw_start(random, plan)
+        self.bodies.start(member, start.coordinates, start.velocity)
+        self._goals[member] = start.goal
+        self.torques[member] = 0.0
+        self._assess(self.everyone[member : member + 1], True)
+
+    def take(self, actions: object, single: bool) -> None:
+        """Check actions and keep their torques for `play`; nothing is changed by bad ones.
+
+        Parameters
+        ----------
+        actions : array_like
+            Of shape (N - 1,) for a single member, (M, N - 1) otherwise.
+        single : bool
+            Which of the two is meant.
+
+        Raises
+        ------
+        ActionError
+            If they have another shape, are not numbers, or not finite.
+        """
+        shape = self.actions.shape[1:] if single else self.actions.shape
+        what = "an action" if single else "actions"
+        try:
+            given = np.asarray(actions)
+        except (TypeError, ValueError) as error:
+            raise ActionError(f"{what} must be numbers of shape {shape}: {error}") from None
+        if given.dtype.kind not in "iuf":
+            raise ActionError(f"{what} must be numbers of shape {shape}, got {given.dtype}")
+        if given.shape != shape:
+            raise ActionError(f"{what} must have shape {shape}, got {given.shape}")
+        self.actions[:] = given
+        bad = torques_of_actions(self.everyone, self.actions, self._torque_of_one, self.torques)
+        if bad >= 0:
+            member, joint = divmod(bad, shape[-1])
+            where = f"joint {joint}" if single else f"joint {joint} of member {member}"
+            raise ActionError(
+                f"{what} must be finite, got {self.actions[member, joint]} at {where}"
+            )
+
+    def play(self, members: Indices, threads: int = 1) -> None:
+        """Hold the torques that `take` has kept over one control interval."""
+        self.bodies.advance(self.torques, self._hold, self._record, members, threads)
+        self._assess(members, False)
+
+    def _assess(self, members: Indices, start: bool) -> None:
+        assess(
+            members,
+            start,
+            self.bodies.states,
+            self.bodies.velocities,
+            self.torques,
+            self._torque_of_one,
+            self._record,
+            self.bodies.outcome,
+            self._goals,
+            self._settings,
+            self.observations,
+            self._figures,
+            self.counters,
+        )
+
+    # ---- what came of it -----------------------------------------------------------------------
+
+    @property
+    def rewards(self) -> Array:
+        """Rewards of the last action, (M,), a view."""
+        return self._figures[:, 0]
+
+    @property
+    def terminated(self) -> NDArray[np.bool_]:
+        """Whether the members' episodes ended before their time, (M,)."""
+        return self.counters[:, END_CODE] > 0
+
+    @property
+    def truncated(self) -> NDArray[np.bool_]:
+        """Whether the members' time is up, (M,)."""
+        return self.counters[:, TIME_IS_UP] > 0
+
+    @property
+    def times(self) -> Array:
+        """Simulated time of the members since their start (s), (M,)."""
+        return np.multiply(self.bodies.steps, self.task.scene.integrator.time_step)
+
+    def info(self, member: int) -> dict[str, Any]:
+        """Return the info of one member."""
+        figures = self._figures[member].tolist()
+        code = int(self.counters[member, END_CODE])
+        info: dict[str, Any] = {
+            "time": float(self.bodies.states[member, 5 * self.bodies.unknowns])
+            * self.task.scene.integrator.time_step,
+            "position": self._figures[member, 5:7].copy(),
+            "termination_reason": TERMINATION_REASONS[code],
+        }
+        for name, column in zip(self._info_names, self._info_columns, strict=True):
+            info[name] = figures[column]
+        if self.task.goal_is_point:
+            info["target"] = self._goals[member].copy()
+            info["success"] = info["is_success"] = code == REACHED
+        return info
+
+    def infos(self) -> dict[str, Any]:
+        """Return the infos of all members in Gymnasium's form: arrays, each with its mask."""
+        codes = self.counters[:, END_CODE]
+        reasons = np.empty(len(codes), dtype=object)
+        reasons[:] = [TERMINATION_REASONS[code] for code in codes.tolist()]
+        infos: dict[str, Any] = {
+            "time": self.times,
+            "position": self._figures[:, 5:7].copy(),
+            "termination_reason": reasons,
+        }
+        for name, column in zip(self._info_names, self._info_columns, strict=True):
+            infos[name] = self._figures[:, column].copy()
+        if self.task.goal_is_point:
+            infos["target"] = self._goals.copy()
+            infos["success"] = codes == REACHED
+            infos["is_success"] = codes == REACHED
+        for name in list(infos):
+            infos[f"_{name}"] = np.ones(len(codes), dtype=np.bool_)
+        return infos
+
+    # ---- snapshots -----------------------------------------------------------------------------
+
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        bodies = self.bodies
+        return {
+            "states": bodies.states,
+            "velocities": bodies.velocities,
+            "outcome": bodies.outcome,
+            "torques": self.torques,
+            "record": self._record,
+            "goals": self._goals,
+            "observations": self.observations,
+            "figures": self._figures,
+            "counters": self.counters,
+        }
+
+    def _identity(self) -> tuple[object, ...]:
+        return (self.task.identity, len(self.counters), self.limit)
+
+    def snapshot(self, randoms: list[np.random.Generator]) -> EpisodesSnapshot:
+        """Return a copy of everything that decides how the episodes go on."""
+        return EpisodesSnapshot(
+            self._identity(),
+            {name: array.copy() for name, array in self._arrays().items()},
+            [deepcopy(dict(random.bit_generator.state)) for random in randoms],
+        )
+
+    def restore(self, snapshot: EpisodesSnapshot, randoms: list[np.random.Generator]) -> None:
+        """Go back to a snapshot, generators included; what follows is what followed then.
+
+        Raises
+        ------
+        SwimError
+            If the snapshot is of another task, scene, or number of members.
+        """
+        if snapshot.task != self._identity():
+            raise SwimError(
+                "the snapshot belongs to another environment: scene, task, weights, episode "
+                "length and number of members must be the same"
+            )
+        for name, array in self._arrays().items():
+            array[:] = snapshot.arrays[name]
+        for random, state in zip(randoms, snapshot.randoms, strict=True):
+            random.bit_generator.state = deepcopy(state)
+
+
+def whole_number(value: object, name: str) -> int:
+    """Return a whole number of at least 1.
+
+    Raises
+    ------
+    OptionError
+        If it is anything else.
+    """
+    try:
+        if isinstance(value, bool):
+            raise TypeError
+        number = operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        raise OptionError(f"{name} must be a whole number of at least 1, got {value!r}") from None
+    if number < 1:
+        raise OptionError(f"{name} must be at least 1, got {number}")
+    return number
