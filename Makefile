@@ -33,7 +33,7 @@ SOURCES := pyproject.toml setup.py constraints.txt $(wildcard agents/__init__.py
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 
-venv: $(STAMP_DEV) ## set up .venv with what the tests and the checks need
+venv: $(STAMP_DEV) ## set up .venv with what training, the tests and the checks need
 
 demo: $(STAMP_VIEW) ## set up and play the paper's travelling wave for 20 s into results/demo
 	$(BIN)/python scripts/replay.py --scene paper_i --duration 20 --output results/demo
@@ -79,6 +79,6 @@ $(STAMP_VIEW): $(STAMP_BUILD) $(SOURCES)
 	@touch $@
 
 $(STAMP_DEV): $(STAMP_VIEW) $(SOURCES)
-	@echo "Installing the packages to test and to check into $(VENV) ..."
-	$(PIP) install -c constraints.txt --no-build-isolation -e ".[view,dev]"
+	@echo "Installing the packages to train, to test and to check into $(VENV) ..."
+	$(PIP) install -c constraints.txt --no-build-isolation -e ".[train,view,dev]"
 	@touch $@

@@ -11,5 +11,5 @@ SCENES = "swim_env.configs.scenes"
 setup(
     packages=[*find_packages(include=["swim_env*", "agents*"]), SCENES],
     package_dir={SCENES: "configs/scenes"},
-    package_data={SCENES: ["*.yaml"], "": ["py.typed"]},
+    package_data={SCENES: ["*.yaml"], "agents": ["*.json"], "": ["py.typed"]},
 )

@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""Play a scene's prescribed torque and say what came of it."""
+"""Play a scene's prescribed torque, or an episode of the environment, and say what came of it."""
 
 from __future__ import annotations
 
@@ -8,9 +8,15 @@ import json
 import sys
 from typing import Any
 
+from agents.baselines import POLICY_NAMES
+from agents.replay import TASKS, replay_episode
+from swim_env.assessment import load_assessment
 from swim_env.command_line import add_scene_arguments, progress_bar, run, scene_of
+from swim_env.errors import SwimError
 from swim_env.physics.loading import load_kernels
 from swim_env.replay import check_result_folder, replay, steps_of, write_results
+from swim_env.scene import Scene
+from swim_env.trajectory import Trajectory
 from swim_env.viewer import require_matplotlib
 
 
@@ -29,7 +35,35 @@ def _parser() -> argparse.ArgumentParser:
         help="write summary.json, trajectory.npz, scene.yaml and path.png into this folder",
     )
     parser.add_argument("--json", action="store_true", help="end with the figures as one JSON line")
+    episode = parser.add_argument_group("as an episode of the Gymnasium environment")
+    episode.add_argument(
+        "--env",
+        action="store_true",
+        help="play an episode: torques held over the control interval, a start with noise, rewards",
+    )
+    episode.add_argument(
+        "--policy",
+        metavar="NAME",
+        help=f"who plays ({', '.join(POLICY_NAMES)}); paper_wave unless given",
+    )
+    episode.add_argument("--task", help=f"{' or '.join(TASKS)}; forward unless given")
+    episode.add_argument(
+        "--seed", type=int, help="of the start's noise and of random torques; 0 unless given"
+    )
+    episode.add_argument(
+        "--noise", type=float, metavar="X", help="factor on the start's noise; 1 unless given"
+    )
+    episode.add_argument(
+        "--record-video", metavar="FOLDER", help="write a video of the episode into this folder"
+    )
     return parser
+
+
+def _check_episode_options(options: argparse.Namespace) -> None:
+    """Refuse options that only an episode has where none was asked for."""
+    for name in ("policy", "task", "seed", "noise", "record_video"):
+        if getattr(options, name) is not None and not options.env:
+            raise SwimError(f"--{name.replace('_', '-')} needs --env")
 
 
 def _table(summary: dict[str, Any]) -> str:
@@ -47,23 +81,54 @@ def _table(summary: dict[str, Any]) -> str:
         ("largest residual", f"{summary['max_residual']:.2e}"),
         ("Newton corrections", f"{summary['newton_iterations_mean']:.2f} a step"),
     ]
+    if "policy" in summary:
+        rows += [
+            ("policy", f"{summary['policy']}, seed {summary['seed']}, noise {summary['noise']:g}"),
+            ("actions", f"{summary['actions']}, each for {summary['control_interval']:g} s"),
+            ("sum of rewards", f"{summary['return']:+.6f}"),
+            ("along the goal", f"{summary['net_displacement']:+.6f} body lengths"),
+        ]
+    if "video" in summary:
+        rows.append(("video", summary["video"]))
     if summary["halved_steps"]:
         rows.append(("steps cut", f"{summary['halved_steps']}, into up to {summary['most_parts']}"))
     width = max(len(name) for name, _ in rows)
     return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)
 
 
+def _play_episode(options: argparse.Namespace, scene: Scene) -> tuple[Trajectory, dict[str, Any]]:
+    """Play what the options of an episode ask for."""
+    if options.duration is not None:
+        scene = scene.replace("episode.duration", options.duration)
+    load_assessment()
+    with progress_bar(scene.actions_per_episode, "action", scene.name) as progress:
+        _, trajectory, summary = replay_episode(
+            scene,
+            policy=options.policy or "paper_wave",
+            task=options.task or "forward",
+            seed=options.seed or 0,
+            noise=1.0 if options.noise is None else options.noise,
+            video_folder=options.record_video,
+            progress=progress,
+        )
+    return trajectory, summary
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the command."""
     options = _parser().parse_args(arguments)
+    _check_episode_options(options)
     scene = scene_of(options)
     if options.output is not None:
         require_matplotlib()
         check_result_folder(options.output)
     steps = steps_of(scene, options.duration)
-    load_kernels()
-    with progress_bar(steps, "step", scene.name) as progress:
-        trajectory, summary = replay(scene, options.duration, progress)
+    if options.env:
+        trajectory, summary = _play_episode(options, scene)
+    else:
+        load_kernels()
+        with progress_bar(steps, "step", scene.name) as progress:
+            trajectory, summary = replay(scene, options.duration, progress)
     if summary["termination_reason"]:
         print(
             f"the run ended early at t = {trajectory.time[-1]:g} s: "

@@ -65,8 +65,8 @@ class Bodies:
         self._floats = np.zeros((count, floats))
         self._integers = np.zeros((count, integers), dtype=np.int64)
         self.unknowns = scene.beam.elements + 2
-        self.states = np.zeros((count, state_size(scene.beam.elements)))
-        self.velocities = np.zeros((count, self.unknowns))
+        self.states: Array = np.zeros((count, state_size(scene.beam.elements)))
+        self.velocities: Array = np.zeros((count, self.unknowns))
         self.outcome = np.zeros((count, 2), dtype=np.int64)
         self.everyone = np.arange(count)
         self._no_trace = np.zeros((count, 0, self.unknowns))

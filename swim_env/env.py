@@ -169,6 +169,26 @@ class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         """The scene."""
         return self.task.scene
 
+    @property
+    def coordinates(self) -> NDArray[np.float64]:
+        """Minimal coordinates (N + 2,): mean centre (m), angle of element 1, joint angles (rad)."""
+        return np.array(self.episodes.bodies.coordinates[0], dtype=np.float64)
+
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """Velocity (N + 2,) of the mean centre (m/s), and turning rates of the elements (rad/s)."""
+        return np.array(self.episodes.bodies.velocities[0], dtype=np.float64)
+
+    @property
+    def torques(self) -> NDArray[np.float64]:
+        """Torques of the last action, (N - 1,) (N m)."""
+        return np.array(self.episodes.torques[0, 0], dtype=np.float64)
+
+    @property
+    def goal(self) -> NDArray[np.float64]:
+        """The direction of the episode, a unit vector (2,), or its target (m)."""
+        return np.array(self.episodes.goals[0], dtype=np.float64)
+
     # ---- Gymnasium's methods -------------------------------------------------------------------
 
     def reset(

@@ -22,7 +22,6 @@ from swim_env.assessment import (
 from swim_env.bodies import Bodies
 from swim_env.errors import ActionError, OptionError, SwimError
 from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
-from swim_env.scene_parts import Actuation
 from swim_env.task import StartPlan, Task
 
 __all__ = ["TERMINATION_REASONS", "Episodes", "EpisodesSnapshot"]
@@ -83,6 +82,10 @@ class Episodes:
         What each member observes now.
     actions : (M, N - 1) array
         The actions that `play` takes.
+    torques : (M, 1, N - 1) array
+        Those of the last actions (N m).
+    goals : (M, 2) array
+        Directions (unit vectors) or targets (m).
     counters : (M, 3) array of int
         Actions taken, code of the reason for an end, and whether the time is up.
 
@@ -106,13 +109,12 @@ class Episodes:
         self.everyone = self.bodies.everyone
         joints = scene.beam.elements - 1
         self.actions = np.zeros((count, joints))
-        # A scene without a prescribed torque takes the default limit.
-        actuation = scene.actuation or Actuation(amplitude=0.0)
-        active = scene.beam.joint_fractions <= actuation.active_until
-        self._torque_of_one = np.where(active, actuation.torque_limit, 0.0)
-        self.torques = np.zeros((count, 1, joints))
+        until = scene.actuation.active_until if scene.actuation else 1.0
+        active = scene.beam.joint_fractions <= until
+        self._torque_of_one = np.where(active, scene.torque_limit, 0.0)
+        self.torques: Array = np.zeros((count, 1, joints))
         self._record = self.bodies.new_record(self._hold)
-        self._goals = np.zeros((count, 2))
+        self.goals: Array = np.zeros((count, 2))
         self._settings = task.settings(self.limit)
         self.observations = np.zeros((count, task.observation_size), dtype=np.float32)
         self._figures = np.zeros((count, len(FIGURES)))
@@ -137,7 +139,7 @@ class Episodes:
         """
         start = self.task.draw_start(random, plan)
         self.bodies.start(member, start.coordinates, start.velocity)
-        self._goals[member] = start.goal
+        self.goals[member] = start.goal
         self.torques[member] = 0.0
         self._assess(self.everyone[member : member + 1], True)
 
@@ -190,7 +192,7 @@ class Episodes:
             self._torque_of_one,
             self._record,
             self.bodies.outcome,
-            self._goals,
+            self.goals,
             self._settings,
             self.observations,
             self._figures,
@@ -232,7 +234,7 @@ class Episodes:
         for name, column in zip(self._info_names, self._info_columns, strict=True):
             info[name] = figures[column]
         if self.task.goal_is_point:
-            info["target"] = self._goals[member].copy()
+            info["target"] = self.goals[member].copy()
             info["success"] = info["is_success"] = code == REACHED
         return info
 
@@ -249,7 +251,7 @@ class Episodes:
         for name, column in zip(self._info_names, self._info_columns, strict=True):
             infos[name] = self._figures[:, column].copy()
         if self.task.goal_is_point:
-            infos["target"] = self._goals.copy()
+            infos["target"] = self.goals.copy()
             infos["success"] = codes == REACHED
             infos["is_success"] = codes == REACHED
         for name in list(infos):
@@ -266,7 +268,7 @@ class Episodes:
             "outcome": bodies.outcome,
             "torques": self.torques,
             "record": self._record,
-            "goals": self._goals,
+            "goals": self.goals,
             "observations": self.observations,
             "figures": self._figures,
             "counters": self.counters,

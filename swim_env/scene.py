@@ -188,6 +188,14 @@ class Scene:
         return steps
 
     @property
+    def torque_limit(self) -> float:
+        """Torque that an environment's action of 1 stands for [N m].
+
+        A scene without a prescribed torque has the default limit.
+        """
+        return (self.actuation or Actuation(amplitude=0.0)).torque_limit
+
+    @property
     def actions_per_episode(self) -> int:
         """Number of actions that an environment takes in an episode, at least 1."""
         return max(1, round(self.episode.duration / self.episode.control_interval))

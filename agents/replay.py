@@ -1,0 +1,149 @@
+"""Playing a baseline as an episode of the environment, with the figures of a replay."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+
+from agents.policies import load_policy
+from agents.rollout import Rollout, play_episode
+from swim_env.errors import SwimError
+from swim_env.files import write_atomically
+from swim_env.registration import FORWARD_ID, TARGET_ID
+from swim_env.scene import Scene
+from swim_env.trajectory import Trajectory
+
+__all__ = ["TASKS", "replay_episode"]
+
+#: Environment of each task.
+TASKS = {"forward": FORWARD_ID, "target": TARGET_ID}
+
+
+def replay_episode(
+    scene: Scene,
+    policy: str = "paper_wave",
+    task: str = "forward",
+    seed: int = 0,
+    noise: float = 1.0,
+    video_folder: str | os.PathLike[str] | None = None,
+    progress: Callable[[int], object] | None = None,
+) -> tuple[Rollout, Trajectory, dict[str, Any]]:
+    """Play one episode through Gymnasium, and its torques again in the simulator.
+
+    Parameters
+    ----------
+    scene : Scene
+        What swims; its episode says for how long, and how often the policy acts.
+    policy : str
+        A name that `load_policy` knows.
+    task : str
+        A key of TASKS.
+    seed : int
+        Of the start's noise, and of a random policy.
+    noise : float
+        Factor on the start's noise; 0 starts exactly as the scene says.
+    video_folder : path, optional
+        Where a video of the episode goes, by Gymnasium's own wrapper.
+    progress : callable, optional
+        Called with 1 after every action.
+
+    Returns
+    -------
+    rollout : Rollout
+        The episode.
+    trajectory : Trajectory
+        The same motion, to the bit, with energy, momentum and work.
+    summary : dict
+        `Trajectory.summary`; ``wall_seconds`` that the episode took; ``policy``, ``task``,
+        ``seed``, ``noise``; ``actions`` and ``control_interval`` (s); ``return``, the sum of the
+        rewards, and ``net_displacement`` (BL); ``terminated``, ``truncated`` and the last
+        ``info``; ``video``, where one was made.
+
+    Raises
+    ------
+    SwimError
+        If an argument cannot be used or the video cannot be written.
+    """
+    if task not in TASKS:
+        raise SwimError(f"unknown task {task!r}; tasks: {', '.join(TASKS)}")
+    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+        raise SwimError(f"the seed must be a whole number of at least 0, got {seed!r}")
+    chosen = load_policy(policy, scene, seed)
+    with tempfile.TemporaryDirectory() as scratch:
+        mode = None if video_folder is None else "rgb_array"
+        env = gymnasium.make(TASKS[task], scene=scene, render_mode=mode)
+        if video_folder is not None:
+            env = _recorded(env, scratch)
+        try:
+            start = time.perf_counter()
+            rollout = play_episode(env, chosen, seed, {"noise": noise}, progress=progress)
+            seconds = time.perf_counter() - start
+        finally:
+            env.close()
+        video = None if video_folder is None else _keep(scratch, video_folder, scene, policy, seed)
+    trajectory = rollout.simulate()
+    summary = {
+        **trajectory.summary(),
+        "termination_reason": rollout.info["termination_reason"],
+        "wall_seconds": seconds,
+        "policy": policy,
+        "task": task,
+        "seed": seed,
+        "noise": noise,
+        "actions": len(rollout.rewards),
+        "control_interval": scene.episode.control_interval,
+        "return": float(rollout.rewards.sum()),
+        "net_displacement": rollout.net_displacement,
+        "terminated": rollout.terminated,
+        "truncated": rollout.truncated,
+        "info": {
+            key: value.tolist() if hasattr(value, "tolist") else value
+            for key, value in rollout.info.items()
+            if key != "episode"
+        },
+    }
+    if video is not None:
+        summary["video"] = video
+    return rollout, trajectory, summary
+
+
+def _recorded(env: gymnasium.Env[Any, Any], folder: str) -> gymnasium.Env[Any, Any]:
+    """Return the environment in Gymnasium's wrapper that records videos."""
+    with warnings.catch_warnings():
+        # The folder is there already, and empty.
+        warnings.filterwarnings("ignore", message=".*Overwriting existing videos.*")
+        try:
+            return gymnasium.wrappers.RecordVideo(
+                env, folder, episode_trigger=lambda episode: True, disable_logger=True
+            )
+        except gymnasium.error.DependencyNotInstalled as error:
+            raise SwimError(
+                f"videos need the extra 'view' (pip install 'swim-env[view]'): {error}"
+            ) from None
+
+
+def _keep(
+    scratch: str, folder: str | os.PathLike[str], scene: Scene, policy: str, seed: int
+) -> str:
+    """Move the finished video into its folder and return its path."""
+    made = sorted(Path(scratch).glob("*.mp4"))
+    if len(made) != 1:
+        raise SwimError(f"one video was to be made, found {len(made)}")
+    target = Path(folder) / f"{scene.name}-{policy}-{seed}.mp4"
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with open(made[0], "rb") as file:
+            content = file.read()
+        write_atomically(target, lambda out: out.write(content))
+    except OSError as error:
+        raise SwimError(
+            f"cannot write the video: {error.strerror or error} ({os.fspath(target)})"
+        ) from None
+    return os.fspath(target)

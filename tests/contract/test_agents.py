@@ -1,0 +1,353 @@
+"""Baselines, episodes played by them, and the trust check."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+from agents import (
+    POLICY_NAMES,
+    Rollout,
+    WavePolicy,
+    load_policy,
+    play_episode,
+    tuning,
+    verify_rollout,
+)
+from agents.replay import replay_episode
+from agents.tuning import load_tuned_wave, net_displacements, search_wave, wave_fields
+from agents.verification import fine_scene
+from swim_env import OptionError, Simulator, SwimEnv, SwimError, SwimTargetEnv, load_scene
+from swim_env.scene import Actuation
+
+ROOT = Path(__file__).parents[2]
+SHORT = ["episode.duration=1.0"]
+QUIET = {"noise": 0.0}
+
+
+@pytest.fixture
+def env() -> SwimEnv:
+    return SwimEnv("swimmer", SHORT)
+
+
+# ---- the call of a trained model ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", POLICY_NAMES)
+def test_a_policy_acts_within_the_space_for_one_observation_and_for_a_batch(
+    name: str, env: SwimEnv
+) -> None:
+    policy = load_policy(name, env.scene, seed=3)
+    observation, _ = env.reset(seed=0)
+    action, _ = policy.predict(observation, deterministic=True)
+    assert action.shape == env.action_space.shape
+    assert (np.abs(action) <= 1.0).all()
+    actions, _ = policy.predict(np.stack([observation] * 3), deterministic=True)
+    assert actions.shape == (3, 8)
+    if name != "random":
+        assert (actions == action).all()
+
+
+def test_the_wave_keeps_its_clock_in_the_state() -> None:
+    scene = load_scene("swimmer")
+    assert scene.actuation is not None
+    policy = load_policy("paper_wave", scene)
+    observations = np.zeros((2, 21), dtype=np.float32)
+    state: Any = None
+    for n in range(5):
+        actions, state = policy.predict(observations, state, np.array([n == 0, n in (0, 3)]))
+        times = np.array([n, n if n < 3 else n - 3]) * scene.episode.control_interval
+        assert (actions == scene.actuation.torques(times, scene.beam)).all()
+    # The policy itself remembers nothing.
+    assert (policy.predict(observations)[0] == scene.actuation.torques([0.0], scene.beam)).all()
+
+
+def test_predict_does_not_change_the_state_that_it_is_given() -> None:
+    policy = load_policy("paper_wave")
+    _, state = policy.predict(np.zeros(21))
+    before = state.copy()
+    policy.predict(np.zeros(21), state, np.array([True]))
+    assert (state == before).all()
+
+
+def test_random_actions_follow_their_seed() -> None:
+    first, second, other = (load_policy("random", seed=seed) for seed in (1, 1, 2))
+    a, b, c = (
+        np.array([p.predict(np.zeros(21))[0] for _ in range(5)]) for p in (first, second, other)
+    )
+    assert (a == b).all()
+    assert (a != c).all()
+    assert len({x for row in a.tolist() for x in row}) == a.size
+
+
+def test_torques_are_a_share_of_the_scenes_limit() -> None:
+    scene = load_scene("swimmer", ["actuation.torque_limit=4.0"])
+    action, _ = load_policy("paper_wave", scene).predict(np.zeros(21))
+    assert action[0] == pytest.approx(np.cos(-2.0 * np.pi / 9.0) / 4.0, rel=1e-15)
+
+
+def test_bad_calls_get_one_clear_error() -> None:
+    with pytest.raises(OptionError, match="unknown policy 'paper_wav'.*paper_wave"):
+        load_policy("paper_wav")
+    with pytest.raises(OptionError, match="seed must be"):
+        load_policy("random", seed=-1)
+    policy = load_policy("paper_wave")
+    with pytest.raises(OptionError, match="observation must have shape"):
+        policy.predict(np.zeros(20))
+    with pytest.raises(OptionError, match="observation must have shape"):
+        policy.predict(np.zeros((2, 2, 21)))
+    with pytest.raises(OptionError, match=r"state must have shape \(2,\), got \(1,\)"):
+        policy.predict(np.zeros((2, 21)), np.zeros(1, dtype=np.int64))
+
+
+# ---- episodes ----------------------------------------------------------------------------------
+
+
+def test_an_episode_is_the_simulators_replay_bit_for_bit_without_noise_and_hold() -> None:
+    scene = load_scene("paper_i", ["episode.control_interval=0.01", "episode.duration=3.0"])
+    rollout = play_episode(SwimEnv(scene), load_policy("paper_wave", scene), options=QUIET)
+    simulator = Simulator(scene)
+    trajectory = simulator.rollout(simulator.prescribed_torques(300))
+    assert (rollout.torques == trajectory.torques).all()
+    at_centre = np.array([simulator.coordinates[:2]])
+    assert (rollout.path[-1:] == at_centre).all()
+    assert rollout.rewards.sum() == pytest.approx(-trajectory.displacement[0], abs=1e-13)
+
+
+@pytest.mark.parametrize("name", POLICY_NAMES)
+def test_a_rollout_played_again_is_the_same_motion(name: str, env: SwimEnv) -> None:
+    rollout = play_episode(env, load_policy(name, env.scene, seed=5), seed=7)
+    simulator = Simulator(env.scene)
+    simulator.reset_to(rollout.coordinates, rollout.velocity)
+    simulator.rollout(np.repeat(rollout.torques, 4, axis=0))
+    assert (simulator.coordinates == env.coordinates).all()
+    assert rollout.truncated
+    assert not rollout.terminated
+    assert rollout.rewards.sum() == pytest.approx(rollout.net_displacement, abs=1e-13)
+    assert rollout.info["progress"] == pytest.approx(rollout.net_displacement, abs=1e-13)
+
+
+def test_a_target_rollout_scores_by_how_much_closer_it_came() -> None:
+    env = SwimTargetEnv("swimmer", SHORT)
+    rollout = play_episode(env, load_policy("tuned_wave", env.scene), seed=2)
+    before = np.hypot(*(rollout.goal - rollout.path[0]))
+    after = np.hypot(*(rollout.goal - rollout.path[-1]))
+    assert rollout.net_displacement == pytest.approx(before - after, abs=1e-13)
+    assert rollout.rewards.sum() == pytest.approx(before - after, abs=1e-13)
+
+
+def test_episodes_need_an_environment_of_this_package() -> None:
+    with pytest.raises(OptionError, match="needs a SwimEnv, got CartPoleEnv"):
+        play_episode(gymnasium.make("CartPole-v1"), load_policy("zero"))
+
+
+# ---- the trust check ---------------------------------------------------------------------------
+
+
+def _play(scene_overrides: list[str], wave: Actuation) -> Rollout:
+    scene = load_scene("swimmer", scene_overrides)
+    return play_episode(SwimEnv(scene), WavePolicy(scene, wave), options=QUIET)
+
+
+def test_a_resolved_score_is_verified() -> None:
+    rollout = _play(["episode.duration=2.0"], Actuation(amplitude=1.0))
+    checked = verify_rollout(rollout)
+    assert checked.verified
+    assert checked.difference < 0.05
+    assert checked.time_step == 0.00125
+    assert checked.panels_per_element == 12
+    assert checked.net_displacement == rollout.net_displacement
+    assert checked.fine_displacement != checked.net_displacement
+    json.dumps(checked.to_dict(), allow_nan=False)
+
+
+def test_a_score_that_hangs_on_the_time_step_is_not_verified() -> None:
+    # Without damping, at a large step and near the second resonance, the motion is not resolved.
+    overrides = [
+        "damping=null",
+        "integrator.time_step=0.01",
+        "episode.duration=3.0",
+    ]
+    wave = Actuation(amplitude=1.0, frequency=2.0 * np.pi * 14.0, wave_number=-6.0)
+    checked = verify_rollout(_play(overrides, wave))
+    assert not checked.verified
+    assert checked.difference > checked.tolerance or checked.termination_reason
+
+
+def test_no_motion_agrees_with_no_motion(env: SwimEnv) -> None:
+    rollout = play_episode(env, load_policy("zero", env.scene), options=QUIET)
+    checked = verify_rollout(rollout)
+    assert checked.verified
+    assert checked.difference == 0.0
+
+
+def test_the_finer_scene_differs_in_step_and_panels_alone() -> None:
+    scene = load_scene("swimmer")
+    fine = fine_scene(scene)
+    assert fine.replace({"integrator.time_step": 0.005, "fluid.panels_per_element": 4}) == scene
+    dry = load_scene("swimmer", ["fluid=null"])
+    assert fine_scene(dry) == dry.replace("integrator.time_step", 0.00125)
+
+
+# ---- the tuned wave ----------------------------------------------------------------------------
+
+
+def test_the_tuned_wave_beats_the_papers_by_fifteen_and_is_what_its_record_says() -> None:
+    scene = load_scene("swimmer")
+    record = load_tuned_wave()
+    paper, tuned = (
+        play_episode(SwimEnv(scene), load_policy(name, scene), options=QUIET)
+        for name in ("paper_wave", "tuned_wave")
+    )
+    assert tuned.net_displacement >= 15.0 * paper.net_displacement > 0.0
+    # The last digits of a resonant motion hang on the processor's instructions.
+    assert tuned.net_displacement == pytest.approx(record["net_displacement"], rel=1e-3)
+    assert record["paper_wave"] == pytest.approx(paper.net_displacement, rel=1e-3)
+    assert record["wave"]["amplitude"] <= scene.torque_limit
+    assert record["checked"][-1]["verified"]
+    assert all(not entry["verified"] for entry in record["checked"][:-1])
+
+
+@pytest.mark.slow
+def test_the_tuned_wave_passes_the_trust_check() -> None:
+    scene = load_scene("swimmer")
+    rollout = play_episode(SwimEnv(scene), load_policy("tuned_wave", scene), options=QUIET)
+    checked = verify_rollout(rollout)
+    assert checked.verified
+    assert checked.fine_displacement == pytest.approx(
+        load_tuned_wave()["fine_displacement"], rel=1e-3
+    )
+
+
+def test_the_record_holds_the_search() -> None:
+    record = load_tuned_wave()
+    grid = record["search"]["grid"]
+    values = np.array(grid["net_displacement"])
+    assert values.shape == (len(grid["frequency_hz"]), len(grid["wave_number"]))
+    # Both resonances and both directions of travel are on the grid.
+    assert min(grid["frequency_hz"]) < 1.0
+    assert max(grid["frequency_hz"]) > 17.0
+    assert min(grid["wave_number"]) == -max(grid["wave_number"])
+    assert record["net_displacement"] >= values.max() * (1.0 - 1e-6) or record["checked"][1:]
+    history = record["search"]["evolution"]["best_of_generation"]
+    assert history == sorted(history)
+
+
+def test_waves_score_in_a_batch_what_they_score_alone(env: SwimEnv) -> None:
+    scene = env.scene
+    waves = [Actuation(amplitude=1.0, frequency=f, wave_number=-4.0) for f in (10.0, 20.0, 30.0)]
+    alone = [
+        play_episode(env, WavePolicy(scene, wave), options=QUIET).info["progress"] for wave in waves
+    ]
+    assert net_displacements(scene, waves).tolist() == alone
+
+
+def test_an_episode_that_ends_early_has_no_score() -> None:
+    # A soft beam folds under the torque.
+    scene = load_scene("swimmer", ["beam.bending_stiffness=0.05", *SHORT])
+    waves = [Actuation(amplitude=1.0), Actuation(amplitude=0.0)]
+    first, second = net_displacements(scene, waves)
+    assert np.isnan(first)
+    assert second == 0.0
+
+
+def test_the_search_finds_the_best_of_what_it_tried(env: SwimEnv) -> None:
+    seen: list[int] = []
+    record = search_wave(
+        env.scene, frequencies=4, wave_numbers=3, generations=2, population=8, progress=seen.append
+    )
+    assert sum(seen) >= 4 * 3 + 8
+    best = record["candidates"][0]
+    assert best["net_displacement"] >= np.max(record["grid"]["net_displacement"]) - 1e-6
+    wave = Actuation(**wave_fields(env.scene, best))
+    assert net_displacements(env.scene, [wave])[0] == best["net_displacement"]
+
+
+def test_a_damaged_record_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    damaged = tmp_path / "tuned_wave.json"
+    damaged.write_text('{"wave": {"amplitude": 1.0}}')
+    monkeypatch.setattr(tuning, "TUNED_WAVE_FILE", damaged)
+    load_tuned_wave.cache_clear()
+    try:
+        with pytest.raises(SwimError, match="cannot read the tuned wave"):
+            load_policy("tuned_wave")
+    finally:
+        load_tuned_wave.cache_clear()
+
+
+# ---- replay --env ------------------------------------------------------------------------------
+
+
+def test_replaying_an_episode_gives_rewards_and_the_figures_of_a_replay() -> None:
+    scene = load_scene("swimmer", SHORT)
+    rollout, trajectory, summary = replay_episode(scene, "tuned_wave", seed=4)
+    assert summary["steps"] == 200
+    assert summary["actions"] == len(rollout.rewards) == 50
+    assert summary["return"] == pytest.approx(-summary["displacement"][0], abs=1e-12)
+    assert summary["net_displacement"] == pytest.approx(summary["return"], abs=1e-12)
+    # Centres of elements are made from the minimal coordinates, with rounding of their own.
+    assert np.abs(trajectory.path[::4] - rollout.path).max() < 1e-14
+    json.dumps(summary, allow_nan=False)
+
+
+@pytest.fixture(scope="module")
+def command() -> Iterator[list[str]]:
+    yield [sys.executable, str(ROOT / "scripts" / "replay.py"), "--scene", "swimmer"]
+
+
+def _run(command: list[str], *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*command, *arguments], capture_output=True, text=True, timeout=240, cwd=ROOT
+    )
+
+
+def test_the_command_plays_an_episode_the_same_in_every_process(command: list[str]) -> None:
+    arguments = ("--env", "--policy", "random", "--seed", "3", "--duration", "1", "--json")
+    first, second = (_run(command, *arguments) for _ in range(2))
+    assert first.returncode == 0, first.stderr
+    a, b = (json.loads(run.stdout.splitlines()[-1]) for run in (first, second))
+    for summary in (a, b):
+        summary.pop("wall_seconds")
+    assert a == b
+    assert a["policy"] == "random"
+    assert a["truncated"]
+    assert a["duration"] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--policy", "zero"], "--policy needs --env"),
+        (["--env", "--policy", "nobody"], "unknown policy 'nobody'"),
+        (["--env", "--task", "sideways"], "unknown task 'sideways'"),
+        (["--env", "--seed", "-1"], "seed"),
+        (["--env", "--noise", "-2"], "noise"),
+        (["--env", "--set", "episode.control_interval=0.012"], "whole number of steps"),
+    ],
+)
+def test_bad_arguments_end_with_code_2_and_one_line(
+    command: list[str], arguments: list[str], message: str
+) -> None:
+    done = _run(command, *arguments)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+    assert done.stdout == ""
+
+
+def test_the_clock_does_not_drift() -> None:
+    policy = load_policy("paper_wave")
+    assert isinstance(policy, WavePolicy)
+    late = np.array([10_000_000])
+    action, _ = policy.predict(np.zeros(21), late)
+    exact = replace(policy.wave, phase=0.0).torques(late * 0.02, policy.scene.beam)[0]
+    assert (action == exact).all()
