@@ -73,7 +73,7 @@ def replay_episode(
     """
     if task not in TASKS:
         raise SwimError(f"unknown task {task!r}; tasks: {', '.join(TASKS)}")
-    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+    if seed < 0:
         raise SwimError(f"the seed must be a whole number of at least 0, got {seed!r}")
     chosen = load_policy(policy, scene, seed)
     with tempfile.TemporaryDirectory() as scratch:

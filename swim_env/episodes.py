@@ -20,7 +20,7 @@ from swim_env.assessment import (
     torques_of_actions,
 )
 from swim_env.bodies import Bodies
-from swim_env.errors import ActionError, OptionError, SwimError
+from swim_env.errors import ActionError, OptionError, SimulationEndedError, SwimError
 from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
 from swim_env.task import StartPlan, Task
 
@@ -31,6 +31,9 @@ Indices = NDArray[np.int64]
 
 #: Reasons for which an episode ends before its time, by code: the physics' own and the task's.
 TERMINATION_REASONS: dict[int, str] = {**PHYSICS_REASONS, REACHED: "target_reached"}
+
+#: Draws of a start's noise until one can be simulated.
+_MOST_DRAWS = 100
 
 #: What `info` holds of the figures, for every task and for some.
 _FORWARD_INFO = (
@@ -53,6 +56,8 @@ class EpisodesSnapshot:
     ----------
     task : tuple
         What the episodes are of, to compare with.
+    limit : int
+        Actions in an episode.
     arrays : dict of str to numpy.ndarray
         Copies of the state.
     randoms : list of dict
@@ -60,8 +65,18 @@ class EpisodesSnapshot:
     """
 
     task: tuple[object, ...]
+    limit: int
     arrays: dict[str, NDArray[Any]]
     randoms: list[dict[str, Any]]
+
+    def member(self, index: int) -> EpisodesSnapshot:
+        """Return the snapshot of one member, which a single environment can take over."""
+        return EpisodesSnapshot(
+            self.task,
+            self.limit,
+            {name: array[index : index + 1].copy() for name, array in self.arrays.items()},
+            [deepcopy(self.randoms[index])],
+        )
 
 
 class Episodes:
@@ -135,10 +150,17 @@ class Episodes:
         Raises
         ------
         SimulationEndedError
-            If the start cannot be simulated; the member is as before.
+            If the start cannot be simulated, whatever its noise; the member is as before.
         """
-        start = self.task.draw_start(random, plan)
-        self.bodies.start(member, start.coordinates, start.velocity)
+        for attempt in range(_MOST_DRAWS):
+            start = self.task.draw_start(random, plan)
+            try:
+                self.bodies.start(member, start.coordinates, start.velocity)
+                break
+            except SimulationEndedError:
+                # Large noise may bend the body beyond what its outline bears.
+                if attempt == _MOST_DRAWS - 1:
+                    raise
         self.goals[member] = start.goal
         self.torques[member] = 0.0
         self._assess(self.everyone[member : member + 1], True)
@@ -274,13 +296,11 @@ class Episodes:
             "counters": self.counters,
         }
 
-    def _identity(self) -> tuple[object, ...]:
-        return (self.task.identity, len(self.counters), self.limit)
-
     def snapshot(self, randoms: list[np.random.Generator]) -> EpisodesSnapshot:
         """Return a copy of everything that decides how the episodes go on."""
         return EpisodesSnapshot(
-            self._identity(),
+            self.task.identity,
+            self.limit,
             {name: array.copy() for name, array in self._arrays().items()},
             [deepcopy(dict(random.bit_generator.state)) for random in randoms],
         )
@@ -293,7 +313,8 @@ class Episodes:
         SwimError
             If the snapshot is of another task, scene, or number of members.
         """
-        if snapshot.task != self._identity():
+        same = snapshot.task == self.task.identity and snapshot.limit == self.limit
+        if not same or len(snapshot.randoms) != len(randoms):
             raise SwimError(
                 "the snapshot belongs to another environment: scene, task, weights, episode "
                 "length and number of members must be the same"

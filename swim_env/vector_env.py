@@ -22,7 +22,9 @@ from swim_env.env import (
     checked_render_mode,
     checked_seed,
     metadata_of,
+    new_viewer,
     observation_space_of,
+    warn_of_no_render_mode,
 )
 from swim_env.episodes import Episodes, whole_number
 from swim_env.errors import OptionError, SwimError
@@ -106,6 +108,7 @@ class SwimVectorEnv(
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self._randoms: list[np.random.Generator | None] = [None] * self.num_envs
         self._is_reset = np.zeros(self.num_envs, dtype=np.bool_)
+        self._viewer: Any = None
 
     @property
     def scene(self) -> Scene:
@@ -143,11 +146,13 @@ class SwimVectorEnv(
         plan, mask = self._plan_and_mask(options)
         fresh = self._generators(seed)
         if isinstance(seed, int):
-            self._np_random_seed = seed
+            super().reset(seed=seed)
         for member in np.flatnonzero(mask):
             if fresh[member] is not None:
                 self._randoms[member] = fresh[member]
             self._start(int(member), plan)
+        if self.render_mode == "human":
+            self.render()
         return self._observations(), self._masked_infos(mask)
 
     def step(
@@ -197,7 +202,38 @@ class SwimVectorEnv(
                 infos = self._add_info(infos, last, int(member))
                 self._start(int(member), plan)
         infos.update(episodes.infos())
+        if self.render_mode == "human":
+            self.render()
         return self._observations(), rewards, terminated, truncated, infos
+
+    def render(self) -> Any:
+        """Return a frame of every member, (height, width, 3) uint8 each, or show member 0.
+
+        In "human" mode `reset` and `step` show member 0 by themselves; for all members in one
+        window, wrap an "rgb_array" environment in `gymnasium.wrappers.vector.HumanRendering`.
+        See `SwimEnv.render`.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            Before the first reset.
+        SwimError
+            If what it takes to draw is not installed.
+        """
+        if self.render_mode is None:
+            warn_of_no_render_mode(self)
+            return None
+        if not self._is_reset.all():
+            raise gymnasium.error.ResetNeeded("call reset before render")
+        if self._viewer is None:
+            self._viewer = new_viewer(self.episodes, self.render_mode, self.metadata)
+        return self._viewer.show() if self.render_mode == "human" else self._viewer.frames()
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Close the window, if there is one."""
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
 
     def _observations(self) -> Observation:
         return self.episodes.observations.copy()
@@ -208,6 +244,8 @@ class SwimVectorEnv(
             random = self._randoms[member] = seeding.np_random()[0]
         self.episodes.start(member, random, plan)
         self._is_reset[member] = True
+        if self._viewer is not None:
+            self._viewer.forget(member)
 
     def _masked_infos(self, mask: Booleans) -> dict[str, Any]:
         """Return infos in which only the members of a mask stand, as Gymnasium's own do."""
@@ -284,6 +322,8 @@ class SwimVectorEnv(
             If the snapshot belongs to another environment, or before the first reset.
         """
         self.episodes.restore(snapshot.episodes, self._known_randoms())
+        if self._viewer is not None:
+            self._viewer.forget()
         return self._observations()
 
     def _known_randoms(self) -> list[np.random.Generator]:
