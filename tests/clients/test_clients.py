@@ -1,0 +1,202 @@
+"""Learning libraries that this project did not write use its environments as they are.
+
+Each has a virtual environment of its own, filled with the pins next to its files here. It stays in
+pytest's cache folder and is made anew when the pins or the interpreter change.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import math
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+# An installation and a kernel compilation, with room for a slow network.
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+SOURCES = ("pyproject.toml", "setup.py", "README.md", "LICENSE", "swim_env", "agents", "configs")
+FORWARD, TARGET = "swim_env/KirchhoffSwimmer-v0", "swim_env/KirchhoffSwimmerTarget-v0"
+TAIL = 60  # lines of output in a failure
+INSTALL_SECONDS = 1200
+RUN_SECONDS = 600
+
+
+@dataclass(frozen=True)
+class Client:
+    """A client's virtual environment, and the folder in which its commands run."""
+
+    folder: Path
+    work: Path
+
+    def run(self, *arguments: str | Path, seconds: float = RUN_SECONDS) -> str:
+        """Run the environment's python with arguments; return what it printed."""
+        command = [str(self.folder / "bin" / "python"), *map(str, arguments)]
+        return run(command, self.work, seconds, NUMBA_CACHE_DIR=str(self.folder / "kernels"))
+
+
+def run(command: list[str], work: Path, seconds: float, **variables: str) -> str:
+    """Run a command with nothing of this process's Python around it; fail with its last lines."""
+    clean = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "VIRTUAL_ENV")}
+    work.mkdir(parents=True, exist_ok=True)
+    log = work / "output.txt"
+    # Into a file: workers that outlive the command would keep a pipe open.
+    with log.open("wb") as output:
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            cwd=work,
+            env={**clean, **variables},
+            start_new_session=True,
+        )
+        try:
+            outcome = f"exit code {process.wait(seconds)}"
+        except subprocess.TimeoutExpired:
+            outcome = f"not done after {seconds:.0f} s"
+        finally:
+            with contextlib.suppress(ProcessLookupError):  # the command and workers it left
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+    printed = log.read_text(encoding="utf-8", errors="replace").replace("\r", "\n")
+    if outcome != "exit code 0":
+        tail = "\n".join(printed.splitlines()[-TAIL:])
+        pytest.fail(f"{outcome}: {' '.join(command)}\n{tail}", pytrace=False)
+    return printed
+
+
+def fill(folder: Path, pins: Path, work: Path) -> None:
+    """Make a virtual environment with the pinned packages, unless it is there already."""
+    stamp = folder / "complete"
+    mark = hashlib.sha256(f"{sys.base_prefix} {sys.version}\n{pins.read_text()}".encode())
+    if stamp.is_file() and stamp.read_text() == mark.hexdigest():
+        return
+    shutil.rmtree(folder, ignore_errors=True)
+    run([sys.executable, "-m", "venv", str(folder)], work, INSTALL_SECONDS)
+    Client(folder, work).run("-m", "pip", "install", "-r", pins, seconds=INSTALL_SECONDS)
+    stamp.write_text(mark.hexdigest())
+
+
+def install_project(client: Client, copy: Path) -> None:
+    """Install the checkout as it is now, from a copy: a build leaves folders in its source."""
+    for name in SOURCES:
+        source = ROOT / name
+        if source.is_dir():
+            ignored = shutil.ignore_patterns("__pycache__", ".*")
+            shutil.copytree(source, copy / name, ignore=ignored)
+        elif source.exists():
+            copy.mkdir(parents=True, exist_ok=True)
+            shutil.copy(source, copy / name)
+    options = ("--no-deps", "--no-build-isolation", "--force-reinstall")
+    client.run("-m", "pip", "install", *options, copy)
+    client.run("-m", "pip", "check")
+    place = client.run("-c", "import swim_env; print(swim_env.__file__)").splitlines()[-1]
+    assert Path(place).is_relative_to(client.folder)
+
+
+@pytest.fixture
+def install(pytestconfig: pytest.Config, tmp_path: Path) -> Callable[[str], Client]:
+    """Return a function that gives a client by its name, ready to run."""
+
+    def ready(name: str) -> Client:
+        folder = pytestconfig.cache.mkdir("clients") / name
+        client = Client(folder, tmp_path / "work")
+        fill(folder, HERE / name / "requirements.txt", client.work)
+        install_project(client, tmp_path / "copy")
+        return client
+
+    return ready
+
+
+def matched(pattern: str, printed: str) -> float:
+    """Return the number at the only group of a pattern, in the last place where it is."""
+    found = re.findall(pattern, printed)
+    assert found, f"nothing like {pattern!r} in\n{printed[-3000:]}"
+    return float(found[-1])
+
+
+def results(printed: str) -> list[dict[str, Any]]:
+    """Return the lines of JSON in an output."""
+    return [json.loads(line) for line in printed.splitlines() if line.startswith("{")]
+
+
+def test_rl_zoo3(install: Callable[[str], Client]) -> None:
+    """Its command line trains in one process and in several, and plays what was trained."""
+    zoo = install("rl-zoo3")
+    first_episodes = {}
+    for name, vec_env in ((FORWARD, "dummy"), (FORWARD, "subproc"), (TARGET, "subproc")):
+        logs, saved = f"logs-{vec_env}", name.replace("/", "-")
+        common = ("--algo", "ppo", "--env", name, "--gym-packages", "swim_env", "--seed", "0")
+        common += ("--device", "cpu", "-f", logs)
+        zoo.run(
+            *("-m", "rl_zoo3.train", *common),
+            *("--conf-file", HERE / "rl-zoo3" / "ppo.yml", "--vec-env", vec_env),
+            *("--eval-freq", "512", "--eval-episodes", "2"),
+            *("--eval-env-kwargs", "overrides:'episode.duration=1.0'"),
+        )
+        run_folder = zoo.work / logs / "ppo" / f"{saved}_1"
+        assert (run_folder / f"{saved}.zip").stat().st_size > 10_000
+        assert (run_folder / "best_model.zip").is_file()
+        assert (run_folder / saved / "vecnormalize.pkl").is_file()
+        evaluations = np.load(run_folder / "evaluations.npz")
+        assert evaluations["timesteps"].tolist() == [512, 1024]
+        assert np.isfinite(evaluations["results"]).all()
+        assert (evaluations["ep_lengths"] == 50).all()
+        members = [run_folder / f"{i}.monitor.csv" for i in range(2)]
+        episodes = [np.loadtxt(m, delimiter=",", skiprows=2, ndmin=2) for m in members]
+        assert all(len(rows) == 10 and (rows[:, 1] == 50).all() for rows in episodes)
+        # Two episodes end before the first update; it may round differently from run to run.
+        first_episodes[name, vec_env] = [rows[:2, 0] for rows in episodes]
+
+        printed = zoo.run("-m", "rl_zoo3.enjoy", *common, "--no-render", "--n-timesteps", "200")
+        assert matched(r"(\d+) Episodes", printed) == 4
+        assert math.isfinite(matched(r"Mean reward: (\S+) \+/-", printed))
+        assert matched(r"Mean episode length: (\S+) \+/-", printed) == 50
+        if name == TARGET:
+            assert 0 <= matched(r"Success rate: (\S+)%", printed) <= 100
+    np.testing.assert_allclose(
+        first_episodes[FORWARD, "subproc"], first_episodes[FORWARD, "dummy"], atol=2e-6
+    )
+
+
+def test_torchrl(install: Callable[[str], Client]) -> None:
+    """Its check of specifications passes: alone, in processes, and on our batched form."""
+    printed = install("torchrl").run(HERE / "torchrl" / "check_specs.py", FORWARD, TARGET)
+    assert printed.count("check_env_specs succeeded!") == 10
+    played = results(printed)
+    assert [result.pop("name") for result in played] == [FORWARD, TARGET]
+    for result in played:
+        assert result == {
+            "full_length": [100],
+            "short": [49, 99],
+            "native": [49, 99],
+            "native_is_single": True,
+            "parallel": [49, 99],
+        }
+
+
+def test_skrl(install: Callable[[str], Client]) -> None:
+    """It trains on our batched form and evaluates what it saved."""
+    skrl = install("skrl")
+    for name in (FORWARD, TARGET):
+        (result,) = results(skrl.run(HERE / "skrl" / "ppo.py", name))
+        assert (skrl.work / "runs" / "ppo" / "checkpoints" / "agent_256.pt").is_file()
+        assert result["episodes"] == 20
+        assert result["lengths"] == [50]
+        assert math.isfinite(result["mean_return"])
+        shutil.rmtree(skrl.work / "runs")
