@@ -103,7 +103,7 @@ def torques_of_actions(
     torque_of_one : (N - 1,) array
         Torque at each joint that an action of 1 stands for (N m); 0 where nothing drives it.
     torques : (M, 1, N - 1) array
-        Overwritten for these members.
+        Overwritten for these members, unless one of the actions is not finite.
 
     Returns
     -------
@@ -112,11 +112,13 @@ def torques_of_actions(
     """
     for member in members:
         for joint in range(actions.shape[1]):
-            action = actions[member, joint]
-            if not np.isfinite(action):
+            if not np.isfinite(actions[member, joint]):
                 bad: int = member * actions.shape[1] + joint
                 return bad
-            torques[member, 0, joint] = torque_of_one[joint] * min(1.0, max(-1.0, action))
+    for member in members:
+        for joint in range(actions.shape[1]):
+            action = min(1.0, max(-1.0, actions[member, joint]))
+            torques[member, 0, joint] = torque_of_one[joint] * action
     return -1
 
 
@@ -193,7 +195,7 @@ def assess(
         if to_point:
             away_x = goal_x - q[0]
             away_y = goal_y - q[1]
-            distance = np.sqrt(away_x * away_x + away_y * away_y)
+            distance = np.hypot(away_x, away_y)
             # At the very point every direction is as good as straight ahead.
             goal_x = away_x / distance if distance > 0.0 else ahead_x
             goal_y = away_y / distance if distance > 0.0 else ahead_y

@@ -208,13 +208,23 @@ class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         gymnasium.error.Error
             If the seed is not a whole number of at least 0.
         OptionError
-            If an option cannot be used. The episode that was running goes on after either.
+            If an option cannot be used.
         SimulationEndedError
-            If the start cannot be simulated.
+            If the start cannot be simulated. The episode that was running can go on after any of
+            these errors, as if nothing had been asked.
         """
         plan = self.task.plan_start(options)
-        super().reset(seed=checked_seed(seed))
-        self.episodes.start(0, self.np_random, plan)
+        seed = checked_seed(seed)
+        random, random_seed = self._np_random, self._np_random_seed
+        numbers = None if random is None else dict(random.bit_generator.state)
+        super().reset(seed=seed)
+        try:
+            self.episodes.start(0, self.np_random, plan)
+        except SimulationEndedError:
+            self._np_random, self._np_random_seed = random, random_seed
+            if random is not None:
+                random.bit_generator.state = numbers  # type: ignore[assignment]
+            raise
         self._is_reset = True
         if self._viewer is not None:
             self._viewer.forget()
@@ -262,12 +272,26 @@ class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
     def render(self) -> Any:
         """Return a frame, (height, width, 3) uint8, or show it in a window.
 
+        The camera and the trail follow what was rendered since the last reset, and rendering
+        changes nothing of the episode. In "human" mode `reset` and `step` render by themselves,
+        the window keeps to real time, and nothing is shown where there is no display or once the
+        window was closed.
+
         Raises
         ------
+        gymnasium.error.ResetNeeded
+            Before the first reset.
         SwimError
             If what it takes to draw is not installed.
         """
-        return None
+        if self.render_mode is None:
+            warn_of_no_render_mode(self)
+            return None
+        if not self._is_reset:
+            raise gymnasium.error.ResetNeeded("call reset before render")
+        if self._viewer is None:
+            self._viewer = new_viewer(self.episodes, self.metadata)
+        return self._viewer.show() if self.render_mode == "human" else self._viewer.frames()[0]
 
     def close(self) -> None:
         """Close the window, if there is one. Closing twice does no harm."""
@@ -296,6 +320,8 @@ class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         """
         self.episodes.restore(snapshot.episodes, [self.np_random])
         self._is_reset = snapshot.is_reset
+        if self._viewer is not None:
+            self._viewer.forget()
         observation: Observation = self.episodes.observations[0].copy()
         return observation
 
@@ -368,6 +394,23 @@ def checked_render_mode(mode: str | None) -> str | None:
             f"unknown render_mode {mode!r}{hint}; modes: {', '.join(RENDER_MODES)}, or None"
         )
     return mode
+
+
+def new_viewer(episodes: Episodes, metadata: Mapping[str, Any]) -> Any:
+    """Return what shows episodes; imported here, since most environments are never rendered."""
+    from swim_env.viewer.live import EpisodesViewer
+
+    return EpisodesViewer(episodes, metadata["render_fps"])
+
+
+def warn_of_no_render_mode(env: SwimEnv | gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
+    """Warn as Gymnasium's own environments do of `render` without a mode."""
+    name = env.spec.id if env.spec is not None else "swim_env/KirchhoffSwimmer-v0"
+    make = "make" if isinstance(env, gymnasium.Env) else "make_vec"
+    gymnasium.logger.warn(
+        "You are calling render method without specifying any render mode. You can specify the "
+        f'render_mode at initialization, e.g. gym.{make}("{name}", render_mode="rgb_array")'
+    )
 
 
 def checked_seed(seed: int | None) -> int | None:

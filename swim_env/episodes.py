@@ -22,6 +22,7 @@ from swim_env.assessment import (
 from swim_env.bodies import Bodies
 from swim_env.errors import ActionError, OptionError, SimulationEndedError, SwimError
 from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
+from swim_env.scene_checks import got
 from swim_env.task import StartPlan, Task
 
 __all__ = ["TERMINATION_REASONS", "Episodes", "EpisodesSnapshot"]
@@ -89,7 +90,7 @@ class Episodes:
     count : int
         Their number M.
     max_episode_steps : int, optional
-        Actions until the time is up; the scene's duration over its control interval unless given.
+        Actions until the time is up, if that is sooner than the scene's duration.
 
     Attributes
     ----------
@@ -118,7 +119,7 @@ class Episodes:
         self._hold = scene.steps_per_action
         self.limit = scene.actions_per_episode
         if max_episode_steps is not None:
-            self.limit = whole_number(max_episode_steps, "max_episode_steps")
+            self.limit = min(self.limit, whole_number(max_episode_steps, "max_episode_steps"))
         load_assessment()
         self.bodies = Bodies(scene, count)
         self.everyone = self.bodies.everyone
@@ -184,12 +185,15 @@ class Episodes:
         what = "an action" if single else "actions"
         try:
             given = np.asarray(actions)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, RuntimeError) as error:
             raise ActionError(f"{what} must be numbers of shape {shape}: {error}") from None
         if given.dtype.kind not in "iuf":
             raise ActionError(f"{what} must be numbers of shape {shape}, got {given.dtype}")
         if given.shape != shape:
             raise ActionError(f"{what} must have shape {shape}, got {given.shape}")
+        if given.dtype == np.longdouble and given.dtype != np.float64:
+            with np.errstate(over="ignore"):  # becomes infinite and is refused as such
+                given = given.astype(np.float64)
         self.actions[:] = given
         bad = torques_of_actions(self.everyone, self.actions, self._torque_of_one, self.torques)
         if bad >= 0:
@@ -325,8 +329,8 @@ class Episodes:
             random.bit_generator.state = deepcopy(state)
 
 
-def whole_number(value: object, name: str) -> int:
-    """Return a whole number of at least 1.
+def whole_number(value: object, name: str, at_most: int | None = None) -> int:
+    """Return a whole number of at least 1, and of no more than a bound.
 
     Raises
     ------
@@ -338,7 +342,10 @@ def whole_number(value: object, name: str) -> int:
             raise TypeError
         number = operator.index(value)  # type: ignore[arg-type]
     except TypeError:
-        raise OptionError(f"{name} must be a whole number of at least 1, got {value!r}") from None
+        shown = repr(value) if value is None or isinstance(value, bool) else got(value)
+        raise OptionError(f"{name} must be a whole number of at least 1, got {shown}") from None
     if number < 1:
-        raise OptionError(f"{name} must be at least 1, got {number}")
+        raise OptionError(f"{name} must be at least 1, got {got(number)}")
+    if at_most is not None and number > at_most:
+        raise OptionError(f"{name} must be at most {at_most:,}, got {got(number)}")
     return number

@@ -72,6 +72,10 @@ _BLOCKS: dict[str, type] = {
 _OPTIONAL = ("fluid", "axial_added_mass", "damping", "actuation")
 _NOTHING: Any = object()
 
+#: Largest number of time steps in a control interval, which are recorded one by one, and of actions
+#: in an episode.
+MOST_STEPS_PER_ACTION, MOST_ACTIONS = 100_000, 1_000_000_000
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -175,10 +179,16 @@ class Scene:
         Raises
         ------
         SceneError
-            If the control interval is not a whole number of time steps.
+            If the control interval is not a whole number of time steps, or too many of them.
         """
         ratio = self.episode.control_interval / self.integrator.time_step
-        steps = round(ratio)
+        steps = round(min(ratio, 1.0 + MOST_STEPS_PER_ACTION))
+        if not ratio <= MOST_STEPS_PER_ACTION:
+            raise SceneError(
+                f"episode.control_interval must be at most {MOST_STEPS_PER_ACTION:,} steps of "
+                f"integrator.time_step, {self.integrator.time_step!r} s, got "
+                f"{self.episode.control_interval!r} s"
+            )
         if steps < 1 or abs(ratio - steps) > 1e-9 * ratio:
             raise SceneError(
                 f"episode.control_interval must be a whole number of steps of "
@@ -197,8 +207,21 @@ class Scene:
 
     @property
     def actions_per_episode(self) -> int:
-        """Number of actions that an environment takes in an episode, at least 1."""
-        return max(1, round(self.episode.duration / self.episode.control_interval))
+        """Number of actions that an environment takes in an episode, at least 1.
+
+        Raises
+        ------
+        SceneError
+            If there are too many to count.
+        """
+        ratio = self.episode.duration / self.episode.control_interval
+        if not ratio <= MOST_ACTIONS:
+            raise SceneError(
+                f"episode.duration must be at most {MOST_ACTIONS:,} times "
+                f"episode.control_interval, {self.episode.control_interval!r} s, got "
+                f"{self.episode.duration!r} s"
+            )
+        return max(1, round(ratio))
 
     def to_dict(self) -> dict[str, Any]:
         """Return every field as mappings, lists and scalars; absent blocks are left out."""

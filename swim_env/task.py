@@ -56,6 +56,8 @@ class StartPlan(NamedTuple):
         Factor on all noise.
     exact : frozenset of str
         Fields of the initial state that the options gave.
+    position : pair of float
+        The head's end node before noise (m).
     goal : (2,) array or None
         The goal that the options gave.
     """
@@ -64,6 +66,7 @@ class StartPlan(NamedTuple):
     velocity: Array
     noise: float
     exact: frozenset[str]
+    position: tuple[float, float]
     goal: Array | None
 
 
@@ -155,6 +158,7 @@ class Task:
                 *minimal_start(self.scene, initial),
                 noise=check_real(options.get("noise", 1.0), "noise", at_least=0.0),
                 exact=frozenset(changes),
+                position=initial.position,
                 goal=self._given_goal(options),
             )
         except SceneError as error:
@@ -173,7 +177,7 @@ class Task:
         bend = random.uniform(-1.0, 1.0, joints) * (plan.noise * episode.bend_noise)
         turn = float(random.uniform(-1.0, 1.0)) * (plan.noise * episode.heading_noise)
         push = random.uniform(-1.0, 1.0, 3) * (plan.noise * episode.velocity_noise)
-        goal = self._draw_goal(random, coordinates)
+        aim = self._draw_aim(random)
         if "joint_angles" not in exact:
             coordinates[3:] += bend
             # The mean angle of the elements is the body's heading: bending leaves it alone.
@@ -186,15 +190,27 @@ class Task:
                 x, y = velocity[:2]
                 cosine, sine = math.cos(turn), math.sin(turn)
                 velocity[:2] = (cosine * x - sine * y, sine * x + cosine * y)
+        if "position" in exact:
+            # The head's end is where the option says, however the body is bent and turned.
+            there = Initial(
+                position=plan.position,
+                heading=float(coordinates[2]),
+                joint_angles=tuple(coordinates[3:].tolist()),
+            )
+            coordinates[:2] = there.pose(self.scene.beam)[0].mean(axis=0)
         if not exact & {"velocity", "velocity_slope", "turning_rate"}:
             velocity[:2] += push[:2]
             velocity[2:] += push[2] / self.scene.beam.length
-        return Start(coordinates, velocity, goal if plan.goal is None else plan.goal)
+        goal = plan.goal
+        if goal is None:
+            goal = coordinates[:2] + aim if self.goal_is_point else aim
+        return Start(coordinates, velocity, goal)
 
     def _given_goal(self, options: Mapping[str, Any]) -> Array | None:
         return None
 
-    def _draw_goal(self, random: np.random.Generator, coordinates: Array) -> Array:
+    def _draw_aim(self, random: np.random.Generator) -> Array:
+        """Return the goal's direction, or the way from the mean centre to its point (m)."""
         raise NotImplementedError
 
 
@@ -203,7 +219,7 @@ class ForwardTask(Task):
 
     goal_is_point = False
 
-    def _draw_goal(self, random: np.random.Generator, coordinates: Array) -> Array:
+    def _draw_aim(self, random: np.random.Generator) -> Array:
         return np.array(self.scene.episode.heading)
 
 
@@ -265,14 +281,13 @@ class TargetTask(Task):
             return None
         return np.array(check_pair(options["target"], "target", "m"))
 
-    def _draw_goal(self, random: np.random.Generator, coordinates: Array) -> Array:
+    def _draw_aim(self, random: np.random.Generator) -> Array:
         low, high = self.distance
         away = random.uniform(low, high) * self.scene.beam.length
         angle = random.uniform(-self.bearing, self.bearing)
         x, y = self.scene.episode.heading
         cosine, sine = math.cos(angle), math.sin(angle)
-        direction = np.array([cosine * x - sine * y, sine * x + cosine * y])
-        return np.asarray(coordinates[:2] + away * direction)
+        return np.array([cosine * x - sine * y, sine * x + cosine * y]) * away
 
 
 def _number(value: object, name: str, unit: str, **bounds: float) -> float:

@@ -27,14 +27,18 @@ from swim_env.env import (
     warn_of_no_render_mode,
 )
 from swim_env.episodes import Episodes, whole_number
-from swim_env.errors import OptionError, SwimError
+from swim_env.errors import OptionError, SimulationEndedError, SwimError
 from swim_env.scene import Scene, load_scene
+from swim_env.scene_checks import got
 from swim_env.task import ForwardTask, StartPlan, TargetTask, Task
 from swim_env.threads import usable_threads
 
 __all__ = ["SwimTargetVectorEnv", "SwimVectorEnv"]
 
 Booleans = NDArray[np.bool_]
+
+#: Largest number of members and of threads; memory ends sooner.
+MOST_MEMBERS, MOST_THREADS = 1_000_000, 1_000
 
 
 class SwimVectorEnv(
@@ -59,7 +63,7 @@ class SwimVectorEnv(
     autoreset_mode : gymnasium.vector.AutoresetMode or str
         ``NextStep``, ``SameStep`` or ``Disabled``.
     max_episode_steps : int, optional
-        Actions in an episode; the scene's duration over its control interval unless given.
+        Actions in an episode, if that is less than the scene's duration gives.
     num_threads : int, optional
         Largest number of threads; as many as numba is told to use unless given.
 
@@ -95,12 +99,20 @@ class SwimVectorEnv(
         max_episode_steps: int | None,
         num_threads: int | None,
     ) -> None:
-        self.num_envs = whole_number(num_envs, "num_envs")
+        self.num_envs = whole_number(num_envs, "num_envs", MOST_MEMBERS)
         self.render_mode = checked_render_mode(render_mode)
         self.autoreset_mode = _checked_mode(autoreset_mode)
-        self.num_threads = None if num_threads is None else whole_number(num_threads, "num_threads")
+        self.num_threads = (
+            None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
+        )
         self.task = task
-        self.episodes = Episodes(task, self.num_envs, max_episode_steps)
+        try:
+            self.episodes = Episodes(task, self.num_envs, max_episode_steps)
+        except MemoryError:
+            raise OptionError(
+                f"{self.num_envs} members of scene {task.scene.name} do not fit into memory; "
+                "num_envs must be smaller"
+            ) from None
         self.metadata = {**metadata_of(task), "autoreset_mode": self.autoreset_mode}
         self.single_action_space = action_space_of(task)
         self.single_observation_space = observation_space_of(task)
@@ -139,18 +151,29 @@ class SwimVectorEnv(
         gymnasium.error.Error
             If a seed is not a whole number of at least 0.
         OptionError
-            If an option cannot be used. Nothing has changed after either.
+            If an option cannot be used.
         SimulationEndedError
-            If the start cannot be simulated.
+            If a start cannot be simulated. Nothing has changed after any of these errors.
         """
         plan, mask = self._plan_and_mask(options)
         fresh = self._generators(seed)
+        before = self.episodes.snapshot([])
+        randoms, is_reset = list(self._randoms), self._is_reset.copy()
+        numbers: list[Any] = [None if one is None else one.bit_generator.state for one in randoms]
+        try:
+            for member in np.flatnonzero(mask):
+                if fresh[member] is not None:
+                    self._randoms[member] = fresh[member]
+                self._start(int(member), plan)
+        except SimulationEndedError:
+            self.episodes.restore(before, [])
+            self._randoms, self._is_reset = randoms, is_reset
+            for one, state in zip(randoms, numbers, strict=True):
+                if one is not None:
+                    one.bit_generator.state = state
+            raise
         if isinstance(seed, int):
             super().reset(seed=seed)
-        for member in np.flatnonzero(mask):
-            if fresh[member] is not None:
-                self._randoms[member] = fresh[member]
-            self._start(int(member), plan)
         if self.render_mode == "human":
             self.render()
         return self._observations(), self._masked_infos(mask)
@@ -210,8 +233,8 @@ class SwimVectorEnv(
         """Return a frame of every member, (height, width, 3) uint8 each, or show member 0.
 
         In "human" mode `reset` and `step` show member 0 by themselves; for all members in one
-        window, wrap an "rgb_array" environment in `gymnasium.wrappers.vector.HumanRendering`.
-        See `SwimEnv.render`.
+        window, wrap an "rgb_array" environment in `gymnasium.wrappers.vector.HumanRendering`, which
+        needs opencv. See `SwimEnv.render`.
 
         Raises
         ------
@@ -226,7 +249,7 @@ class SwimVectorEnv(
         if not self._is_reset.all():
             raise gymnasium.error.ResetNeeded("call reset before render")
         if self._viewer is None:
-            self._viewer = new_viewer(self.episodes, self.render_mode, self.metadata)
+            self._viewer = new_viewer(self.episodes, self.metadata)
         return self._viewer.show() if self.render_mode == "human" else self._viewer.frames()
 
     def close_extras(self, **kwargs: Any) -> None:
@@ -269,7 +292,7 @@ class SwimVectorEnv(
         ):
             raise OptionError(
                 f"option reset_mask must be an array of {self.num_envs} bools, at least one of "
-                f"them true, got {mask!r}"
+                f"them true, got {_described(mask)}"
             )
         if not (self._is_reset | mask).all():
             raise OptionError("the first reset has to start all members, reset_mask leaves some")
@@ -372,6 +395,13 @@ class SwimTargetVectorEnv(SwimVectorEnv):
             heading_weight,
         )
         self._set_up(task, num_envs, render_mode, autoreset_mode, max_episode_steps, num_threads)
+
+
+def _described(mask: object) -> str:
+    """Say in a few words what a refused mask is."""
+    if isinstance(mask, np.ndarray):
+        return f"an array of {mask.dtype} and shape {mask.shape}, {np.count_nonzero(mask)} true"
+    return "None" if mask is None else got(mask)
 
 
 def _checked_mode(mode: AutoresetMode | str) -> AutoresetMode:

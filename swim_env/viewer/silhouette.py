@@ -1,0 +1,80 @@
+"""The outline of a body on the screen, from its angles alone: exact wherever the body is."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["chain", "head_outline", "mitres"]
+
+Array = NDArray[np.float64]
+
+#: A head's half width along its axis, in units of the largest: half a circle, then a taper.
+_round, _taper = np.linspace(0.0, 0.5 * np.pi, 9), np.linspace(0.15, 1.0, 6)
+_HEAD_PLACES = np.concatenate([1.0 - np.cos(_round), 1.0 + 2.0 * _taper])
+_HEAD_WIDTHS = np.concatenate([np.sin(_round), np.cos(0.5 * np.pi * _taper)])
+
+
+def chain(angles: Array, element: float) -> tuple[Array, Array]:
+    """Return a body's directions and nodes on the screen, relative to the mean centre.
+
+    Parameters
+    ----------
+    angles : (N,) array
+        Angle of element 1 and joint angles (rad).
+    element : float
+        Length of an element (pixels).
+
+    Returns
+    -------
+    along : (N, 2) array
+        Unit vectors of the elements from head to tail, y downwards.
+    nodes : (N + 1, 2) array
+        The nodes (pixels), y downwards.
+    """
+    turned = np.cumsum(angles)
+    along = np.stack([np.cos(turned), -np.sin(turned)], axis=-1)
+    nodes = np.zeros((len(angles) + 1, 2))
+    nodes[1:] = np.cumsum(element * along, axis=0)
+    centres = 0.5 * (nodes[:-1] + nodes[1:])
+    return along, nodes - centres.mean(axis=0)
+
+
+def head_outline(front: Array, along: Array, across: Array, radius: float) -> Array:
+    """Return the outline of a head that begins at the body's front.
+
+    Parameters
+    ----------
+    front, along, across : (2,) arrays
+        The front (pixels), and unit vectors to the tail and to the side.
+    radius : float
+        Half the head's width (pixels).
+
+    Returns
+    -------
+    (30, 2) array
+        Corners (pixels).
+    """
+    line = front + radius * _HEAD_PLACES[:, None] * along
+    side = radius * _HEAD_WIDTHS[:, None] * across
+    return np.concatenate([line + side, (line - side)[::-1]])
+
+
+def mitres(across: Array) -> Array:
+    """Return the vectors from the nodes to the outline of a body with half thickness 1.
+
+    Parameters
+    ----------
+    across : (N, 2) array
+        Unit vectors at a right angle to the elements.
+
+    Returns
+    -------
+    (N + 1, 2) array
+        Where two elements meet, to the corner that their sides make.
+    """
+    corners = np.concatenate([across[:1], across[:-1] + across[1:], across[-1:]])
+    # Sharp bends, which the physics does not allow, would have corners at any distance.
+    meeting = np.maximum(1.0 + (across[:-1] * across[1:]).sum(axis=-1), 0.3)
+    corners[1:-1] /= meeting[:, None]
+    return corners
