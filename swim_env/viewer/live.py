@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.episodes import Episodes
-from swim_env.scene_parts import Actuation
 from swim_env.viewer.window import Window
 
 if TYPE_CHECKING:
@@ -42,7 +41,7 @@ class EpisodesViewer:
     def __init__(self, episodes: Episodes, rate: float) -> None:
         scene = episodes.task.scene
         self._episodes = episodes
-        self._limit = (scene.actuation or Actuation(amplitude=0.0)).torque_limit
+        self._limit = scene.torque_limit
         self._heading = np.array(scene.episode.heading)
         self._painters: list[FramePainter] = []
         self._rate = rate
