@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from swim_env.assessment import END_CODE, OBSERVATION_LIMIT
 from swim_env.episodes import TERMINATION_REASONS, Episodes, EpisodesSnapshot
-from swim_env.errors import OptionError, SimulationEndedError
+from swim_env.errors import OptionError, SimulationEndedError, SwimError
 from swim_env.physics.status import describe
 from swim_env.scene import Scene, load_scene
 from swim_env.scene_checks import nearest
@@ -96,9 +96,10 @@ class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
     ## Rewards
     The displacement of the centre of mass along the scene's ``episode.heading`` in body lengths
     (BL): an episode's rewards sum to its net displacement. Two terms may be added, both zero
-    unless weighted: ``-effort_weight * mean(action**2) * seconds`` and
-    ``-heading_weight * (1 - cos(heading error)) * seconds``. ``info`` holds each term with its
-    sign: ``reward_progress``, ``reward_effort``, ``reward_heading``.
+    unless weighted: ``-effort_weight * mean(share**2) * seconds`` with the torques' share of the
+    limit, averaged over all joints, and ``-heading_weight * (1 - cos(heading error)) * seconds``.
+    ``info`` holds each term with its sign: ``reward_progress``, ``reward_effort``,
+    ``reward_heading``.
 
     ## Start
     The scene's initial state with a little noise from the seed: joint angles off by up to
@@ -250,7 +251,7 @@ class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         code = episodes.counters[0, END_CODE]
         if code:
             self._refuse(int(code))
-        episodes.take(action, True)
+        episodes.take(action, True, episodes.everyone)
         episodes.play(episodes.everyone)
         if self.render_mode == "human":
             self.render()
@@ -318,7 +319,7 @@ class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         SwimError
             If the snapshot belongs to another scene or task.
         """
-        self.episodes.restore(snapshot.episodes, [self.np_random])
+        self.episodes.restore(checked_snapshot(snapshot).episodes, [self.np_random])
         self._is_reset = snapshot.is_reset
         if self._viewer is not None:
             self._viewer.forget()
@@ -396,6 +397,19 @@ def checked_render_mode(mode: str | None) -> str | None:
     return mode
 
 
+def checked_snapshot(snapshot: object) -> EnvSnapshot:
+    """Return what was made by `snapshot`.
+
+    Raises
+    ------
+    SwimError
+        If it is anything else.
+    """
+    if not isinstance(snapshot, EnvSnapshot):
+        raise SwimError(f"restore needs what snapshot returned, got {type(snapshot).__name__}")
+    return snapshot
+
+
 def new_viewer(episodes: Episodes, metadata: Mapping[str, Any]) -> Any:
     """Return what shows episodes; imported here, since most environments are never rendered."""
     from swim_env.viewer.live import EpisodesViewer
@@ -413,8 +427,8 @@ def warn_of_no_render_mode(env: SwimEnv | gymnasium.vector.VectorEnv[Any, Any, A
     )
 
 
-def checked_seed(seed: int | None) -> int | None:
-    """Return a seed that Gymnasium takes.
+def checked_seed(seed: int | None, where: str = "") -> int | None:
+    """Return a seed that Gymnasium takes; `where` begins the message if it does not.
 
     Raises
     ------
@@ -422,9 +436,12 @@ def checked_seed(seed: int | None) -> int | None:
         If it is not a whole number of at least 0.
     """
     if isinstance(seed, bool):
-        raise gymnasium.error.Error(f"seed must be a whole number of at least 0, got {seed}")
+        raise gymnasium.error.Error(f"{where}Seed must be a whole number of at least 0, got {seed}")
     if seed is not None:
-        seeding.np_random(seed)
+        try:
+            seeding.np_random(seed)
+        except gymnasium.error.Error as error:
+            raise gymnasium.error.Error(f"{where}{error}") from None
     return seed
 
 

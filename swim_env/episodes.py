@@ -166,7 +166,7 @@ class Episodes:
         self.torques[member] = 0.0
         self._assess(self.everyone[member : member + 1], True)
 
-    def take(self, actions: object, single: bool) -> None:
+    def take(self, actions: object, single: bool, members: Indices) -> None:
         """Check actions and keep their torques for `play`; nothing is changed by bad ones.
 
         Parameters
@@ -175,6 +175,8 @@ class Episodes:
             Of shape (N - 1,) for a single member, (M, N - 1) otherwise.
         single : bool
             Which of the two is meant.
+        members : (K,) array of int
+            Whose actions count; the others' are not looked at.
 
         Raises
         ------
@@ -195,7 +197,7 @@ class Episodes:
             with np.errstate(over="ignore"):  # becomes infinite and is refused as such
                 given = given.astype(np.float64)
         self.actions[:] = given
-        bad = torques_of_actions(self.everyone, self.actions, self._torque_of_one, self.torques)
+        bad = torques_of_actions(members, self.actions, self._torque_of_one, self.torques)
         if bad >= 0:
             member, joint = divmod(bad, shape[-1])
             where = f"joint {joint}" if single else f"joint {joint} of member {member}"

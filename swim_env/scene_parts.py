@@ -643,9 +643,9 @@ class Episode:
         Direction (x, y) in which an environment counts displacement, a unit vector. By default
         -x, which is head first for a body that starts along +x.
     bend_noise : float
-        Environments start with joint angles that are off by up to this [rad], at least 0.
+        Environments start with joint angles that are off by up to this [rad], 0 to pi.
     heading_noise : float
-        They start with the body turned by up to this [rad], at least 0.
+        They start with the body turned by up to this [rad], 0 to pi.
     velocity_noise : float
         They start with a rigid motion whose components are off by up to this [m/s], at least 0:
         the velocity along x and y, and the turning rate times the body length. In an ideal fluid
@@ -675,9 +675,11 @@ class Episode:
                 self.control_interval, "episode.control_interval", "s", above=0.0
             ),
             heading=heading,
-            bend_noise=check_real(self.bend_noise, "episode.bend_noise", "rad", at_least=0.0),
+            bend_noise=check_real(
+                self.bend_noise, "episode.bend_noise", "rad", at_least=0.0, at_most=math.pi
+            ),
             heading_noise=check_real(
-                self.heading_noise, "episode.heading_noise", "rad", at_least=0.0
+                self.heading_noise, "episode.heading_noise", "rad", at_least=0.0, at_most=math.pi
             ),
             velocity_noise=check_real(
                 self.velocity_noise, "episode.velocity_noise", "m/s", at_least=0.0

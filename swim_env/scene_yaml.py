@@ -15,6 +15,7 @@ import yaml
 
 from swim_env.errors import SceneError
 from swim_env.files import write_atomically
+from swim_env.scene_checks import got
 
 _FLOAT = re.compile(
     r"^[-+]?(?:(?:\.[0-9]+|[0-9]+\.[0-9]*)(?:[eE][-+]?[0-9]+)?|[0-9]+[eE][-+]?[0-9]+"
@@ -200,10 +201,15 @@ def parse_overrides(
     Raises
     ------
     SceneError
-        If a text has no ``=``, no path, or a value that is not YAML.
+        If they are neither texts nor a mapping, or a text has no ``=``, no path, or a value that is
+        not YAML.
     """
     if isinstance(overrides, Mapping):
         return dict(overrides)
+    if not isinstance(overrides, Iterable):
+        raise SceneError(
+            f"overrides must be texts like beam.elements=27 or a mapping, got {got(overrides)}"
+        )
     found: dict[str, object] = {}
     texts: Iterable[object] = [overrides] if isinstance(overrides, str) else overrides
     for text in texts:

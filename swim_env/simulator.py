@@ -71,10 +71,15 @@ class Simulator:
     def __init__(self, scene: Scene | str | os.PathLike[str]) -> None:
         self.scene = load_scene(scene)
         self._bodies = Bodies(self.scene)
-        self._state: Array = self._bodies.states[0]
         self._record = self._bodies.new_record(1)
         self._reason = ""
         self.reset()
+
+    @property
+    def _state(self) -> Array:
+        # Not kept: a copy of a simulator would hold on to a state that no longer moves.
+        state: Array = self._bodies.states[0]
+        return state
 
     # ---- state ---------------------------------------------------------------------------------
 

@@ -156,7 +156,7 @@ class Task:
                 initial = replace(initial, **changes)
             return StartPlan(
                 *minimal_start(self.scene, initial),
-                noise=check_real(options.get("noise", 1.0), "noise", at_least=0.0),
+                noise=check_real(options.get("noise", 1.0), "noise", at_least=0.0, at_most=1e6),
                 exact=frozenset(changes),
                 position=initial.position,
                 goal=self._given_goal(options),

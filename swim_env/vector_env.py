@@ -21,6 +21,7 @@ from swim_env.env import (
     action_space_of,
     checked_render_mode,
     checked_seed,
+    checked_snapshot,
     metadata_of,
     new_viewer,
     observation_space_of,
@@ -198,20 +199,18 @@ class SwimVectorEnv(
         episodes = self.episodes
         if not self._is_reset.all():
             raise gymnasium.error.ResetNeeded("call reset before step")
-        episodes.take(actions, False)
         plan = self.task.plan_start()
         ended = episodes.terminated | episodes.truncated
         anew = np.flatnonzero(ended)
-        moving = episodes.everyone
-        if anew.size:
-            if self.autoreset_mode is AutoresetMode.DISABLED:
-                raise gymnasium.error.ResetNeeded(
-                    f"members {anew.tolist()} have ended; start them by "
-                    "reset(options={'reset_mask': ...})"
-                )
-            moving = np.flatnonzero(~ended)
-            for member in anew:
-                self._start(int(member), plan)
+        moving = np.flatnonzero(~ended) if anew.size else episodes.everyone
+        if anew.size and self.autoreset_mode is AutoresetMode.DISABLED:
+            raise gymnasium.error.ResetNeeded(
+                f"members {anew.tolist()} have ended; start them by "
+                "reset(options={'reset_mask': ...})"
+            )
+        episodes.take(actions, False, moving)
+        for member in anew:
+            self._start(int(member), plan)
         episodes.play(moving, self.num_threads or usable_threads())
         rewards = episodes.rewards.copy()
         terminated, truncated = episodes.terminated, episodes.truncated
@@ -317,7 +316,9 @@ class SwimVectorEnv(
             first = checked_seed(seed)  # type: ignore[arg-type]
             assert first is not None
             seeds = [first + i for i in range(self.num_envs)]
-        return [None if checked_seed(one) is None else seeding.np_random(one)[0] for one in seeds]
+        for member, one in enumerate(seeds):
+            checked_seed(one, f"seed of member {member}: ")
+        return [None if one is None else seeding.np_random(one)[0] for one in seeds]
 
     # ---- snapshots -----------------------------------------------------------------------------
 
@@ -344,7 +345,7 @@ class SwimVectorEnv(
         SwimError
             If the snapshot belongs to another environment, or before the first reset.
         """
-        self.episodes.restore(snapshot.episodes, self._known_randoms())
+        self.episodes.restore(checked_snapshot(snapshot).episodes, self._known_randoms())
         if self._viewer is not None:
             self._viewer.forget()
         return self._observations()
@@ -407,7 +408,7 @@ def _described(mask: object) -> str:
 def _checked_mode(mode: AutoresetMode | str) -> AutoresetMode:
     """Return a mode by its value or its name."""
     for known in AutoresetMode:
-        if mode in (known, known.value, known.name):
+        if mode is known or (isinstance(mode, str) and mode in (known.value, known.name)):
             return known
     names = ", ".join(known.value for known in AutoresetMode)
     raise OptionError(f"unknown autoreset_mode {mode!r}; modes: {names}")

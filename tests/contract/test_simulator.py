@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 import subprocess
 import sys
 
@@ -363,3 +365,14 @@ def test_import_is_light():
         assert modules.strip() == "[]"
         times.append(float(seconds))
     assert min(times) < 2.0, f"import took {times} s"
+
+
+def test_a_copy_of_a_simulator_is_one_of_its_own():
+    first = Simulator("paper_iv")
+    second = pickle.loads(pickle.dumps(copy.deepcopy(first)))
+    for simulator in (first, second):
+        simulator.step([0.5, 0.5])
+    assert (second.coordinates == first.coordinates).all()
+    assert (second.coordinates != Simulator("paper_iv").coordinates).any()
+    second.step([0.5, 0.5])
+    assert first.steps == 1

@@ -1,0 +1,86 @@
+"""Random episodes of both environments: finite numbers, named ends, few of them early."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import gymnasium
+import numpy as np
+import pytest
+
+from swim_env import TERMINATION_REASONS, SwimVectorEnv
+
+FORWARD = "swim_env/KirchhoffSwimmer-v0"
+TARGET = "swim_env/KirchhoffSwimmerTarget-v0"
+each_task = pytest.mark.parametrize("task", [FORWARD, TARGET], ids=("forward", "target"))
+
+#: Actions in an episode of scene swimmer: 20 s over 0.02 s.
+LIMIT = 1000
+#: Every end that is neither the time limit's nor the target's.
+PHYSICS = set(TERMINATION_REASONS.values()) - {"", "target_reached"}
+
+
+def _check(task: str, episodes: int, members: int, seed: int) -> None:
+    """Play at least that many whole episodes with uniform actions and look at all of it."""
+    envs = gymnasium.make_vec(task, members, autoreset_mode="SameStep")
+    assert isinstance(envs, SwimVectorEnv)
+    rng = np.random.default_rng(seed)
+    observations, _ = envs.reset(seed=seed)
+    assert observations in envs.observation_space
+    ends: Counter[str] = Counter()
+    length = np.zeros(members, dtype=np.int64)
+    # Every member plays the same number of episodes, so that short ones do not count for more.
+    played = np.zeros(members, dtype=np.int64)
+    quota = -(-episodes // members)
+    total = np.zeros(members)
+    while (played < quota).any():
+        observations, rewards, terminated, truncated, infos = envs.step(
+            rng.uniform(-1.0, 1.0, envs.action_space.shape)
+        )
+        length += 1
+        total += rewards
+        assert np.isfinite(observations).all(), f"observations after {length}"
+        assert np.abs(observations).max() <= 100.0
+        assert np.isfinite(rewards).all(), f"rewards after {length}"
+        over = terminated | truncated
+        np.testing.assert_array_equal(length >= LIMIT, truncated)
+        if not over.any():
+            assert "final_info" not in infos
+            continue
+        last = infos["final_info"]
+        np.testing.assert_array_equal(infos["_final_info"], over)
+        for member in np.flatnonzero(over):
+            reason = last["termination_reason"][member]
+            assert terminated[member] == (reason != ""), f"an end for {reason!r}"
+            assert np.isfinite(infos["final_obs"][member]).all()
+            for key in ("progress", "work", "positive_work", "heading_error", "time"):
+                assert np.isfinite(last[key][member]), f"{key} at {reason!r}"
+            assert abs(total[member] - last["progress"][member]) < 1e-12
+            if task == TARGET:
+                assert last["success"][member] == (reason == "target_reached")
+                assert (last["distance"][member] <= 0.1) == (reason == "target_reached")
+            if played[member] < quota:
+                ends[reason or "time limit"] += 1
+            played[member] += 1
+        length[over] = 0
+        total[over] = 0.0
+    count = ends.total()
+    assert count == quota * members >= episodes
+    allowed = PHYSICS | {"time limit"} | ({"target_reached"} if task == TARGET else set())
+    assert set(ends) <= allowed, ends
+    if task == FORWARD:
+        assert ends["time limit"] >= 0.99 * count, ends
+
+
+@pytest.mark.slow
+@pytest.mark.ci_slice
+@each_task
+def test_a_few_random_episodes_are_finite_and_end_by_name(task: str) -> None:
+    _check(task, episodes=5, members=5, seed=2024)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@each_task
+def test_a_thousand_random_episodes_are_finite_and_end_by_name(task: str) -> None:
+    _check(task, episodes=1000, members=64, seed=7)
