@@ -6,13 +6,12 @@ looks at nothing but the clock, which travels in `state` as for a recurrent mode
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agents.tuning import load_tuned_wave
+from agents.tuned_wave import load_tuned_wave, wave_on
 from swim_env.assessment import observation_size
 from swim_env.errors import OptionError
 from swim_env.scene import Actuation, Scene
@@ -87,6 +86,19 @@ class _Baseline:
         return (1, True) if len(shape) == 1 else (shape[0], False)
 
 
+def _clock(members: int, state: Any, episode_start: ArrayLike | None) -> NDArray[np.int64]:
+    """Return the actions that members have taken since their start, (M,)."""
+    clock = np.zeros(members, dtype=np.int64) if state is None else np.array(state)
+    if clock.shape != (members,) or clock.dtype.kind != "i":
+        raise OptionError(
+            f"state must be whole numbers of shape ({members},), got {clock.dtype} of shape "
+            f"{clock.shape}"
+        )
+    if episode_start is not None:
+        clock[np.broadcast_to(np.asarray(episode_start, dtype=np.bool_), clock.shape)] = 0
+    return clock
+
+
 class WavePolicy(_Baseline):
     """A travelling wave of torque, tau = A cos(f t - kappa s/l + phase), held over each action.
 
@@ -95,7 +107,8 @@ class WavePolicy(_Baseline):
     scene : Scene
         Gives the joints' places, the torque limit and the control interval.
     wave : Actuation
-        The wave. Torques beyond the scene's limit are cut off by the environment.
+        The wave. Where its torques are beyond the scene's limit, they are cut off, and what is
+        played is no longer a cosine.
     """
 
     def __init__(self, scene: Scene, wave: Actuation) -> None:
@@ -121,13 +134,9 @@ class WavePolicy(_Baseline):
             If the observation or the state does not fit the scene.
         """
         members, alone = self._members(observation)
-        clock = np.zeros(members, dtype=np.int64) if state is None else np.array(state)
-        if clock.shape != (members,):
-            raise OptionError(f"state must have shape ({members},), got {clock.shape}")
-        if episode_start is not None:
-            clock[np.broadcast_to(np.asarray(episode_start, dtype=np.bool_), clock.shape)] = 0
+        clock = _clock(members, state, episode_start)
         times = clock * self.scene.episode.control_interval
-        actions = self.wave.torques(times, self.scene.beam) / self._limit
+        actions = np.clip(self.wave.torques(times, self.scene.beam) / self._limit, -1.0, 1.0)
         return (actions[0] if alone else actions), clock + 1
 
 
@@ -149,12 +158,15 @@ class ZeroPolicy(_Baseline):
 class RandomPolicy(_Baseline):
     """Actions drawn uniformly from [-1, 1], independent of each other.
 
+    They follow from the seed, the member and the clock alone, so an episode that is played again
+    with the same policy is the same.
+
     Parameters
     ----------
     scene : Scene
         Gives the number of joints.
     seed : int, optional
-        Seed of the numbers; they go on from call to call.
+        Seed of the numbers.
 
     Raises
     ------
@@ -165,7 +177,8 @@ class RandomPolicy(_Baseline):
     def __init__(self, scene: Scene, seed: int | None = None) -> None:
         super().__init__(scene)
         try:
-            self._random = np.random.default_rng(seed)
+            # Not the stream that an environment draws its start from with the same seed.
+            self._key = np.random.SeedSequence(seed).generate_state(4).tolist()
         except (TypeError, ValueError):
             raise OptionError(
                 f"seed must be a whole number of at least 0, or None, got {seed!r}"
@@ -177,20 +190,28 @@ class RandomPolicy(_Baseline):
         state: Any = None,
         episode_start: ArrayLike | None = None,
         deterministic: bool = False,
-    ) -> tuple[Array, Any]:
-        """Return random actions, (N - 1,) or (M, N - 1), and the state as it came."""
+    ) -> tuple[Array, NDArray[np.int64]]:
+        """Return random actions, (N - 1,) or (M, N - 1), and the clock, as `WavePolicy` does."""
         members, alone = self._members(observation)
-        size = self.joints if alone else (members, self.joints)
-        return self._random.uniform(-1.0, 1.0, size), state
+        clock = _clock(members, state, episode_start)
+        actions = np.stack(
+            [
+                np.random.default_rng([*self._key, member, now]).uniform(-1.0, 1.0, self.joints)
+                for member, now in enumerate(clock.tolist())
+            ]
+        )
+        return (actions[0] if alone else actions), clock + 1
 
 
 def paper_wave(scene: Scene) -> WavePolicy:
-    """Return the wave that the scene prescribes; the paper's own where it prescribes none."""
-    return WavePolicy(scene, scene.actuation or Actuation(amplitude=1.0))
+    """Return the wave that the scene prescribes, no torque where it prescribes none.
+
+    In the shipped scenes it is the paper's own.
+    """
+    return WavePolicy(scene, scene.actuation or Actuation(amplitude=0.0))
 
 
 def tuned_wave(scene: Scene) -> WavePolicy:
     """Return the wave that swims farthest on scene swimmer, see `agents.tuning`."""
     found = load_tuned_wave()["wave"]
-    base = scene.actuation or Actuation(amplitude=1.0)
-    return WavePolicy(scene, replace(base, end_time=None, **found))
+    return WavePolicy(scene, wave_on(scene, **found))

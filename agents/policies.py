@@ -10,7 +10,7 @@ from agents.baselines import (
     paper_wave,
     tuned_wave,
 )
-from swim_env.env import SceneLike
+from swim_env.env_interface import SceneLike
 from swim_env.errors import OptionError
 from swim_env.scene import load_scene
 from swim_env.scene_checks import nearest
@@ -28,8 +28,9 @@ def load_policy(
     Parameters
     ----------
     policy : str
-        ``paper_wave``: the scene's prescribed wave. ``tuned_wave``: the wave that was found to
-        swim farthest on scene swimmer. ``zero``: no torque. ``random``: uniform torques.
+        ``paper_wave``: the scene's prescribed wave, no torque where it has none. ``tuned_wave``:
+        the wave that was found to swim farthest on scene swimmer. ``zero``: no torque. ``random``:
+        uniform torques.
     scene : Scene, str or os.PathLike
         The scene that it is to play.
     seed : int, optional

@@ -76,6 +76,10 @@ def replay_episode(
     if seed < 0:
         raise SwimError(f"the seed must be a whole number of at least 0, got {seed!r}")
     chosen = load_policy(policy, scene, seed)
+    video = None
+    if video_folder is not None:
+        video = Path(video_folder) / f"{scene.name}-{task}-{policy}-{seed}.mp4"
+        _make_folder(video)
     with tempfile.TemporaryDirectory() as scratch:
         mode = None if video_folder is None else "rgb_array"
         env = gymnasium.make(TASKS[task], scene=scene, render_mode=mode)
@@ -87,7 +91,8 @@ def replay_episode(
             seconds = time.perf_counter() - start
         finally:
             env.close()
-        video = None if video_folder is None else _keep(scratch, video_folder, scene, policy, seed)
+        if video is not None:
+            _keep(scratch, video)
     trajectory = rollout.simulate()
     summary = {
         **trajectory.summary(),
@@ -110,7 +115,7 @@ def replay_episode(
         },
     }
     if video is not None:
-        summary["video"] = video
+        summary["video"] = os.fspath(video)
     return rollout, trajectory, summary
 
 
@@ -129,21 +134,26 @@ def _recorded(env: gymnasium.Env[Any, Any], folder: str) -> gymnasium.Env[Any, A
             ) from None
 
 
-def _keep(
-    scratch: str, folder: str | os.PathLike[str], scene: Scene, policy: str, seed: int
-) -> str:
-    """Move the finished video into its folder and return its path."""
+def _make_folder(video: Path) -> None:
+    """Make the folder of a video before anything is played for it."""
+    try:
+        video.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SwimError(
+            f"cannot make the folder for the video: {error.strerror or error} "
+            f"({os.fspath(video.parent)})"
+        ) from None
+
+
+def _keep(scratch: str, video: Path) -> None:
+    """Move the finished video to its place."""
     made = sorted(Path(scratch).glob("*.mp4"))
     if len(made) != 1:
         raise SwimError(f"one video was to be made, found {len(made)}")
-    target = Path(folder) / f"{scene.name}-{policy}-{seed}.mp4"
+    content = made[0].read_bytes()
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with open(made[0], "rb") as file:
-            content = file.read()
-        write_atomically(target, lambda out: out.write(content))
+        write_atomically(video, lambda file: file.write(content))
     except OSError as error:
         raise SwimError(
-            f"cannot write the video: {error.strerror or error} ({os.fspath(target)})"
+            f"cannot write the video: {error.strerror or error} ({os.fspath(video)})"
         ) from None
-    return os.fspath(target)

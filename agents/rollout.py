@@ -40,6 +40,9 @@ class Rollout:
         Which of the two.
     torques : (T, N - 1) array
         Torques held over each control interval (N m).
+    steps : int
+        Time steps that were taken; fewer than the torques stand for where an end came in the middle
+        of an action.
     rewards : (T,) array
         Rewards.
     path : (T + 1, 2) array
@@ -57,6 +60,7 @@ class Rollout:
     goal: Array
     goal_is_point: bool
     torques: Array
+    steps: int
     rewards: Array
     path: Array
     info: dict[str, Any]
@@ -84,8 +88,9 @@ class Rollout:
         played = self.scene if scene is None else scene
         simulator = Simulator(played)
         simulator.reset_to(self.coordinates, self.velocity)
-        steps = np.repeat(self.torques, played.steps_per_action, axis=0)
-        return simulator.rollout(steps, progress)
+        hold = played.steps_per_action
+        steps = self.steps * hold // self.scene.steps_per_action
+        return simulator.rollout(np.repeat(self.torques, hold, axis=0)[:steps], progress)
 
 
 def score(rollout: Rollout, position: Array) -> float:
@@ -156,6 +161,7 @@ def play_episode(
         goal=swimmer.goal,
         goal_is_point=swimmer.task.goal_is_point,
         torques=np.array(torques),
+        steps=swimmer.steps,
         rewards=np.array(rewards),
         path=np.array(path),
         info=info,

@@ -9,27 +9,25 @@ trust check of `agents.verification` confirms it, so candidates are checked from
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.errors import SwimError
+from agents.baselines import WavePolicy, paper_wave
+from agents.rollout import play_episode
+from agents.tuned_wave import WAVE_FIELDS, wave_on
+from agents.verification import verify_rollout
+from swim_env import SwimEnv, __version__
+from swim_env.provenance import where_and_when
 from swim_env.scene import Actuation, Scene
 from swim_env.vector_env import SwimVectorEnv
 
-__all__ = ["TUNED_WAVE_FILE", "load_tuned_wave", "net_displacements", "search_wave"]
+__all__ = ["check_candidates", "net_displacements", "search_wave"]
 
 Array = NDArray[np.float64]
-
-#: Where the result and the record of the search are kept.
-TUNED_WAVE_FILE = Path(__file__).with_name("tuned_wave.json")
 
 #: Bounds of the search: share of the torque limit, Hz, rad per body length, rad.
 BOUNDS = {
@@ -38,30 +36,8 @@ BOUNDS = {
     "wave_number": (-4.0 * math.pi, 4.0 * math.pi),
     "phase": (0.0, 2.0 * math.pi),
 }
+_CANDIDATE = ("share", "frequency_hz", "wave_number", "phase")
 _BATCH = 32
-
-
-@cache
-def load_tuned_wave() -> dict[str, Any]:
-    """Return the stored result of the search; ``wave`` holds the fields of an `Actuation`.
-
-    Raises
-    ------
-    SwimError
-        If the file is missing or damaged.
-    """
-    try:
-        data = json.loads(TUNED_WAVE_FILE.read_text(encoding="utf-8"))
-        wave = {name: float(data["wave"][name]) for name in _FIELDS}
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise SwimError(
-            f"cannot read the tuned wave ({TUNED_WAVE_FILE.name}): {error!r}; "
-            "scripts/tune_wave.py makes it anew"
-        ) from None
-    return {**data, "wave": wave}
-
-
-_FIELDS = ("amplitude", "frequency", "wave_number", "phase")
 
 
 def net_displacements(
@@ -106,14 +82,7 @@ def net_displacements(
 
 def _wave(scene: Scene, numbers: Sequence[float]) -> Actuation:
     share, hertz, wave_number, phase = (float(x) for x in numbers)
-    return replace(
-        scene.actuation or Actuation(amplitude=1.0),
-        amplitude=share * scene.torque_limit,
-        frequency=2.0 * math.pi * hertz,
-        wave_number=wave_number,
-        phase=phase,
-        end_time=None,
-    )
+    return wave_on(scene, share * scene.torque_limit, 2.0 * math.pi * hertz, wave_number, phase)
 
 
 def search_wave(
@@ -134,8 +103,8 @@ def search_wave(
     frequencies, wave_numbers : int
         Size of the grid.
     generations, population : int
-        Of the differential evolution (Storn & Price 1997), whose first population is the best of
-        the grid, spread over amplitudes and phases.
+        Of the differential evolution (Storn & Price 1997). Half of its first population is the best
+        of the grid, at full amplitude and phase 0; the other half is drawn within the bounds.
     seed : int
         Of the differential evolution.
     progress : callable, optional
@@ -201,7 +170,7 @@ def search_wave(
         "evaluations": len(seen),
         "candidates": [
             {
-                **dict(zip(("share", "frequency_hz", "wave_number", "phase"), point, strict=True)),
+                **dict(zip(_CANDIDATE, point, strict=True)),
                 "net_displacement": seen[point],
             }
             for point in ranked[:20]
@@ -218,8 +187,52 @@ def _values(
     return [-1.0 if math.isnan(value) else float(value) for value in reached]
 
 
-def wave_fields(scene: Scene, candidate: dict[str, float]) -> dict[str, float]:
-    """Return a candidate as the fields of an `Actuation`, in SI units."""
-    names = ("share", "frequency_hz", "wave_number", "phase")
-    wave = _wave(scene, [candidate[name] for name in names])
-    return {name: float(getattr(wave, name)) for name in _FIELDS}
+def check_candidates(
+    scene: Scene, found: dict[str, Any], progress: Callable[[int], object] | None = None
+) -> dict[str, Any]:
+    """Check what a search found, from the best down, until a wave can be trusted.
+
+    Parameters
+    ----------
+    scene : Scene
+        What swims.
+    found : dict
+        From `search_wave`.
+    progress : callable, optional
+        Called with the number of fine time steps that a check has taken since the last call.
+
+    Returns
+    -------
+    dict
+        The record: ``wave`` (WAVE_FIELDS; None where no candidate can be trusted), its
+        ``net_displacement`` and ``fine_displacement`` (BL), the ``ratio`` to the scene's prescribed
+        wave, all that was ``checked``, the ``search``, the scene, version, machine and commit.
+    """
+    env = SwimEnv(scene)
+    quiet = {"noise": 0.0}
+    paper = play_episode(env, paper_wave(scene), options=quiet).net_displacement
+    checked: list[dict[str, Any]] = []
+    for candidate in found["candidates"]:
+        wave = _wave(scene, [candidate[name] for name in _CANDIDATE])
+        rollout = play_episode(env, WavePolicy(scene, wave), options=quiet)
+        verification = verify_rollout(rollout, progress=progress)
+        fields = {name: float(getattr(wave, name)) for name in WAVE_FIELDS}
+        checked.append({"wave": fields, **verification.to_dict()})
+        if verification.verified:
+            break
+    best = checked[-1] if checked[-1]["verified"] else None
+    return {
+        "wave": best and best["wave"],
+        "scene": scene.name,
+        "objective": "net displacement along the scene's heading over one episode (BL), torques "
+        "held over the control interval, no start noise",
+        "net_displacement": best and best["net_displacement"],
+        "fine_displacement": best and best["fine_displacement"],
+        "paper_wave": paper,
+        "ratio": best["net_displacement"] / paper if best and paper else None,
+        "checked": checked,
+        "version": __version__,
+        **where_and_when(),
+        "search": {name: value for name, value in found.items() if name != "candidates"},
+        "scene_fields": scene.to_dict(),
+    }

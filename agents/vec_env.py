@@ -17,7 +17,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from swim_env import EnvSnapshot, OptionError, SwimError, SwimVectorEnv
-from swim_env.env import checked_render_mode
+from swim_env.env_interface import checked_render_mode
 
 
 class TrainingExtraError(SwimError, ImportError):
@@ -303,8 +303,8 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
         ----------
         method_name : {"snapshot", "render"}
             ``snapshot`` returns a member's state as `SwimEnv.snapshot` does; a `SwimEnv` of the
-            same scene can `restore` it and goes on bit for bit as the member would (but with the
-            scene's own number of actions in an episode). ``render`` returns a member's frame.
+            same scene can `restore` it and goes on bit for bit as the member would, with its own
+            number of actions in an episode. ``render`` returns a member's frame.
         indices : int or iterable of int, optional
             Which members; all unless given.
 

@@ -34,13 +34,14 @@ class Verification:
     difference : float
         Their difference as a share of the score.
     verified : bool
-        Whether the difference is at most `tolerance` and the finer run went as far in time.
+        Whether the difference is at most `tolerance`, and neither computation was ended by the
+        physics: an episode that broke down proves nothing.
     tolerance : float
         The largest difference allowed.
     time_step, panels_per_element : float, int or None
         Of the finer computation (s); no panels where the scene has none.
     termination_reason : str
-        Why the finer run ended early, empty where it did not.
+        Why the episode or, if not, the finer run was ended by the physics; empty where neither was.
     """
 
     net_displacement: float
@@ -107,13 +108,16 @@ def verify_rollout(
         difference = 0.0
     else:
         difference = gap / abs(coarse_score) if coarse_score else float("inf")
+    reason = fine.termination_reason
+    if rollout.info["termination_reason"] != "target_reached":
+        reason = rollout.info["termination_reason"] or reason
     return Verification(
         net_displacement=coarse_score,
         fine_displacement=fine_score,
         difference=difference,
-        verified=not fine.termination_reason and difference <= tolerance,
+        verified=not reason and difference <= tolerance,
         tolerance=tolerance,
         time_step=scene.integrator.time_step,
         panels_per_element=_panels(scene),
-        termination_reason=fine.termination_reason,
+        termination_reason=reason,
     )

@@ -27,7 +27,8 @@ def _parser() -> argparse.ArgumentParser:
         "--duration",
         type=float,
         metavar="S",
-        help="simulated time in seconds, rounded to whole steps; the scene's own unless given",
+        help="simulated time in seconds, rounded to whole steps or, with --env, actions; the "
+        "scene's own unless given",
     )
     parser.add_argument(
         "--output",

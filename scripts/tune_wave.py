@@ -5,18 +5,17 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 import time
-from typing import Any
+from pathlib import Path
 
-from agents import play_episode, verify_rollout
-from agents.baselines import WavePolicy, paper_wave
-from agents.tuning import TUNED_WAVE_FILE, search_wave, wave_fields
+from agents.tuning import check_candidates, search_wave
 from agents.verification import fine_scene
-from swim_env import SwimEnv, SwimError, __version__
 from swim_env.command_line import add_scene_arguments, progress_bar, run, scene_of
+from swim_env.errors import SwimError
 from swim_env.files import write_atomically
-from swim_env.scene import Actuation
+from swim_env.viewer import draw_wave_search, require_matplotlib, save_figure
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -28,26 +27,45 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--population", type=int, default=32, help="of differential evolution")
     parser.add_argument("--seed", type=int, default=0, help="of differential evolution")
     parser.add_argument(
-        "--output", default=str(TUNED_WAVE_FILE), metavar="FILE", help="where the record goes"
+        "--output",
+        metavar="FILE",
+        required=True,
+        help="where the record goes; the wave that ships stands in agents/tuned_wave.json",
     )
+    parser.add_argument("--plot", metavar="FILE", help="draw the grid into this PNG file")
     parser.add_argument("--json", action="store_true", help="end with the result as one JSON line")
     return parser
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command."""
-    options = _parser().parse_args(arguments)
+def _check(options: argparse.Namespace) -> None:
+    """Refuse what would be found wrong only after the search."""
     for name in ("frequencies", "wave_numbers", "generations"):
         if getattr(options, name) < 1:
             raise SwimError(f"--{name.replace('_', '-')} must be at least 1")
     if options.population < 8:
         raise SwimError(f"--population must be at least 8, got {options.population}")
+    if options.seed < 0:
+        raise SwimError(f"--seed must be at least 0, got {options.seed}")
+    if options.plot is not None:
+        require_matplotlib()
+    for file in (options.output, options.plot):
+        if file is not None:
+            folder = Path(file).resolve().parent
+            if not folder.is_dir() or not os.access(folder, os.W_OK) or Path(file).is_dir():
+                raise SwimError(f"cannot write a file there: {file}")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command."""
+    options = _parser().parse_args(arguments)
+    _check(options)
     scene = scene_of(options)
+
     start = time.perf_counter()
     total = options.frequencies * options.wave_numbers
     total += options.population * (options.generations + 1)
     with progress_bar(total, "wave", "search") as progress:
-        record = search_wave(
+        found = search_wave(
             scene,
             options.frequencies,
             options.wave_numbers,
@@ -56,43 +74,21 @@ def main(arguments: list[str] | None = None) -> int:
             options.seed,
             progress,
         )
-    env = SwimEnv(scene)
-    paper = play_episode(env, paper_wave(scene), options={"noise": 0.0}).net_displacement
-    checked: list[dict[str, Any]] = []
-    for candidate in record.pop("candidates"):
-        fields = wave_fields(scene, candidate)
-        wave = Actuation(**fields, torque_limit=scene.torque_limit)
-        rollout = play_episode(env, WavePolicy(scene, wave), options={"noise": 0.0})
-        fine_steps = len(rollout.torques) * fine_scene(scene).steps_per_action
-        with progress_bar(fine_steps, "step", "check") as bar:
-            verification = verify_rollout(rollout, progress=bar)
-        checked.append({"wave": fields, **verification.to_dict()})
-        if verification.verified:
-            break
-    else:
-        raise SwimError(f"none of the {len(checked)} best waves passes the trust check")
-    result = {
-        "wave": checked[-1]["wave"],
-        "scene": scene.name,
-        "objective": "net displacement along the scene's heading over one episode (BL), torques "
-        "held over the control interval, no start noise",
-        "net_displacement": checked[-1]["net_displacement"],
-        "fine_displacement": checked[-1]["fine_displacement"],
-        "paper_wave": paper,
-        "ratio": checked[-1]["net_displacement"] / paper,
-        "checked": checked,
-        "seconds": round(time.perf_counter() - start, 1),
-        "version": __version__,
-        "search": record,
-        "scene_fields": scene.to_dict(),
-    }
-    text = json.dumps(result, indent=1, allow_nan=False) + "\n"
+    fine = fine_scene(scene)
+    with progress_bar(fine.actions_per_episode * fine.steps_per_action, "step", "check") as bar:
+        record = check_candidates(scene, found, bar)
+    record["seconds"] = round(time.perf_counter() - start, 1)
+    text = json.dumps(record, indent=1, allow_nan=False) + "\n"
     write_atomically(options.output, lambda file: file.write(text.encode()))
-    brief = {key: value for key, value in result.items() if key not in ("search", "scene_fields")}
-    if options.json:
-        print(json.dumps(brief, allow_nan=False))
-    else:
-        print(json.dumps(brief, indent=2, allow_nan=False))
+    if options.plot is not None:
+        save_figure(draw_wave_search(record), options.plot)
+    if record["wave"] is None:
+        raise SwimError(
+            f"none of the {len(record['checked'])} best waves passes the trust check; the record "
+            f"is in {options.output}"
+        )
+    brief = {name: record[name] for name in record if name not in ("search", "scene_fields")}
+    print(json.dumps(brief, indent=None if options.json else 2, allow_nan=False))
     return 0
 
 

@@ -3,7 +3,8 @@
 After Leyendecker & Kanso, "Locomotion of a submerged Cosserat beam" (DETC2009-87198).
 """
 
-from swim_env.env import EnvSnapshot, SwimEnv, SwimTargetEnv
+from swim_env.env import SwimEnv, SwimTargetEnv
+from swim_env.env_interface import EnvSnapshot
 from swim_env.episodes import TERMINATION_REASONS
 from swim_env.errors import (
     ActionError,

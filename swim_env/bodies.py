@@ -18,6 +18,7 @@ from swim_env.physics.integrator import (
     advance,
     pack_constants,
     state_size,
+    steps_column,
     weigh,
     work_sizes,
 )
@@ -69,6 +70,7 @@ class Bodies:
         self.velocities: Array = np.zeros((count, self.unknowns))
         self.outcome = np.zeros((count, 2), dtype=np.int64)
         self.everyone = np.arange(count)
+        self._steps_column = steps_column(scene.beam.elements)
         self._no_trace = np.zeros((count, 0, self.unknowns))
 
     @property
@@ -82,9 +84,9 @@ class Bodies:
         return self.states[:, self.unknowns : 2 * self.unknowns]
 
     @property
-    def steps(self) -> Indices:
-        """Number of steps that each member has taken since its start, (M,)."""
-        return self.states[:, 5 * self.unknowns].astype(np.int64)
+    def steps_taken(self) -> Array:
+        """Number of steps that each member has taken since its start, (M,), a view of floats."""
+        return self.states[:, self._steps_column]
 
     def start(self, member: int, coordinates: Array, velocity: Array) -> None:
         """Put a member at a start, or leave it as it is where that cannot be simulated.

@@ -2,65 +2,42 @@
 
 from __future__ import annotations
 
-import math
-import os
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
-from swim_env.assessment import END_CODE, OBSERVATION_LIMIT
-from swim_env.episodes import TERMINATION_REASONS, Episodes, EpisodesSnapshot
-from swim_env.errors import OptionError, SimulationEndedError, SwimError
-from swim_env.physics.status import describe
+from swim_env.assessment import END_CODE
+from swim_env.env_interface import (
+    RENDER_MODES,
+    EnvSnapshot,
+    Observation,
+    Overrides,
+    SceneLike,
+    action_space_of,
+    checked_render_mode,
+    checked_seed,
+    checked_snapshot,
+    metadata_of,
+    new_viewer,
+    observation_space_of,
+    warn_of_no_render_mode,
+)
+from swim_env.episodes import TERMINATION_REASONS, Episodes, reason_of
+from swim_env.errors import SimulationEndedError
 from swim_env.scene import Scene, load_scene
-from swim_env.scene_checks import nearest
-from swim_env.task import ForwardTask, TargetTask, Task
+from swim_env.task import (
+    TARGET_BEARING,
+    TARGET_DISTANCE,
+    TARGET_RADIUS,
+    ForwardTask,
+    TargetTask,
+    Task,
+)
 
-__all__ = ["EnvSnapshot", "SwimEnv", "SwimTargetEnv", "action_space_of", "observation_space_of"]
-
-Observation = NDArray[np.float32]
-RENDER_MODES = ("rgb_array", "human")
-
-SceneLike = Scene | str | os.PathLike[str]
-Overrides = str | Iterable[str] | Mapping[str, object]
-
-
-@dataclass(frozen=True)
-class EnvSnapshot:
-    """An environment's complete state; a restored one continues bit for bit.
-
-    Attributes
-    ----------
-    episodes : EpisodesSnapshot
-        The episode and the random numbers to come.
-    is_reset : bool
-        Whether there was an episode.
-    """
-
-    episodes: EpisodesSnapshot
-    is_reset: bool
-
-
-def action_space_of(task: Task) -> gymnasium.spaces.Box:
-    """Return the space of actions, (N - 1,) in [-1, 1]."""
-    joints = task.scene.beam.elements - 1
-    return gymnasium.spaces.Box(-1.0, 1.0, (joints,), np.float32)
-
-
-def observation_space_of(task: Task) -> gymnasium.spaces.Box:
-    """Return the space of observations; see `SwimEnv`."""
-    high = np.full(task.observation_size, OBSERVATION_LIMIT, dtype=np.float32)
-    at = 2 * (task.scene.beam.elements - 1)
-    high[at : at + 2] = 1.0
-    low = -high
-    if task.goal_is_point:
-        low[-1] = 0.0
-    return gymnasium.spaces.Box(low, high, dtype=np.float32)
+__all__ = ["SwimEnv", "SwimTargetEnv"]
 
 
 class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
@@ -181,6 +158,11 @@ class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         return np.array(self.episodes.bodies.velocities[0], dtype=np.float64)
 
     @property
+    def steps(self) -> int:
+        """Number of time steps since the start."""
+        return int(self.episodes.bodies.steps_taken[0])
+
+    @property
     def torques(self) -> NDArray[np.float64]:
         """Torques of the last action, (N - 1,) (N m)."""
         return np.array(self.episodes.torques[0, 0], dtype=np.float64)
@@ -265,9 +247,9 @@ class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         )
 
     def _refuse(self, code: int) -> None:
-        reason = TERMINATION_REASONS[code]
-        meaning = "the target was reached" if reason == "target_reached" else describe(reason)
+        reason = reason_of(code)
         time = float(self.episodes.times[0])
+        meaning = TERMINATION_REASONS[reason]
         raise SimulationEndedError(reason, time, f"{meaning}; call reset to start again")
 
     def render(self) -> Any:
@@ -366,9 +348,9 @@ class SwimTargetEnv(SwimEnv):
         render_mode: str | None = None,
         effort_weight: float = 0.0,
         heading_weight: float = 0.0,
-        target_distance: Sequence[float] = (0.5, 1.5),
-        target_bearing: float = 0.5 * math.pi,
-        target_radius: float = 0.1,
+        target_distance: Sequence[float] = TARGET_DISTANCE,
+        target_bearing: float = TARGET_BEARING,
+        target_radius: float = TARGET_RADIUS,
     ) -> None:
         task = TargetTask(
             load_scene(scene, overrides),
@@ -379,73 +361,3 @@ class SwimTargetEnv(SwimEnv):
             heading_weight,
         )
         self._set_up(task, render_mode)
-
-
-def checked_render_mode(mode: str | None) -> str | None:
-    """Return a render mode that there is.
-
-    Raises
-    ------
-    OptionError
-        If there is no such mode.
-    """
-    if mode is not None and mode not in RENDER_MODES:
-        hint = nearest(str(mode), RENDER_MODES)
-        raise OptionError(
-            f"unknown render_mode {mode!r}{hint}; modes: {', '.join(RENDER_MODES)}, or None"
-        )
-    return mode
-
-
-def checked_snapshot(snapshot: object) -> EnvSnapshot:
-    """Return what was made by `snapshot`.
-
-    Raises
-    ------
-    SwimError
-        If it is anything else.
-    """
-    if not isinstance(snapshot, EnvSnapshot):
-        raise SwimError(f"restore needs what snapshot returned, got {type(snapshot).__name__}")
-    return snapshot
-
-
-def new_viewer(episodes: Episodes, metadata: Mapping[str, Any]) -> Any:
-    """Return what shows episodes; imported here, since most environments are never rendered."""
-    from swim_env.viewer.live import EpisodesViewer
-
-    return EpisodesViewer(episodes, metadata["render_fps"])
-
-
-def warn_of_no_render_mode(env: SwimEnv | gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
-    """Warn as Gymnasium's own environments do of `render` without a mode."""
-    name = env.spec.id if env.spec is not None else "swim_env/KirchhoffSwimmer-v0"
-    make = "make" if isinstance(env, gymnasium.Env) else "make_vec"
-    gymnasium.logger.warn(
-        "You are calling render method without specifying any render mode. You can specify the "
-        f'render_mode at initialization, e.g. gym.{make}("{name}", render_mode="rgb_array")'
-    )
-
-
-def checked_seed(seed: int | None, where: str = "") -> int | None:
-    """Return a seed that Gymnasium takes; `where` begins the message if it does not.
-
-    Raises
-    ------
-    gymnasium.error.Error
-        If it is not a whole number of at least 0.
-    """
-    if isinstance(seed, bool):
-        raise gymnasium.error.Error(f"{where}Seed must be a whole number of at least 0, got {seed}")
-    if seed is not None:
-        try:
-            seeding.np_random(seed)
-        except gymnasium.error.Error as error:
-            raise gymnasium.error.Error(f"{where}{error}") from None
-    return seed
-
-
-def metadata_of(task: Task) -> dict[str, Any]:
-    """Return an environment's metadata; a frame stands for one control interval."""
-    interval = task.scene.episode.control_interval
-    return {"render_modes": list(RENDER_MODES), "render_fps": max(1, round(1.0 / interval))}

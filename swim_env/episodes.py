@@ -5,7 +5,7 @@ from __future__ import annotations
 import operator
 from copy import deepcopy
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,25 +16,35 @@ from swim_env.assessment import (
     REACHED,
     TIME_IS_UP,
     assess,
+    collect,
     load_assessment,
     torques_of_actions,
 )
 from swim_env.bodies import Bodies
 from swim_env.errors import ActionError, OptionError, SimulationEndedError, SwimError
 from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
+from swim_env.physics.status import describe
 from swim_env.scene_checks import got
 from swim_env.task import StartPlan, Task
 
-__all__ = ["TERMINATION_REASONS", "Episodes", "EpisodesSnapshot"]
+__all__ = ["TERMINATION_REASONS", "Episodes", "EpisodesSnapshot", "reason_of", "whole_number"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Reasons for which an episode ends before its time, by code: the physics' own and the task's.
-TERMINATION_REASONS: dict[int, str] = {**PHYSICS_REASONS, REACHED: "target_reached"}
+assert REACHED not in PHYSICS_REASONS
+_REASON_BY_CODE = {**PHYSICS_REASONS, REACHED: "target_reached"}
+_REASONS = np.array([_REASON_BY_CODE[code] for code in range(len(_REASON_BY_CODE))], dtype=object)
 
-#: Draws of a start's noise until one can be simulated.
-_MOST_DRAWS = 100
+#: Why a run or an episode ends before its time: every reason, and what it means.
+TERMINATION_REASONS: dict[str, str] = {
+    reason: "the target was reached" if code == REACHED else describe(reason)
+    for code, reason in _REASON_BY_CODE.items()
+    if reason
+}
+
+#: A start that cannot be simulated is drawn again with less noise, down to this share and then 0.
+_SMALLEST_SHARE = 1e-3
 
 #: What `info` holds of the figures, for every task and for some.
 _FORWARD_INFO = (
@@ -47,6 +57,8 @@ _FORWARD_INFO = (
     "positive_work",
 )
 _TARGET_INFO = (*_FORWARD_INFO, "distance")
+_TIME = FIGURES.index("time")
+_POSITION = slice(FIGURES.index("x"), FIGURES.index("y") + 1)
 
 
 @dataclass(frozen=True)
@@ -57,8 +69,6 @@ class EpisodesSnapshot:
     ----------
     task : tuple
         What the episodes are of, to compare with.
-    limit : int
-        Actions in an episode.
     arrays : dict of str to numpy.ndarray
         Copies of the state.
     randoms : list of dict
@@ -66,7 +76,6 @@ class EpisodesSnapshot:
     """
 
     task: tuple[object, ...]
-    limit: int
     arrays: dict[str, NDArray[Any]]
     randoms: list[dict[str, Any]]
 
@@ -74,10 +83,32 @@ class EpisodesSnapshot:
         """Return the snapshot of one member, which a single environment can take over."""
         return EpisodesSnapshot(
             self.task,
-            self.limit,
             {name: array[index : index + 1].copy() for name, array in self.arrays.items()},
             [deepcopy(self.randoms[index])],
         )
+
+
+class BatchResults(NamedTuple):
+    """What a batched step returns, in Gymnasium's form.
+
+    Attributes
+    ----------
+    observations : (M, n) array of float32
+        Observations.
+    rewards : (M,) array
+        Rewards.
+    terminated, truncated : (M,) arrays of bool
+        Whose episode ended before its time, and whose time is up.
+    infos : dict
+        Arrays, each with its mask. What is the same in every step, the masks and the reasons where
+        nobody ended, is shared between steps and cannot be written to.
+    """
+
+    observations: NDArray[np.float32]
+    rewards: Array
+    terminated: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
+    infos: dict[str, Any]
 
 
 class Episodes:
@@ -104,6 +135,8 @@ class Episodes:
         Directions (unit vectors) or targets (m).
     counters : (M, 3) array of int
         Actions taken, code of the reason for an end, and whether the time is up.
+    someone_ended : bool
+        Whether any member was at its end when `results` was last asked for.
 
     Raises
     ------
@@ -111,6 +144,8 @@ class Episodes:
         If the control interval is not a whole number of time steps.
     OptionError
         If max_episode_steps is not a number of at least 1.
+    SimulationEndedError
+        If the scene's own start cannot be simulated.
     """
 
     def __init__(self, task: Task, count: int = 1, max_episode_steps: int | None = None) -> None:
@@ -132,11 +167,19 @@ class Episodes:
         self._record = self.bodies.new_record(self._hold)
         self.goals: Array = np.zeros((count, 2))
         self._settings = task.settings(self.limit)
+        self.someone_ended = False
         self.observations = np.zeros((count, task.observation_size), dtype=np.float32)
         self._figures = np.zeros((count, len(FIGURES)))
         self.counters = np.zeros((count, 3), dtype=np.int64)
-        self._info_names = _TARGET_INFO if task.goal_is_point else _FORWARD_INFO
-        self._info_columns = [FIGURES.index(name) for name in self._info_names]
+        start = task.draw_start(np.random.default_rng(0), task.plan_start({"noise": 0.0}))
+        self.bodies.start(0, start.coordinates, start.velocity)
+        names = _TARGET_INFO if task.goal_is_point else _FORWARD_INFO
+        self._info_columns = [(name, FIGURES.index(name)) for name in names]
+        self._everyone_there = np.ones(count, dtype=np.bool_)
+        self._no_reasons = np.full(count, "", dtype=object)
+        for constant in (self._everyone_there, self._no_reasons):
+            constant.flags.writeable = False
+        self._masks = [f"_{name}" for name in self.info(0)]
 
     # ---- running -------------------------------------------------------------------------------
 
@@ -153,15 +196,18 @@ class Episodes:
         SimulationEndedError
             If the start cannot be simulated, whatever its noise; the member is as before.
         """
-        for attempt in range(_MOST_DRAWS):
-            start = self.task.draw_start(random, plan)
+        share = 1.0
+        while True:
+            start = self.task.draw_start(random, plan, share)
             try:
                 self.bodies.start(member, start.coordinates, start.velocity)
                 break
             except SimulationEndedError:
-                # Large noise may bend the body beyond what its outline bears.
-                if attempt == _MOST_DRAWS - 1:
+                # Large noise may bend the body beyond what its outline bears. What the scene
+                # itself gives was tried when the environment was made.
+                if share == 0.0:
                     raise
+                share = 0.8 * share if share > _SMALLEST_SHARE else 0.0
         self.goals[member] = start.goal
         self.torques[member] = 0.0
         self._assess(self.everyone[member : member + 1], True)
@@ -246,45 +292,50 @@ class Episodes:
 
     @property
     def times(self) -> Array:
-        """Simulated time of the members since their start (s), (M,)."""
-        return np.multiply(self.bodies.steps, self.task.scene.integrator.time_step)
+        """Simulated time of the members since their start (s), (M,), a view."""
+        return self._figures[:, _TIME]
 
     def info(self, member: int) -> dict[str, Any]:
         """Return the info of one member."""
         figures = self._figures[member].tolist()
         code = int(self.counters[member, END_CODE])
         info: dict[str, Any] = {
-            "time": float(self.bodies.states[member, 5 * self.bodies.unknowns])
-            * self.task.scene.integrator.time_step,
-            "position": self._figures[member, 5:7].copy(),
-            "termination_reason": TERMINATION_REASONS[code],
+            "time": figures[_TIME],
+            "position": self._figures[member, _POSITION].copy(),
+            "termination_reason": _REASON_BY_CODE[code],
         }
-        for name, column in zip(self._info_names, self._info_columns, strict=True):
+        for name, column in self._info_columns:
             info[name] = figures[column]
         if self.task.goal_is_point:
             info["target"] = self.goals[member].copy()
             info["success"] = info["is_success"] = code == REACHED
         return info
 
-    def infos(self) -> dict[str, Any]:
-        """Return the infos of all members in Gymnasium's form: arrays, each with its mask."""
-        codes = self.counters[:, END_CODE]
-        reasons = np.empty(len(codes), dtype=object)
-        reasons[:] = [TERMINATION_REASONS[code] for code in codes.tolist()]
+    def results(self) -> BatchResults:
+        """Return new arrays with what all members observe and gain, and whether they ended."""
+        count = len(self.everyone)
+        observations = np.empty(self.observations.shape, dtype=np.float32)
+        columns = np.empty((len(FIGURES), count))
+        flags = np.empty((2, count), dtype=np.bool_)
+        ended = collect(
+            self.observations, self._figures, self.counters, observations, columns, flags
+        )
+        self.someone_ended = ended > 0
+        reasons = _REASONS[self.counters[:, END_CODE]] if ended else self._no_reasons
         infos: dict[str, Any] = {
-            "time": self.times,
-            "position": self._figures[:, 5:7].copy(),
+            "time": columns[_TIME],
+            "position": columns[_POSITION].T,
             "termination_reason": reasons,
         }
-        for name, column in zip(self._info_names, self._info_columns, strict=True):
-            infos[name] = self._figures[:, column].copy()
+        for name, column in self._info_columns:
+            infos[name] = columns[column]
         if self.task.goal_is_point:
             infos["target"] = self.goals.copy()
-            infos["success"] = codes == REACHED
-            infos["is_success"] = codes == REACHED
-        for name in list(infos):
-            infos[f"_{name}"] = np.ones(len(codes), dtype=np.bool_)
-        return infos
+            infos["success"] = self.counters[:, END_CODE] == REACHED
+            infos["is_success"] = infos["success"].copy()
+        for name in self._masks:
+            infos[name] = self._everyone_there
+        return BatchResults(observations, columns[0], flags[0], flags[1], infos)
 
     # ---- snapshots -----------------------------------------------------------------------------
 
@@ -306,7 +357,6 @@ class Episodes:
         """Return a copy of everything that decides how the episodes go on."""
         return EpisodesSnapshot(
             self.task.identity,
-            self.limit,
             {name: array.copy() for name, array in self._arrays().items()},
             [deepcopy(dict(random.bit_generator.state)) for random in randoms],
         )
@@ -319,16 +369,22 @@ class Episodes:
         SwimError
             If the snapshot is of another task, scene, or number of members.
         """
-        same = snapshot.task == self.task.identity and snapshot.limit == self.limit
+        same = snapshot.task == self.task.identity
         if not same or len(snapshot.randoms) != len(randoms):
             raise SwimError(
-                "the snapshot belongs to another environment: scene, task, weights, episode "
-                "length and number of members must be the same"
+                "the snapshot belongs to another environment: scene, task, weights and number of "
+                "members must be the same"
             )
         for name, array in self._arrays().items():
             array[:] = snapshot.arrays[name]
+        self.someone_ended = bool(self.counters[:, END_CODE:].any())
         for random, state in zip(randoms, snapshot.randoms, strict=True):
             random.bit_generator.state = deepcopy(state)
+
+
+def reason_of(code: int) -> str:
+    """Return the reason of an end by its code, an empty text for 0."""
+    return _REASON_BY_CODE[code]
 
 
 def whole_number(value: object, name: str, at_most: int | None = None) -> int:

@@ -50,7 +50,7 @@ class SimulationEndedError(SwimError, RuntimeError):
     Parameters
     ----------
     reason : str
-        A reason of `swim_env.physics.TERMINATION_REASONS`.
+        A reason of `swim_env.TERMINATION_REASONS`.
     time : float
         Simulated time of the last state that was reached (s).
     meaning : str

@@ -674,7 +674,7 @@ class Episode:
             control_interval=check_real(
                 self.control_interval, "episode.control_interval", "s", above=0.0
             ),
-            heading=heading,
+            heading=(heading[0] / norm, heading[1] / norm),
             bend_noise=check_real(
                 self.bend_noise, "episode.bend_noise", "rad", at_least=0.0, at_most=math.pi
             ),

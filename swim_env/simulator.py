@@ -96,7 +96,7 @@ class Simulator:
     @property
     def steps(self) -> int:
         """Number of steps taken since the reset."""
-        return int(self._bodies.steps[0])
+        return int(self._bodies.steps_taken[0])
 
     @property
     def time(self) -> float:

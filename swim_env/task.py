@@ -24,6 +24,9 @@ __all__ = ["ForwardTask", "Start", "StartPlan", "TargetTask", "Task"]
 
 Array = NDArray[np.float64]
 
+#: Where a target is drawn unless told otherwise: distance (BL), bearing (rad), radius (BL).
+TARGET_DISTANCE, TARGET_BEARING, TARGET_RADIUS = (0.5, 1.5), 0.5 * math.pi, 0.1
+
 _START_FIELDS = tuple(spec.name for spec in fields(Initial))
 
 
@@ -164,8 +167,8 @@ class Task:
         except SceneError as error:
             raise OptionError(f"option {error.problem.replace('initial.', '', 1)}") from None
 
-    def draw_start(self, random: np.random.Generator, plan: StartPlan) -> Start:
-        """Draw the start of an episode.
+    def draw_start(self, random: np.random.Generator, plan: StartPlan, share: float = 1.0) -> Start:
+        """Draw the start of an episode, with a share of the plan's noise.
 
         The same numbers are drawn whatever the options, so options change what they name and
         nothing else.
@@ -174,9 +177,10 @@ class Task:
         coordinates, velocity = plan.coordinates.copy(), plan.velocity.copy()
         exact = plan.exact
         joints = coordinates.size - 3
-        bend = random.uniform(-1.0, 1.0, joints) * (plan.noise * episode.bend_noise)
-        turn = float(random.uniform(-1.0, 1.0)) * (plan.noise * episode.heading_noise)
-        push = random.uniform(-1.0, 1.0, 3) * (plan.noise * episode.velocity_noise)
+        noise = share * plan.noise
+        bend = random.uniform(-1.0, 1.0, joints) * (noise * episode.bend_noise)
+        turn = float(random.uniform(-1.0, 1.0)) * (noise * episode.heading_noise)
+        push = random.uniform(-1.0, 1.0, 3) * (noise * episode.velocity_noise)
         aim = self._draw_aim(random)
         if "joint_angles" not in exact:
             coordinates[3:] += bend
@@ -198,8 +202,9 @@ class Task:
                 joint_angles=tuple(coordinates[3:].tolist()),
             )
             coordinates[:2] = there.pose(self.scene.beam)[0].mean(axis=0)
-        if not exact & {"velocity", "velocity_slope", "turning_rate"}:
+        if not exact & {"velocity", "velocity_slope"}:
             velocity[:2] += push[:2]
+        if not exact & {"turning_rate", "velocity_slope"}:
             velocity[2:] += push[2] / self.scene.beam.length
         goal = plan.goal
         if goal is None:
@@ -251,9 +256,9 @@ class TargetTask(Task):
     def __init__(
         self,
         scene: Scene,
-        distance: Sequence[float] = (0.5, 1.5),
-        bearing: float = 0.5 * math.pi,
-        radius: float = 0.1,
+        distance: Sequence[float] = TARGET_DISTANCE,
+        bearing: float = TARGET_BEARING,
+        radius: float = TARGET_RADIUS,
         effort_weight: float = 0.0,
         heading_weight: float = 0.0,
     ) -> None:

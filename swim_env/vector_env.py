@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -13,7 +12,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from swim_env.env import (
+from swim_env.env_interface import (
     EnvSnapshot,
     Observation,
     Overrides,
@@ -31,7 +30,15 @@ from swim_env.episodes import Episodes, whole_number
 from swim_env.errors import OptionError, SimulationEndedError, SwimError
 from swim_env.scene import Scene, load_scene
 from swim_env.scene_checks import got
-from swim_env.task import ForwardTask, StartPlan, TargetTask, Task
+from swim_env.task import (
+    TARGET_BEARING,
+    TARGET_DISTANCE,
+    TARGET_RADIUS,
+    ForwardTask,
+    StartPlan,
+    TargetTask,
+    Task,
+)
 from swim_env.threads import usable_threads
 
 __all__ = ["SwimTargetVectorEnv", "SwimVectorEnv"]
@@ -66,7 +73,7 @@ class SwimVectorEnv(
     max_episode_steps : int, optional
         Actions in an episode, if that is less than the scene's duration gives.
     num_threads : int, optional
-        Largest number of threads; as many as numba is told to use unless given.
+        Largest number of threads; as many as numba is told to use at this moment unless given.
 
     Raises
     ------
@@ -121,6 +128,8 @@ class SwimVectorEnv(
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self._randoms: list[np.random.Generator | None] = [None] * self.num_envs
         self._is_reset = np.zeros(self.num_envs, dtype=np.bool_)
+        self._ready = False
+        self._threads = self.num_threads or usable_threads()
         self._viewer: Any = None
 
     @property
@@ -173,6 +182,8 @@ class SwimVectorEnv(
                 if one is not None:
                     one.bit_generator.state = state
             raise
+        self._ready = True
+        self.episodes.results()  # notes whether a member that was not started has ended
         if isinstance(seed, int):
             super().reset(seed=seed)
         if self.render_mode == "human":
@@ -197,36 +208,35 @@ class SwimVectorEnv(
             Before the first reset, or where a member has ended and the mode is DISABLED.
         """
         episodes = self.episodes
-        if not self._is_reset.all():
+        if not self._ready:
             raise gymnasium.error.ResetNeeded("call reset before step")
-        plan = self.task.plan_start()
-        ended = episodes.terminated | episodes.truncated
-        anew = np.flatnonzero(ended)
-        moving = np.flatnonzero(~ended) if anew.size else episodes.everyone
-        if anew.size and self.autoreset_mode is AutoresetMode.DISABLED:
-            raise gymnasium.error.ResetNeeded(
-                f"members {anew.tolist()} have ended; start them by "
-                "reset(options={'reset_mask': ...})"
-            )
-        episodes.take(actions, False, moving)
-        for member in anew:
-            self._start(int(member), plan)
-        episodes.play(moving, self.num_threads or usable_threads())
-        rewards = episodes.rewards.copy()
-        terminated, truncated = episodes.terminated, episodes.truncated
-        infos: dict[str, Any] = {}
-        if self.autoreset_mode is AutoresetMode.SAME_STEP:
-            for member in np.flatnonzero(terminated | truncated):
-                last = {
-                    "final_obs": episodes.observations[member].copy(),
-                    "final_info": episodes.info(int(member)),
-                }
-                infos = self._add_info(infos, last, int(member))
-                self._start(int(member), plan)
-        infos.update(episodes.infos())
+        moving = episodes.everyone
+        if episodes.someone_ended:
+            ended = episodes.terminated | episodes.truncated
+            if self.autoreset_mode is AutoresetMode.DISABLED:
+                raise gymnasium.error.ResetNeeded(
+                    f"members {np.flatnonzero(ended).tolist()} have ended; start them by "
+                    "reset(options={'reset_mask': ...})"
+                )
+            moving = np.flatnonzero(~ended)
+            episodes.take(actions, False, moving)
+            for member in np.flatnonzero(ended).tolist():
+                self._start(member, self.task.plan_start())
+        else:
+            episodes.take(actions, False, moving)
+        episodes.play(moving, self._threads)
+        observations, rewards, terminated, truncated, infos = episodes.results()
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and episodes.someone_ended:
+            last: dict[str, Any] = {}
+            for member in np.flatnonzero(terminated | truncated).tolist():
+                final = {"final_obs": observations[member], "final_info": episodes.info(member)}
+                last = self._add_info(last, final, member)
+                self._start(member, self.task.plan_start())
+            observations, _, _, _, infos = episodes.results()
+            infos.update(last)
         if self.render_mode == "human":
             self.render()
-        return self._observations(), rewards, terminated, truncated, infos
+        return observations, rewards, terminated, truncated, infos
 
     def render(self) -> Any:
         """Return a frame of every member, (height, width, 3) uint8 each, or show member 0.
@@ -272,7 +282,7 @@ class SwimVectorEnv(
     def _masked_infos(self, mask: Booleans) -> dict[str, Any]:
         """Return infos in which only the members of a mask stand, as Gymnasium's own do."""
         if mask.all():
-            return self.episodes.infos()
+            return self.episodes.results().infos
         infos: dict[str, Any] = {}
         for member in np.flatnonzero(mask):
             infos = self._add_info(infos, self.episodes.info(int(member)), int(member))
@@ -380,9 +390,9 @@ class SwimTargetVectorEnv(SwimVectorEnv):
         render_mode: str | None = None,
         effort_weight: float = 0.0,
         heading_weight: float = 0.0,
-        target_distance: Sequence[float] = (0.5, 1.5),
-        target_bearing: float = 0.5 * math.pi,
-        target_radius: float = 0.1,
+        target_distance: Sequence[float] = TARGET_DISTANCE,
+        target_bearing: float = TARGET_BEARING,
+        target_radius: float = TARGET_RADIUS,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         max_episode_steps: int | None = None,
         num_threads: int | None = None,

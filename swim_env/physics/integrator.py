@@ -76,6 +76,7 @@ __all__ = [
     "advance",
     "pack_constants",
     "state_size",
+    "steps_column",
     "weigh",
     "work_sizes",
 ]
@@ -96,7 +97,7 @@ ROUND_OFF_MARGIN = 32.0
 # Layout of a member's state vector, in rows of N + 2 numbers: q, p, the last three increments;
 # then the counters: steps taken, increments of equal parts that are known (at most 3), and how many
 # 1024ths of a step the last part was.
-_STATE_ROWS = 5
+STATE_ROWS = 5
 STEPS, KNOWN_INCREMENTS, LAST_PART = range(3)
 _COUNTERS = 3
 
@@ -171,7 +172,12 @@ def _unpack(
 
 def state_size(elements: int) -> int:
     """Return the length of a member's state vector."""
-    return _STATE_ROWS * (elements + 2) + _COUNTERS
+    return STATE_ROWS * (elements + 2) + _COUNTERS
+
+
+def steps_column(elements: int) -> int:
+    """Return the column of a state vector that counts the steps taken."""
+    return STATE_ROWS * (elements + 2) + STEPS
 
 
 def work_sizes(beam: BeamConstants, fluid: FluidConstants) -> tuple[int, int]:
@@ -206,12 +212,12 @@ def _member(
     n = beam.elements + 2
     motions = motion_count(fluid)
     used = step_array_size(beam.elements, motions)
-    rows = matrix_view(state, 0, _STATE_ROWS, n)
+    rows = matrix_view(state, 0, STATE_ROWS, n)
     return _Member(
         rows[0],
         rows[1],
         rows[2:],
-        state[_STATE_ROWS * n :],
+        state[STATE_ROWS * n :],
         carve_fluid_work(floats[used:], integers[n:], fluid),
         carve_step_arrays(floats[:used], beam.elements, motions),
         integers[:n],

@@ -1,5 +1,5 @@
 """Looking at runs: still pictures for people who read."""
 
-from swim_env.viewer.stills import draw_path, require_matplotlib, save_figure
+from swim_env.viewer.stills import draw_path, draw_wave_search, require_matplotlib, save_figure
 
-__all__ = ["draw_path", "require_matplotlib", "save_figure"]
+__all__ = ["draw_path", "draw_wave_search", "require_matplotlib", "save_figure"]

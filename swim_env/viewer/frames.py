@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from swim_env.errors import OptionError, SwimError
 from swim_env.scene import Scene
-from swim_env.scene_parts import Actuation
 from swim_env.viewer.drawing import (
     Box,
     Colour,
@@ -297,7 +296,7 @@ class FramePainter:
         # Below: the colours of the torques in N m.
         small.words(image, (left - 6 * unit, bottom + 15 * unit), "BL", QUIET_COLOUR, 1.0)
         base = self.height - 12 * unit
-        limit = (self.scene.actuation or Actuation(amplitude=0.0)).torque_limit
+        limit = self.scene.torque_limit
         x = left + small.words(image, (left, base), "joint torque", QUIET_COLOUR) + 9 * unit
         x += small.figures(image, (x, base), f"-{limit:.3g}", TEXT_COLOUR) + 5 * unit
         width = round(80 * unit)

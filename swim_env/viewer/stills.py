@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["draw_path", "require_matplotlib", "save_figure"]
+__all__ = ["draw_path", "draw_wave_search", "require_matplotlib", "save_figure"]
 
 #: Runs through colours that differ in lightness as well, from the beginning to the end of a run.
 TIME_COLOURS = "viridis"
@@ -181,3 +181,58 @@ def _draw_displacement(axes: Axes, trajectory: Trajectory) -> None:
     axes.legend(fontsize=_SMALL, frameon=False)
     axes.set_title("displacement of the mean centre", fontsize=_SMALL, loc="left")
     _style(axes, "time (s)", "displacement (body lengths)")
+
+
+def draw_wave_search(record: dict[str, Any]) -> Figure:
+    """Draw how far travelling waves of torque swim, over frequency and wave number.
+
+    Parameters
+    ----------
+    record : dict
+        From `agents.tuning.check_candidates`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The grid of the search at full amplitude, and the wave that was chosen.
+
+    Raises
+    ------
+    SwimError
+        If matplotlib is not installed.
+    """
+    require_matplotlib()
+    grid = record["search"]["grid"]
+    values = np.array(grid["net_displacement"])
+    figure = _figure(6.4, 4.2)
+    axes = figure.add_subplot()
+    largest = float(np.abs(values).max()) or 1.0
+    image = axes.pcolormesh(
+        np.array(grid["wave_number"]) / np.pi,
+        grid["frequency_hz"],
+        values,
+        cmap="PuOr_r",
+        vmin=-largest,
+        vmax=largest,
+        shading="nearest",
+    )
+    bar = figure.colorbar(image, ax=axes)
+    bar.set_label("net displacement, head first (body lengths)", fontsize=_SMALL)
+    bar.ax.tick_params(labelsize=_SMALL)
+    wave = record["wave"]
+    if wave is not None:
+        axes.plot(
+            wave["wave_number"] / np.pi,
+            wave["frequency"] / (2.0 * np.pi),
+            "*",
+            color="black",
+            markersize=11,
+            markerfacecolor="white",
+            label=f"tuned wave, {record['net_displacement']:.2f} body lengths",
+        )
+        axes.legend(fontsize=_SMALL, loc="lower left")
+    _style(axes, "wave number \u03ba (\u03c0 rad per body length)", "frequency (Hz)")
+    axes.set_title(
+        f"{record['scene']}: a wave of full torque over one episode", fontsize=_SMALL, loc="left"
+    )
+    return figure

@@ -20,11 +20,12 @@ from agents import (
     WavePolicy,
     load_policy,
     play_episode,
-    tuning,
+    tuned_wave,
     verify_rollout,
 )
 from agents.replay import replay_episode
-from agents.tuning import load_tuned_wave, net_displacements, search_wave, wave_fields
+from agents.tuned_wave import load_tuned_wave
+from agents.tuning import check_candidates, net_displacements, search_wave
 from agents.verification import fine_scene
 from swim_env import OptionError, Simulator, SwimEnv, SwimError, SwimTargetEnv, load_scene
 from swim_env.scene import Actuation
@@ -80,13 +81,31 @@ def test_predict_does_not_change_the_state_that_it_is_given() -> None:
 
 
 def test_random_actions_follow_their_seed() -> None:
-    first, second, other = (load_policy("random", seed=seed) for seed in (1, 1, 2))
-    a, b, c = (
-        np.array([p.predict(np.zeros(21))[0] for _ in range(5)]) for p in (first, second, other)
-    )
-    assert (a == b).all()
-    assert (a != c).all()
-    assert len({x for row in a.tolist() for x in row}) == a.size
+    def numbers(seed: int) -> np.ndarray:
+        policy, state, played = load_policy("random", seed=seed), None, []
+        for _ in range(5):
+            actions, state = policy.predict(np.zeros((3, 21)), state)
+            played.append(actions)
+        return np.array(played)
+
+    first, second, other = numbers(1), numbers(1), numbers(2)
+    assert (first == second).all()
+    assert (first != other).all()
+    # No number comes twice, neither in time nor among members.
+    assert len(set(first.ravel().tolist())) == first.size
+
+
+def test_random_torques_do_not_follow_the_starts_noise(env: SwimEnv) -> None:
+    env.reset(seed=3)
+    bend = env.coordinates[3:] / env.scene.episode.bend_noise
+    action, _ = load_policy("random", env.scene, seed=3).predict(np.zeros(21))
+    assert np.abs(action - bend).max() > 0.1
+
+
+def test_a_random_policy_plays_the_same_episode_twice(env: SwimEnv) -> None:
+    policy = load_policy("random", env.scene, seed=1)
+    first, second = (play_episode(env, policy, seed=0) for _ in range(2))
+    assert (first.torques == second.torques).all()
 
 
 def test_torques_are_a_share_of_the_scenes_limit() -> None:
@@ -105,8 +124,25 @@ def test_bad_calls_get_one_clear_error() -> None:
         policy.predict(np.zeros(20))
     with pytest.raises(OptionError, match="observation must have shape"):
         policy.predict(np.zeros((2, 2, 21)))
-    with pytest.raises(OptionError, match=r"state must have shape \(2,\), got \(1,\)"):
+    with pytest.raises(OptionError, match=r"state must be whole numbers of shape \(2,\)"):
         policy.predict(np.zeros((2, 21)), np.zeros(1, dtype=np.int64))
+
+
+def test_a_wave_beyond_the_limit_is_cut_off() -> None:
+    scene = load_scene("swimmer", ["actuation.torque_limit=0.5"])
+    policy = load_policy("paper_wave", scene)
+    actions, _ = policy.predict(np.zeros((3, 21)), np.array([0, 10, 20]))
+    assert np.abs(actions).max() == 1.0
+    assert (np.abs(actions) < 1.0).any()
+
+
+def test_a_scene_without_a_wave_gets_no_torque_from_its_wave() -> None:
+    scene = load_scene("paper_x", ["episode.control_interval=0.01", "episode.duration=0.5"])
+    rollout = play_episode(SwimEnv(scene), load_policy("paper_wave", scene), options=QUIET)
+    assert not rollout.torques.any()
+    simulator = Simulator(scene)
+    simulator.rollout(simulator.prescribed_torques(50))
+    assert (rollout.path[-1] == simulator.coordinates[:2]).all()
 
 
 # ---- episodes ----------------------------------------------------------------------------------
@@ -121,6 +157,20 @@ def test_an_episode_is_the_simulators_replay_bit_for_bit_without_noise_and_hold(
     at_centre = np.array([simulator.coordinates[:2]])
     assert (rollout.path[-1:] == at_centre).all()
     assert rollout.rewards.sum() == pytest.approx(-trajectory.displacement[0], abs=1e-13)
+
+
+def test_a_broken_episode_is_played_again_to_its_end_and_never_verified() -> None:
+    # A soft beam folds under the torque.
+    scene = load_scene("swimmer", ["beam.bending_stiffness=0.05", "episode.duration=2.0"])
+    rollout = play_episode(SwimEnv(scene), load_policy("paper_wave", scene), options=QUIET)
+    assert rollout.terminated
+    assert rollout.steps < 4 * len(rollout.torques)
+    again = rollout.simulate()
+    assert again.steps == rollout.steps
+    assert np.abs(again.path[-1] - rollout.path[-1]).max() < 1e-14
+    checked = verify_rollout(rollout)
+    assert not checked.verified
+    assert checked.termination_reason == rollout.info["termination_reason"]
 
 
 @pytest.mark.parametrize("name", POLICY_NAMES)
@@ -268,14 +318,18 @@ def test_the_search_finds_the_best_of_what_it_tried(env: SwimEnv) -> None:
     assert sum(seen) >= 4 * 3 + 8
     best = record["candidates"][0]
     assert best["net_displacement"] >= np.max(record["grid"]["net_displacement"]) - 1e-6
-    wave = Actuation(**wave_fields(env.scene, best))
-    assert net_displacements(env.scene, [wave])[0] == best["net_displacement"]
+    checked = check_candidates(env.scene, record)
+    wave = Actuation(**checked["wave"])
+    assert checked["net_displacement"] in [one["net_displacement"] for one in record["candidates"]]
+    assert net_displacements(env.scene, [wave])[0] == checked["net_displacement"]
+    assert checked["checked"][-1]["verified"]
+    assert checked["versions"]["numpy"] == np.__version__
 
 
 def test_a_damaged_record_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     damaged = tmp_path / "tuned_wave.json"
     damaged.write_text('{"wave": {"amplitude": 1.0}}')
-    monkeypatch.setattr(tuning, "TUNED_WAVE_FILE", damaged)
+    monkeypatch.setattr(tuned_wave, "TUNED_WAVE_FILE", damaged)
     load_tuned_wave.cache_clear()
     try:
         with pytest.raises(SwimError, match="cannot read the tuned wave"):

@@ -319,11 +319,11 @@ def test_render_needs_an_episode_and_a_mode() -> None:
             env.render()
     for env in (SwimEnv(overrides=SMALL), members(2, render_mode=None)):
         env.reset()
-        with pytest.warns(UserWarning, match="without specifying any render mode"):
+        with pytest.warns(UserWarning, match="render was called without a render mode"):
             assert env.render() is None
     made = gymnasium.make(FORWARD, overrides=SMALL)
     made.reset()
-    with pytest.warns(UserWarning, match=rf'gym.make\("{FORWARD}"'):
+    with pytest.warns(UserWarning, match=f"gymnasium.make.'{FORWARD}'"):
         made.unwrapped.render()
 
 

@@ -214,7 +214,7 @@ def test_every_way_of_starting_anew_is_gymnasiums(task: str, mode: AutoresetMode
     assert min(ends.values()) > 0, ends
     if task == TARGET:
         assert "target_reached" in reasons
-    assert reasons <= set(TERMINATION_REASONS.values()) - {""}
+    assert reasons <= set(TERMINATION_REASONS)
 
 
 @each_mode
@@ -379,7 +379,6 @@ def test_a_snapshot_of_another_batch_is_refused() -> None:
     for other in (
         make(FORWARD, 2),
         make(TARGET, 3),
-        make(FORWARD, 3, max_episode_steps=5),
         make(FORWARD, 3, effort_weight=0.5),
         make(FORWARD, 3, overrides=SMALL),
     ):
@@ -511,6 +510,8 @@ def test_returned_arrays_are_the_callers(mode: AutoresetMode) -> None:
         elif isinstance(value, tuple):
             for item in value:
                 spoil(item)
+        elif not value.flags.writeable:
+            assert value.dtype == object or value.all()  # masks, and no reasons
         elif value.dtype == np.bool_:
             value[:] = ~value
         elif value.dtype != object:

@@ -16,7 +16,7 @@ from swim_env import (
     load_scene,
 )
 
-REASONS = set(TERMINATION_REASONS.values()) - {""}
+REASONS = set(TERMINATION_REASONS)
 FOLDS: dict[str, tuple[list[float], str]] = {
     "sharp mitre": ([3.0] + [0.0] * 7, "outline_degenerate"),
     "past a full turn": ([0.0] * 7 + [6.4], "outline_degenerate"),

@@ -17,7 +17,7 @@ each_task = pytest.mark.parametrize("task", [FORWARD, TARGET], ids=("forward", "
 #: Actions in an episode of scene swimmer: 20 s over 0.02 s.
 LIMIT = 1000
 #: Every end that is neither the time limit's nor the target's.
-PHYSICS = set(TERMINATION_REASONS.values()) - {"", "target_reached"}
+PHYSICS = {"", *TERMINATION_REASONS} - {"", "target_reached"}
 
 
 def _check(task: str, episodes: int, members: int, seed: int) -> None:

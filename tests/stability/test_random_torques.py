@@ -33,7 +33,7 @@ def _check(name: str, kind: str, seeds: range) -> None:
     not_finite = []
     for seed in seeds:
         trajectory = _play(simulator, kind, seed)
-        assert trajectory.termination_reason in TERMINATION_REASONS.values()
+        assert trajectory.termination_reason in {"", *TERMINATION_REASONS}
         full = trajectory.steps == round(DURATION / simulator.time_step)
         assert full == (trajectory.termination_reason == ""), (
             f"seed {seed}: {trajectory.steps} steps, reason {trajectory.termination_reason!r}"
