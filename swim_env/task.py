@@ -7,6 +7,7 @@ towards a point.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any, ClassVar, NamedTuple
@@ -73,7 +74,7 @@ class StartPlan(NamedTuple):
     goal: Array | None
 
 
-class Task:
+class Task(ABC):
     """Base of the tasks.
 
     Parameters
@@ -214,9 +215,9 @@ class Task:
     def _given_goal(self, options: Mapping[str, Any]) -> Array | None:
         return None
 
+    @abstractmethod
     def _draw_aim(self, random: np.random.Generator) -> Array:
         """Return the goal's direction, or the way from the mean centre to its point (m)."""
-        raise NotImplementedError
 
 
 class ForwardTask(Task):
