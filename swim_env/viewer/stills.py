@@ -217,7 +217,7 @@ def draw_wave_search(record: dict[str, Any]) -> Figure:
         shading="nearest",
     )
     bar = figure.colorbar(image, ax=axes)
-    bar.set_label("net displacement, head first (body lengths)", fontsize=_SMALL)
+    bar.set_label("net displacement along the heading (body lengths)", fontsize=_SMALL)
     bar.ax.tick_params(labelsize=_SMALL)
     wave = record["wave"]
     if wave is not None:
