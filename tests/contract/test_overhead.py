@@ -1,4 +1,4 @@
-"""What an environment step costs beside the physics; run with -s to see the figures."""
+"""Python's part of an environment step; run with -s, and alone, to see the figures."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from swim_env import SwimEnv, SwimVectorEnv
+from swim_env import SwimEnv, SwimVectorEnv, episodes
 from swim_env.bodies import Bodies
 
 pytestmark = pytest.mark.slow
@@ -20,20 +20,23 @@ ROUNDS, STEPS = 7, 60
 def beside_the_physics(
     monkeypatch: pytest.MonkeyPatch, step: Callable[[np.ndarray], Any], shape: tuple[int, ...]
 ) -> float:
-    """Return the time of a step less that of `Bodies.advance` in it (us).
+    """Return the time of a step less that of the kernels for physics and observations in it (us).
 
     The physics really runs, so that what comes after it finds the processor's caches as it leaves
     them. It is the median of a round, in the best of several rounds: other programs only ever add.
     """
     spent = [0.0]
-    advance = Bodies.advance
 
-    def timed(self: Bodies, *arguments: Any, **named: Any) -> None:
-        start = time.perf_counter()
-        advance(self, *arguments, **named)
-        spent[0] += time.perf_counter() - start
+    def timed(call: Callable[..., None]) -> Callable[..., None]:
+        def wrapper(*arguments: Any, **named: Any) -> None:
+            start = time.perf_counter()
+            call(*arguments, **named)
+            spent[0] += time.perf_counter() - start
 
-    monkeypatch.setattr(Bodies, "advance", timed)
+        return wrapper
+
+    monkeypatch.setattr(Bodies, "advance", timed(Bodies.advance))
+    monkeypatch.setattr(episodes, "assess", timed(episodes.assess))
     random = np.random.default_rng(0)
     medians = []
     for _ in range(ROUNDS):
