@@ -127,8 +127,7 @@ class SwimVectorEnv(
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self._randoms: list[np.random.Generator | None] = [None] * self.num_envs
-        self._is_reset = np.zeros(self.num_envs, dtype=np.bool_)
-        self._ready = False
+        self._is_reset = False
         self._threads = self.num_threads or usable_threads()
         self._viewer: Any = None
 
@@ -168,7 +167,7 @@ class SwimVectorEnv(
         plan, mask = self._plan_and_mask(options)
         fresh = self._generators(seed)
         before = self.episodes.snapshot([])
-        randoms, is_reset = list(self._randoms), self._is_reset.copy()
+        randoms = list(self._randoms)
         numbers: list[Any] = [None if one is None else one.bit_generator.state for one in randoms]
         try:
             for member in np.flatnonzero(mask):
@@ -177,18 +176,19 @@ class SwimVectorEnv(
                 self._start(int(member), plan)
         except SimulationEndedError:
             self.episodes.restore(before, [])
-            self._randoms, self._is_reset = randoms, is_reset
+            self._randoms = randoms
             for one, state in zip(randoms, numbers, strict=True):
                 if one is not None:
                     one.bit_generator.state = state
             raise
-        self._ready = True
-        self.episodes.results()  # notes whether a member that was not started has ended
+        self._is_reset = True
+        results = self.episodes.results()
         if isinstance(seed, int):
             super().reset(seed=seed)
         if self.render_mode == "human":
             self.render()
-        return self._observations(), self._masked_infos(mask)
+        infos = results.infos if mask.all() else self._masked_infos(mask)
+        return results.observations, infos
 
     def step(
         self, actions: NDArray[Any]
@@ -208,7 +208,7 @@ class SwimVectorEnv(
             Before the first reset, or where a member has ended and the mode is DISABLED.
         """
         episodes = self.episodes
-        if not self._ready:
+        if not self._is_reset:
             raise gymnasium.error.ResetNeeded("call reset before step")
         moving = episodes.everyone
         if episodes.someone_ended:
@@ -255,7 +255,7 @@ class SwimVectorEnv(
         if self.render_mode is None:
             warn_of_no_render_mode(self)
             return None
-        if not self._is_reset.all():
+        if not self._is_reset:
             raise gymnasium.error.ResetNeeded("call reset before render")
         if self._viewer is None:
             self._viewer = new_viewer(self.episodes, self.metadata)
@@ -267,22 +267,16 @@ class SwimVectorEnv(
             self._viewer.close()
             self._viewer = None
 
-    def _observations(self) -> Observation:
-        return self.episodes.observations.copy()
-
     def _start(self, member: int, plan: StartPlan) -> None:
         random = self._randoms[member]
         if random is None:
             random = self._randoms[member] = seeding.np_random()[0]
         self.episodes.start(member, random, plan)
-        self._is_reset[member] = True
         if self._viewer is not None:
             self._viewer.forget(member)
 
     def _masked_infos(self, mask: Booleans) -> dict[str, Any]:
         """Return infos in which only the members of a mask stand, as Gymnasium's own do."""
-        if mask.all():
-            return self.episodes.results().infos
         infos: dict[str, Any] = {}
         for member in np.flatnonzero(mask):
             infos = self._add_info(infos, self.episodes.info(int(member)), int(member))
@@ -303,7 +297,7 @@ class SwimVectorEnv(
                 f"option reset_mask must be an array of {self.num_envs} bools, at least one of "
                 f"them true, got {_described(mask)}"
             )
-        if not (self._is_reset | mask).all():
+        if not (self._is_reset or mask.all()):
             raise OptionError("the first reset has to start all members, reset_mask leaves some")
         rest = {name: value for name, value in options.items() if name != "reset_mask"}
         return self.task.plan_start(rest), mask
@@ -358,7 +352,7 @@ class SwimVectorEnv(
         self.episodes.restore(checked_snapshot(snapshot).episodes, self._known_randoms())
         if self._viewer is not None:
             self._viewer.forget()
-        return self._observations()
+        return self.episodes.observations.copy()
 
     def _known_randoms(self) -> list[np.random.Generator]:
         randoms = [random for random in self._randoms if random is not None]
