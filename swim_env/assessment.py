@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.physics._compile import kernel
-from swim_env.physics.integrator import POSITIVE_WORK, STATE_ROWS, STEPS, WORK
+from swim_env.physics.integrator import POSITIVE_WORK, STATE_ROWS, STEPS, WORK, state_size
 from swim_env.physics.loading import load_kernels
 
 __all__ = [
@@ -321,7 +321,7 @@ def load_assessment() -> None:
     assess(
         one,
         True,
-        np.zeros((1, 23)),
+        np.zeros((1, state_size(2))),
         np.zeros((1, 4)),
         torques,
         np.zeros(1),

@@ -25,8 +25,9 @@ import llvmlite.binding
 import numba
 import numpy as np
 from numba.core import config as numba_config
+from numba.extending import register_jitable
 
-__all__ = ["cache_folder", "kernel", "vector_kernel"]
+__all__ = ["cache_folder", "kernel", "shared", "vector_kernel"]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -110,6 +111,9 @@ def _compile(function: Function, **options: Any) -> Function:
             nogil=True,
             error_model="numpy",
             boundscheck=False,
+            # Every slice of an array would count its references, atomically: a third of the time.
+            # Nothing is allocated in a kernel, and callers keep the arrays they hand over.
+            _nrt=False,
             no_cfunc_wrapper=True,  # nobody calls kernels from C, and the wrappers cost a fifth
             **options,
         )(function)
@@ -119,11 +123,21 @@ def _compile(function: Function, **options: Any) -> Function:
 
 
 def kernel(function: Function) -> Function:
-    """Compile a kernel with strict floating-point semantics.
+    """Compile a kernel whose products may be fused with sums, rounded once; all else is strict.
 
     Everything that decides on finiteness, convergence or the sign of a mass uses this one.
     """
-    return _compile(function)
+    return _compile(function, fastmath={"contract"})
+
+
+def shared(function: Function) -> Function:
+    """Let Python call a function as it is, and kernels compile it into themselves.
+
+    For what measures sizes and lays out work space: without reference counts a kernel cannot hand
+    arrays that it made out of others to Python.
+    """
+    wrapped: Function = register_jitable(function)
+    return wrapped
 
 
 def vector_kernel(function: Function) -> Function:

@@ -19,17 +19,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics._compile import kernel, vector_kernel
+from swim_env.physics._compile import kernel, shared
 from swim_env.physics.dense import (
-    dot,
+    add_multiple,
     invert,
     invert_in_order,
     mat_vec,
     mat_vec_transposed,
-    matrix_view,
+    multiply,
 )
 from swim_env.physics.outline import (
     AXIAL,
+    LANES,
     LATERAL,
     LENGTH,
     NODE_ROWS,
@@ -38,8 +39,11 @@ from swim_env.physics.outline import (
     FluidGeometry,
     OutlineArrays,
     build_outline,
+    first_end_panel,
+    first_panel,
     gradient_to_element_angles,
     outline_status,
+    padded,
     panel_count,
 )
 from swim_env.physics.panels import (
@@ -47,7 +51,7 @@ from swim_env.physics.panels import (
     POTENTIAL,
     SHAPE_SCRATCH,
     influence,
-    normal_influence_transposed,
+    normal_influence,
     shape_gradient,
 )
 from swim_env.physics.status import FINE, INFLUENCE_SINGULAR
@@ -103,16 +107,22 @@ class FluidConstants(NamedTuple):
 class FluidWork(NamedTuple):
     """Arrays that `added_mass` leaves behind for `shape_force`, and their scratch space.
 
+    The numbers M of panels and K of motions are padded to multiples of LANES with zeros.
+
     Attributes
     ----------
     outline : OutlineArrays
         The outline of M panels.
     layers : (LAYERS, M, M) array
         Influence matrices, see `swim_env.physics.panels`.
-    inverse_transposed : (M, M) array
-        Inverse of the transposed normal influence.
-    sources, loads : (K, M) arrays
-        Source strengths per unit motion, transposed G^-1 B, and B^T diag(L) P.
+    inverse : (M, M) array
+        Inverse of the normal influence, filled up with the identity.
+    strengths : (M, K) array
+        Source strengths per unit motion, G^-1 B.
+    loads : (K, M) array
+        B^T diag(L) P.
+    product : (K, K) array
+        B^T diag(L) P G^-1 B.
     vectors : (rows, M) array
         Scratch.
     half_log : (M + 1,) array
@@ -125,82 +135,93 @@ class FluidWork(NamedTuple):
 
     outline: OutlineArrays
     layers: Array
-    inverse_transposed: Array
-    sources: Array
+    inverse: Array
+    strengths: Array
     loads: Array
+    product: Array
     vectors: Array
     half_log: Array
     joint_gradient: Array
     permutation: NDArray[np.int64]
 
 
-# Rows of `FluidWork.vectors`: source strengths, adjoint strengths, potential, panel-weighted
-# normal velocity and B^T diag(L) P V; then the gradient by panel quantities; then scratch.
-_SIGMA, _MU, _PHI, _WEIGHT, _LOAD, _GRADIENT = range(6)
+# Rows of `FluidWork.vectors`: source strengths, adjoint strengths, potential, normal velocity, the
+# same times the panels' lengths, and P^T of that; then the gradient by panel quantities; then
+# scratch.
+_SIGMA, _MU, _PHI, _VELOCITY, _WEIGHT, _LOAD, _GRADIENT = range(7)
 _SHAPE = _GRADIENT + 5
 _SCRATCH = _SHAPE + SHAPE_SCRATCH
 
 
-@kernel
+@shared
 def motion_count(fluid: FluidConstants) -> int:
     """Return the number K of unit motions: 2 N, and 2 more with the axial effect."""
     return 2 * fluid.geometry.elements + (2 if fluid.axial else 0)
 
 
-@kernel
+@shared
 def fluid_work_sizes(fluid: FluidConstants) -> tuple[int, int]:
-    """Return how many float64 and int64 numbers `carve_fluid_work` takes."""
-    m = 0 if fluid.model == NO_FLUID else panel_count(fluid.geometry)
+    """Return how many float64 and int64 numbers `carve_fluid_work` takes; multiples of LANES."""
+    m = _padded_panels(fluid)
     n = fluid.geometry.elements
+    k = padded(motion_count(fluid))
     floats = (
         (LAYERS + 1) * m * m
-        + (2 * motion_count(fluid) + PANEL_ROWS + _SCRATCH) * m
-        + (NODE_ROWS + 1) * (n + 1)
-        + m
-        + 1
+        + 2 * k * m
+        + k * k
+        + (PANEL_ROWS + _SCRATCH + 1) * m
+        + LANES
+        + padded((NODE_ROWS + 1) * (n + 1))
     )
     return floats, 2 * m
 
 
-@kernel
+@shared
+def _padded_panels(fluid: FluidConstants) -> int:
+    return 0 if fluid.model == NO_FLUID else padded(panel_count(fluid.geometry))
+
+
+@shared
 def carve_fluid_work(
     floats: Array, integers: NDArray[np.int64], fluid: FluidConstants
 ) -> FluidWork:
-    """Lay the arrays of `FluidWork` into two flat buffers of the sizes of `fluid_work_sizes`."""
-    m = 0 if fluid.model == NO_FLUID else panel_count(fluid.geometry)
+    """Lay the arrays of `FluidWork` into two flat buffers of the sizes of `fluid_work_sizes`.
+
+    The buffers are zero at first: what pads them is never written.
+    """
+    m = _padded_panels(fluid)
     n = fluid.geometry.elements
-    k = motion_count(fluid)
+    k = padded(motion_count(fluid))
     start = LAYERS * m * m
     layers = floats[:start].reshape((LAYERS, m, m))
-    inverse = matrix_view(floats, start, m, m)
+    inverse = floats[start : start + m * m].reshape((m, m))
     start += m * m
-    sources = matrix_view(floats, start, k, m)
+    strengths = floats[start : start + m * k].reshape((m, k))
+    start += m * k
+    loads = floats[start : start + k * m].reshape((k, m))
     start += k * m
-    loads = matrix_view(floats, start, k, m)
-    start += k * m
-    panels = matrix_view(floats, start, PANEL_ROWS, m)
+    product = floats[start : start + k * k].reshape((k, k))
+    start += k * k
+    panels = floats[start : start + PANEL_ROWS * m].reshape((PANEL_ROWS, m))
     start += PANEL_ROWS * m
-    vectors = matrix_view(floats, start, _SCRATCH, m)
+    vectors = floats[start : start + _SCRATCH * m].reshape((_SCRATCH, m))
     start += _SCRATCH * m
-    nodes = matrix_view(floats, start, NODE_ROWS, n + 1)
+    half_log = floats[start : start + m + 1]
+    start += m + LANES
+    nodes = floats[start : start + NODE_ROWS * (n + 1)].reshape((NODE_ROWS, n + 1))
     start += NODE_ROWS * (n + 1)
     return FluidWork(
         OutlineArrays(panels, nodes, integers[:m]),
         layers,
         inverse,
-        sources,
+        strengths,
         loads,
+        product,
         vectors,
-        floats[start + n + 1 : start + n + m + 2],
+        half_log,
         floats[start : start + n + 1],
         integers[m : 2 * m],
     )
-
-
-@vector_kernel
-def _add_multiple(target: Array, source: Array, factor: float) -> None:
-    for j in range(target.size):
-        target[j] += factor * source[j]
 
 
 @kernel
@@ -208,26 +229,40 @@ def _collect_motions(fluid: FluidConstants, work: FluidWork) -> None:
     """Sum panels into unit motions: B is zero but for two or three entries a panel."""
     elements = fluid.geometry.elements
     outline = work.outline
-    work.sources[:] = 0.0
+    panels = outline.panels
+    count = panel_count(fluid.geometry)
+    side = fluid.geometry.side_panels
+    for i in range(count):
+        for k in range(elements):
+            lateral = 0.0
+            rotary = 0.0
+            for above in range(2):
+                first = first_panel(fluid.geometry, k, above == 1)
+                for p in range(first, first + side):
+                    lateral += work.inverse[i, p] * panels[LATERAL, p]
+                    rotary += work.inverse[i, p] * panels[ROTARY, p]
+            work.strengths[i, k] = lateral
+            work.strengths[i, elements + k] = rotary
+        for end in range(2):
+            k = 0 if end == 0 else elements - 1
+            first = first_end_panel(fluid.geometry, end == 0)
+            axial = 0.0
+            for p in range(first, first + fluid.geometry.cap_panels):
+                work.strengths[i, elements + k] += work.inverse[i, p] * panels[ROTARY, p]
+                axial += work.inverse[i, p] * panels[AXIAL, p]
+            if fluid.axial:
+                work.strengths[i, 2 * elements + end] = axial
     work.loads[:] = 0.0
-    for p in range(outline.element.size):
+    for p in range(count):
         k = outline.element[p]
-        length = outline.panels[LENGTH, p]
-        for motion in range(3):
-            if motion == 0:
-                factor = outline.panels[LATERAL, p]
-                row = k
-            elif motion == 1:
-                factor = outline.panels[ROTARY, p]
-                row = elements + k
-            else:
-                if not fluid.axial:
-                    continue
-                factor = outline.panels[AXIAL, p]
-                row = 2 * elements + (1 if k > 0 else 0)
-            if factor != 0.0:
-                _add_multiple(work.sources[row], work.inverse_transposed[p], factor)
-                _add_multiple(work.loads[row], work.layers[POTENTIAL, p], factor * length)
+        length = panels[LENGTH, p]
+        potential = work.layers[POTENTIAL, p]
+        if panels[LATERAL, p] != 0.0:
+            add_multiple(work.loads[k], potential, length * panels[LATERAL, p])
+        add_multiple(work.loads[elements + k], potential, length * panels[ROTARY, p])
+        if fluid.axial and panels[AXIAL, p] != 0.0:
+            row = 2 * elements + (1 if k > 0 else 0)
+            add_multiple(work.loads[row], potential, length * panels[AXIAL, p])
 
 
 @kernel
@@ -236,6 +271,7 @@ def _panel_added_mass(
 ) -> int:
     geometry = fluid.geometry
     outline = work.outline
+    count = panel_count(geometry)
     status = build_outline(joint_angles, geometry, outline)
     if status != FINE:
         return status
@@ -243,19 +279,19 @@ def _panel_added_mass(
     if status != FINE:
         return status
     body_length = geometry.elements * geometry.element_length
-    influence(outline.panels, body_length, work.half_log, work.layers)
-    normal_influence_transposed(outline.panels, work.layers, work.inverse_transposed)
-    if not invert_in_order(work.inverse_transposed, SMALLEST_PIVOT):
-        normal_influence_transposed(outline.panels, work.layers, work.inverse_transposed)
-        if not invert(work.inverse_transposed, work.permutation):
+    influence(outline.panels, count, body_length, work.half_log, work.layers)
+    normal_influence(outline.panels, count, work.layers, work.inverse)
+    if not invert_in_order(work.inverse, SMALLEST_PIVOT):
+        normal_influence(outline.panels, count, work.layers, work.inverse)
+        if not invert(work.inverse, work.permutation):
             return INFLUENCE_SINGULAR
     _collect_motions(fluid, work)
+    motions = motion_count(fluid)
+    multiply(work.loads[:motions], work.strengths, work.product)
     half = -0.5 * fluid.density
-    for a in range(out.shape[0]):
+    for a in range(motions):
         for b in range(a + 1):
-            value = half * (
-                dot(work.loads[a], work.sources[b]) + dot(work.loads[b], work.sources[a])
-            )
+            value = half * (work.product[a, b] + work.product[b, a])
             out[a, b] = value
             out[b, a] = value
     return FINE
@@ -266,28 +302,33 @@ def _panel_shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, ou
     elements = fluid.geometry.elements
     outline = work.outline
     panels = outline.panels
+    count = panel_count(fluid.geometry)
     sigma = work.vectors[_SIGMA]
     mu = work.vectors[_MU]
     phi = work.vectors[_PHI]
+    velocity = work.vectors[_VELOCITY]
     weight = work.vectors[_WEIGHT]
     load = work.vectors[_LOAD]
     gradient = work.vectors[_GRADIENT:_SHAPE]
-    mat_vec_transposed(work.sources, motion, sigma)
-    mat_vec_transposed(work.loads, motion, load)
-    mat_vec(work.inverse_transposed, load, mu)
-    mat_vec(work.layers[POTENTIAL], sigma, phi)
-    for i in range(panels.shape[1]):
+    for i in range(count):
         k = outline.element[i]
-        turning = motion[elements + k]
-        normal_velocity = panels[LATERAL, i] * motion[k] + panels[ROTARY, i] * turning
+        normal = panels[LATERAL, i] * motion[k] + panels[ROTARY, i] * motion[elements + k]
         if fluid.axial and panels[AXIAL, i] != 0.0:
-            normal_velocity += panels[AXIAL, i] * motion[2 * elements + (1 if k > 0 else 0)]
-        weight[i] = normal_velocity * panels[LENGTH, i]
+            normal += panels[AXIAL, i] * motion[2 * elements + (1 if k > 0 else 0)]
+        velocity[i] = normal
+        weight[i] = normal * panels[LENGTH, i]
+    mat_vec(work.inverse, velocity, sigma)
+    mat_vec(work.layers[POTENTIAL], sigma, phi)
+    mat_vec_transposed(work.layers[POTENTIAL], weight, load)
+    mat_vec_transposed(work.inverse, load, mu)
+    for i in range(count):
         # The length of a panel as the weight of its potential; on a side, the arm of the
         # collocation point in the boundary value v + w arm.
-        gradient[3, i] = normal_velocity * phi[i]
+        turning = motion[elements + outline.element[i]]
+        gradient[3, i] = velocity[i] * phi[i]
         gradient[4, i] = (panels[LENGTH, i] * phi[i] + mu[i]) * panels[LATERAL, i] * turning
-    shape_gradient(panels, work.layers, weight, sigma, mu, work.vectors[_SHAPE:], gradient)
+    scratch = work.vectors[_SHAPE:]
+    shape_gradient(panels, count, work.layers, weight, sigma, mu, load, scratch, gradient)
     gradient_to_element_angles(fluid.geometry, outline, gradient, work.joint_gradient, out)
     for k in range(elements):
         out[k] *= -0.5 * fluid.density
@@ -305,7 +346,7 @@ def added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out:
         Model and sizes.
     work : FluidWork
         Overwritten; `shape_force` reads it.
-    out : (K, K) array
+    out : (K, K) array, or padded
         Overwritten: the symmetric added mass A (kg/m, kg, kg m per metre of depth for v-v, v-w
         and w-w entries, all times a length).
 
@@ -329,7 +370,7 @@ def shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, out: Arra
 
     Parameters
     ----------
-    motion : (K,) array
+    motion : (K,) array, or padded
         Unit-motion velocities V (or increments).
     fluid : FluidConstants
         Model and sizes.

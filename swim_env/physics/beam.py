@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from swim_env.physics._compile import kernel
 
-__all__ = ["BeamConstants", "centres", "centres_of_trajectory", "strain_energy"]
+__all__ = ["BeamConstants", "centres", "centres_of_trajectory"]
 
 Array = NDArray[np.float64]
 
@@ -86,13 +86,3 @@ def centres_of_trajectory(q: Array, element_length: float, out: Array) -> None:
     """Write the element centres (T, N, 2) in m of a trajectory q (T, N + 2)."""
     for n in range(q.shape[0]):
         centres(q[n], element_length, out[n])
-
-
-@kernel
-def strain_energy(q: Array, joint_stiffness: Array) -> float:
-    """Return W (33) in J of the pose q (N + 2,): EI sin^2(a)/(2 dl) summed over the joints."""
-    energy = 0.0
-    for j in range(joint_stiffness.size):
-        sine = np.sin(q[3 + j])
-        energy += 0.5 * joint_stiffness[j] * sine * sine
-    return energy

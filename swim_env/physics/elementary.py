@@ -1,9 +1,10 @@
-"""Logarithm and arc tangent without branches, so that loops over panels run on vector registers.
+"""Elementary functions without branches, so that loops over them run on vector registers.
 
 The compiler turns a loop with ``math.log`` or ``math.atan2`` into one library call per number.
-These two are made of arithmetic, selects and bit casts only. Their polynomials are minimax fits
-(relative error below 2e-18 before rounding) of ``2 atanh(s)/s`` on the range that remains after the
-power of two is split off, and of ``atan(a)/a`` on ``|a| <= tan(pi/8)``.
+These are made of arithmetic, selects and bit casts only. The polynomials of logarithm and arc
+tangent are minimax fits (relative error below 2e-18 before rounding) of ``2 atanh(s)/s`` on the
+range that remains after the power of two is split off, and of ``atan(a)/a`` on
+``|a| <= tan(pi/8)``. Sine and cosine of small angles are their power series.
 """
 
 from __future__ import annotations
@@ -14,7 +15,10 @@ from numba.extending import intrinsic
 
 from swim_env.physics._compile import kernel
 
-__all__ = ["atan2", "log"]
+__all__ = ["SMALL_ANGLE", "atan2", "cos_small", "log", "sin_small"]
+
+#: Largest angle (rad) for `sin_small` and `cos_small`: the first terms left out are below 2e-19.
+SMALL_ANGLE = 0.5
 
 _LN2_HIGH = 6.93147180369123816490e-01
 _LN2_LOW = 1.90821492927058770002e-10
@@ -105,3 +109,30 @@ def atan2(y: float, x: float) -> float:
     angle = _HALF_PI - angle if ay > ax else angle
     angle = _PI - angle if x < 0.0 else angle
     return -angle if y < 0.0 else angle
+
+
+@kernel
+def sin_small(x: float) -> float:
+    """Return the sine of an angle of at most SMALL_ANGLE (rad)."""
+    z = x * x
+    series = -1.0 / 1307674368000.0
+    series = series * z + 1.0 / 6227020800.0
+    series = series * z - 1.0 / 39916800.0
+    series = series * z + 1.0 / 362880.0
+    series = series * z - 1.0 / 5040.0
+    series = series * z + 1.0 / 120.0
+    series = series * z - 1.0 / 6.0
+    return x + x * z * series
+
+
+@kernel
+def cos_small(x: float) -> float:
+    """Return the cosine of an angle of at most SMALL_ANGLE (rad)."""
+    z = x * x
+    series = -1.0 / 87178291200.0
+    series = series * z + 1.0 / 479001600.0
+    series = series * z - 1.0 / 3628800.0
+    series = series * z + 1.0 / 40320.0
+    series = series * z - 1.0 / 720.0
+    series = series * z + 1.0 / 24.0
+    return 1.0 - 0.5 * z + z * z * series

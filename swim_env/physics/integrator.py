@@ -5,10 +5,12 @@ p_{n+1} = p_n + (D1 L_d + D2 L_d) + h F. The second line is the position-momentu
 residual of the first carried along: total momentum is then constant to round-off whatever
 Newton's tolerance, because D1 L_d + D2 L_d sums to zero over the body.
 
-Newton starts from an extrapolated increment, then from the rigid-free motion M^-1 p h, then from
-rest; steps are shortened until the scaled residual falls. Where that fails, or an element or joint
-turns by more than half a radian (a sign of a wrong root), the step is cut in two; the outer step
-keeps its length and its held torques, and the parts are counted.
+Newton starts from an extrapolated increment and works in passes: corrections with one matrix while
+the shape force, the costly part of the residual, is held, then one evaluation of the whole. Where
+passes fail, every correction is followed by a whole evaluation and shortened where need be, from
+the same start, then from the rigid-free motion M^-1 p h, then from rest. Where that fails too, or
+an element or joint turns by more than half a radian (a sign of a wrong root), the step is cut in
+two; the outer step keeps its length and its held torques, and the parts are counted.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics._compile import kernel
+from swim_env.physics._compile import kernel, shared
 from swim_env.physics.added_mass import (
     NO_FLUID,
     FluidConstants,
@@ -29,26 +31,30 @@ from swim_env.physics.added_mass import (
     fluid_work_sizes,
     motion_count,
 )
-from swim_env.physics.beam import BeamConstants, strain_energy
+from swim_env.physics.beam import BeamConstants
 from swim_env.physics.dense import (
     cholesky,
     cholesky_product,
     cholesky_solve,
+    copy,
     dot,
     lu_factor,
     lu_solve,
-    matrix_view,
 )
 from swim_env.physics.lagrangian import (
     CHANGE,
     DIRECTION,
     INCREMENT,
     PREPARED,
+    PREPARED_P,
     PROPOSED,
     RESIDUAL,
     SAVED_P,
     SAVED_Q,
+    SHAPE,
     SHAPE_DIFFERENCE,
+    SIN_JOINT,
+    START,
     TOTAL,
     TRIAL,
     VELOCITY,
@@ -61,7 +67,7 @@ from swim_env.physics.lagrangian import (
     step_array_size,
     step_jacobian,
 )
-from swim_env.physics.outline import FluidGeometry
+from swim_env.physics.outline import FluidGeometry, padded
 from swim_env.physics.status import (
     FINE,
     MASS_NOT_POSITIVE,
@@ -94,10 +100,18 @@ _MOST_SHORTENINGS = 8
 #: A residual within this multiple of the rounding of its terms counts as met.
 ROUND_OFF_MARGIN = 32.0
 
-# Layout of a member's state vector, in rows of N + 2 numbers: q, p, the last three increments;
-# then the counters: steps taken, increments of equal parts that are known (at most 3), and how many
-# 1024ths of a step the last part was.
-STATE_ROWS = 5
+# Corrections with one matrix and the shape force held: at most so many, and passes of them; each at
+# least halves the correction; a pass ends where the residual has fallen by this factor, and need
+# not go further below the tolerance than that one.
+_MOST_PASSES = 4
+_MOST_IN_PASS = 8
+_PASS_REDUCTION = 1e-4
+_PASS_TOLERANCE = 0.1
+
+# Layout of a member's state vector, in rows of N + 2 numbers: q, p, the last three increments and
+# the shape forces that belong to them; then the counters: steps taken, increments of equal parts
+# that are known (at most 3), and how many 1024ths of a step the last part was.
+STATE_ROWS = 8
 STEPS, KNOWN_INCREMENTS, LAST_PART = range(3)
 _COUNTERS = 3
 
@@ -149,7 +163,7 @@ def pack_constants(
     return np.concatenate([reals, *joints]), np.array(integers, dtype=np.int64)
 
 
-@kernel
+@shared
 def _unpack(
     reals: Array, integers: NDArray[np.int64]
 ) -> tuple[BeamConstants, FluidConstants, SolverConstants]:
@@ -183,10 +197,9 @@ def steps_column(elements: int) -> int:
 def work_sizes(beam: BeamConstants, fluid: FluidConstants) -> tuple[int, int]:
     """Return how many float64 and int64 numbers of work space a member takes."""
     floats, integers = fluid_work_sizes(fluid)
-    return (
-        floats + int(step_array_size(beam.elements, int(motion_count(fluid)))),
-        integers + beam.elements + 2,
-    )
+    # A multiple of a cache line, so that rows of panels begin at one in every member's part.
+    step = padded(int(step_array_size(beam.elements, int(motion_count(fluid)))))
+    return floats + step, integers + beam.elements + 2
 
 
 class _Member(NamedTuple):
@@ -195,13 +208,14 @@ class _Member(NamedTuple):
     q: Array
     p: Array
     history: Array
+    shape_history: Array
     counters: Array
     fluid_work: FluidWork
     step: StepArrays
     permutation: NDArray[np.int64]
 
 
-@kernel
+@shared
 def _member(
     state: Array,
     beam: BeamConstants,
@@ -211,24 +225,31 @@ def _member(
 ) -> _Member:
     n = beam.elements + 2
     motions = motion_count(fluid)
-    used = step_array_size(beam.elements, motions)
-    rows = matrix_view(state, 0, STATE_ROWS, n)
+    step_floats = step_array_size(beam.elements, motions)
+    fluid_floats = fluid_work_sizes(fluid)[0]
+    rows = state[: STATE_ROWS * n].reshape((STATE_ROWS, n))
     return _Member(
         rows[0],
         rows[1],
-        rows[2:],
+        rows[2:5],
+        rows[5:],
         state[STATE_ROWS * n :],
-        carve_fluid_work(floats[used:], integers[n:], fluid),
-        carve_step_arrays(floats[:used], beam.elements, motions),
+        carve_fluid_work(floats[:fluid_floats], integers[n:], fluid),
+        carve_step_arrays(
+            floats[fluid_floats : fluid_floats + step_floats], beam.elements, motions
+        ),
         integers[:n],
     )
 
 
 @kernel
-def _energy(q: Array, p: Array, beam: BeamConstants, w: StepArrays) -> float:
-    """Return H = p M^-1 p/2 + W (J), with the velocity M^-1 p in its row."""
-    u = w.unknowns
-    return 0.5 * dot(p, u[VELOCITY]) + strain_energy(q, beam.joint_stiffness)
+def _energy(p: Array, beam: BeamConstants, w: StepArrays) -> float:
+    """Return H = p M^-1 p/2 + W (33) (J) of the pose that was prepared."""
+    energy = 0.5 * dot(p, w.unknowns[VELOCITY])
+    for j in range(beam.joint_stiffness.size):
+        sine = w.elements[SIN_JOINT, j]
+        energy += 0.5 * beam.joint_stiffness[j] * sine * sine
+    return energy
 
 
 @kernel
@@ -242,8 +263,8 @@ def _prepare(
 ) -> int:
     """Evaluate everything that hangs on the pose alone, and the velocity M^-1 p.
 
-    The work space remembers which angles its mass stands for, so asking again costs one small
-    solve. Positions do not matter to it.
+    The work space remembers which angles its mass stands for, and which momentum its velocity, so
+    asking again costs nothing. Positions do not matter to it.
     """
     u = w.unknowns
     for i in range(q.size):
@@ -252,8 +273,14 @@ def _prepare(
     known = u[PREPARED, 0] == 1.0
     for i in range(2, q.size):
         known = known and u[PREPARED, i] == q[i]
+    same = known
+    for i in range(q.size):
+        same = same and u[PREPARED_P, i] == p[i]
+    if same:
+        return FINE
     if not known:
         u[PREPARED, 0] = 0.0
+        u[PREPARED_P] = np.nan
         set_pose(q, w)
         if fluid.model != NO_FLUID:
             status = added_mass(q[3:], fluid, fluid_work, w.added_mass)
@@ -262,11 +289,15 @@ def _prepare(
         mass_matrix(beam, fluid, fluid_work, w)
         if not cholesky(w.mass):
             return MASS_NOT_POSITIVE
-        u[PREPARED] = q
+        copy(q, u[PREPARED])
         u[PREPARED, 0] = 1.0
-    u[VELOCITY] = p
+    copy(p, u[VELOCITY])
     cholesky_solve(w.mass, u[VELOCITY])
-    return FINE if np.isfinite(_energy(q, p, beam, w)) else STATE_NOT_FINITE
+    if not np.isfinite(_energy(p, beam, w)):
+        u[PREPARED_P] = np.nan
+        return STATE_NOT_FINITE
+    copy(p, u[PREPARED_P])
+    return FINE
 
 
 @kernel
@@ -282,6 +313,70 @@ def _correction_size(z: Array, dl: float) -> float:
 
 
 @kernel
+def _newton_in_passes(
+    m: _Member,
+    torques: Array,
+    h: float,
+    beam: BeamConstants,
+    fluid: FluidConstants,
+    solver: SolverConstants,
+    shape_known: bool,
+) -> bool:
+    """Improve the increment in passes during which the shape force is held.
+
+    The shape force takes most of an evaluation and changes little with the increment: with it held,
+    a correction costs a tenth, and two or three evaluations of the whole serve a step. Nothing is
+    shortened here; False where corrections do not shrink fast enough.
+
+    Whether the shape force's row already holds a guess is said by `shape_known`. The report is
+    that of `_newton`.
+    """
+    w = m.step
+    u = w.unknowns
+    z = u[INCREMENT]
+    direction = u[DIRECTION]
+    report = w.report
+    report[2] = 0.0
+    norm = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, shape_known, w)
+    report[0] = norm
+    if not norm < np.inf:
+        return False
+    if norm <= solver.tolerance and not shape_known:
+        return True
+    step_jacobian(h, beam, fluid, m.fluid_work, 0.0, w)
+    if not lu_factor(w.jacobian, m.permutation):
+        return False
+    for _ in range(_MOST_PASSES):
+        enough = max(_PASS_TOLERANCE * solver.tolerance, _PASS_REDUCTION * norm)
+        size = np.inf
+        for _ in range(_MOST_IN_PASS):
+            copy(u[RESIDUAL], direction)
+            lu_solve(w.jacobian, m.permutation, direction)
+            new_size = _correction_size(direction, beam.element_length)
+            if not new_size <= 0.5 * size:
+                break
+            size = new_size
+            for i in range(z.size):
+                z[i] += direction[i]
+            norm = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, True, w)
+            report[1] += 1.0
+            if norm <= enough:
+                break
+        norm = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, False, w)
+        report[0] = norm
+        if norm <= solver.tolerance:
+            # With the right shape force, one more correction is cheap; what it leaves is below
+            # what was just measured.
+            copy(u[RESIDUAL], direction)
+            lu_solve(w.jacobian, m.permutation, direction)
+            for i in range(z.size):
+                z[i] += direction[i]
+            evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, True, w)
+            return not _turns_beyond(z, TRUSTED_TURN)
+    return False
+
+
+@kernel
 def _newton(
     m: _Member,
     torques: Array,
@@ -289,7 +384,6 @@ def _newton(
     beam: BeamConstants,
     fluid: FluidConstants,
     solver: SolverConstants,
-    report: Array,
 ) -> bool:
     """Improve the increment until the residual is met.
 
@@ -306,8 +400,9 @@ def _newton(
     trial = u[TRIAL]
     direction = u[DIRECTION]
     proposed = u[PROPOSED]
+    report = w.report
     report[2] = 0.0
-    norm = evaluate_step(m.q, m.p, torques, z, h, beam, fluid, m.fluid_work, w)
+    norm = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, False, w)
     report[0] = norm
     if not norm < np.inf:
         return False
@@ -320,10 +415,10 @@ def _newton(
     for _ in range(_MOST_ITERATIONS):
         if renew:
             # Here the last evaluation was that of z.
-            step_jacobian(m.q, z, h, beam, fluid, m.fluid_work, difference, w)
+            step_jacobian(h, beam, fluid, m.fluid_work, difference, w)
             if not lu_factor(w.jacobian, m.permutation):
                 return False
-            direction[:] = u[RESIDUAL]
+            copy(u[RESIDUAL], direction)
             lu_solve(w.jacobian, m.permutation, direction)
             size = _correction_size(direction, beam.element_length)
             fresh = True
@@ -335,13 +430,13 @@ def _newton(
             for i in range(z.size):
                 trial[i] = z[i] + length * direction[i]
             if not _turns_beyond(trial, TRUSTED_TURN):
-                norm = evaluate_step(m.q, m.p, torques, trial, h, beam, fluid, m.fluid_work, w)
+                norm = evaluate_step(m.p, torques, trial, h, beam, fluid, m.fluid_work, False, w)
                 report[1] += 1.0
                 if norm <= solver.tolerance:
-                    z[:] = trial
+                    copy(trial, z)
                     report[0] = norm
                     return True
-                proposed[:] = u[RESIDUAL]
+                copy(u[RESIDUAL], proposed)
                 lu_solve(w.jacobian, m.permutation, proposed)
                 new_size = _correction_size(proposed, beam.element_length)
                 if new_size <= (1.0 - 0.25 * length) * size:
@@ -350,7 +445,7 @@ def _newton(
                 if norm <= ROUND_OFF_MARGIN * round_off_floor(w):
                     # Rounding keeps the residual from falling further: this is as exact as it
                     # gets.
-                    z[:] = trial
+                    copy(trial, z)
                     report[0] = norm
                     report[2] = 1.0
                     return True
@@ -358,8 +453,8 @@ def _newton(
                     break
             length *= 0.5
         if accepted:
-            z[:] = trial
-            direction[:] = proposed
+            copy(trial, z)
+            copy(proposed, direction)
             slow = new_size > 0.25 * size
             size = new_size
             report[0] = norm
@@ -372,7 +467,7 @@ def _newton(
             return False
         difference = SHAPE_DIFFERENCE
         renew = True
-        report[0] = evaluate_step(m.q, m.p, torques, z, h, beam, fluid, m.fluid_work, w)
+        report[0] = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, False, w)
     return False
 
 
@@ -398,12 +493,14 @@ def _solve_part(
     beam: BeamConstants,
     fluid: FluidConstants,
     solver: SolverConstants,
-    report: Array,
 ) -> int:
     """Solve one part of a step from several starts; leaves the increment in its row."""
-    increment = m.step.unknowns[INCREMENT]
-    velocity = m.step.unknowns[VELOCITY]
+    u = m.step.unknowns
+    increment = u[INCREMENT]
+    velocity = u[VELOCITY]
+    shape = m.step.elements[SHAPE]
     status = STEP_NOT_SOLVED
+    tried = False
     for start in range(3):
         if start == 0:
             # Extrapolate. Beyond h0 + h1 - h2 the stiff modes, which turn by many radians a
@@ -411,10 +508,15 @@ def _solve_part(
             if m.counters[KNOWN_INCREMENTS] == 0.0:
                 continue
             ratio = part / m.counters[LAST_PART]
+            extrapolate = ratio == 1.0 and m.counters[KNOWN_INCREMENTS] == 3.0
             for i in range(increment.size):
                 increment[i] = ratio * m.history[0, i]
-                if ratio == 1.0 and m.counters[KNOWN_INCREMENTS] == 3.0:
+                if extrapolate:
                     increment[i] += m.history[1, i] - m.history[2, i]
+            for k in range(shape.size):
+                shape[k] = ratio * ratio * m.shape_history[0, k]
+                if extrapolate:
+                    shape[k] += m.shape_history[1, k] - m.shape_history[2, k]
         elif start == 1:
             increment[0] = h * velocity[0]
             increment[1] = h * velocity[1]
@@ -423,7 +525,15 @@ def _solve_part(
                 increment[k] = h * (velocity[k] - velocity[k - 1])
         else:
             increment[:] = 0.0
-        if _newton(m, torques, h, beam, fluid, solver, report):
+        solved = False
+        if not tried:
+            tried = True
+            copy(increment, u[START])
+            known = start == 0
+            solved = _newton_in_passes(m, torques, h, beam, fluid, solver, known)
+            if not solved:
+                copy(u[START], increment)
+        if solved or _newton(m, torques, h, beam, fluid, solver):
             if not _turns_beyond(increment, LARGEST_TURN):
                 return FINE
             status = TURN_TOO_LARGE
@@ -437,7 +547,6 @@ def _outer_step(
     beam: BeamConstants,
     fluid: FluidConstants,
     solver: SolverConstants,
-    report: Array,
     record: Array,
 ) -> int:
     """Advance one outer step; on failure coordinates and momentum are what they were before."""
@@ -450,14 +559,15 @@ def _outer_step(
     done = 0
     solves = 0
     record[:] = 0.0
+    report = w.report
     report[:] = 0.0
-    u[SAVED_Q] = m.q
-    u[SAVED_P] = m.p
+    copy(m.q, u[SAVED_Q])
+    copy(m.p, u[SAVED_P])
     u[TOTAL] = 0.0
     status = _prepare(m.q, m.p, beam, fluid, m.fluid_work, w)
     while status == FINE and done < whole:
         h = solver.time_step * (part / whole)
-        outcome = _solve_part(m, torques, h, part, beam, fluid, solver, report)
+        outcome = _solve_part(m, torques, h, part, beam, fluid, solver)
         solves += 1
         if outcome != FINE:
             if part == 1 or solves >= solver.most_solves:
@@ -474,6 +584,10 @@ def _outer_step(
             m.history[2, i] = m.history[1, i]
             m.history[1, i] = m.history[0, i]
             m.history[0, i] = u[INCREMENT, i]
+        for k in range(beam.elements):
+            m.shape_history[2, k] = m.shape_history[1, k]
+            m.shape_history[1, k] = m.shape_history[0, k]
+            m.shape_history[0, k] = w.elements[SHAPE, k]
         known = m.counters[KNOWN_INCREMENTS] if part == int(m.counters[LAST_PART]) else 0.0
         m.counters[KNOWN_INCREMENTS] = min(known + 1.0, 3.0)
         m.counters[LAST_PART] = part
@@ -488,10 +602,10 @@ def _outer_step(
         # next step finds the mass of a good one ready.
         status = _prepare(m.q, m.p, beam, fluid, m.fluid_work, w)
     if status != FINE:
-        m.q[:] = u[SAVED_Q]
-        m.p[:] = u[SAVED_P]
+        copy(u[SAVED_Q], m.q)
+        copy(u[SAVED_P], m.p)
         return status
-    record[ENERGY] = _energy(m.q, m.p, beam, w)
+    record[ENERGY] = _energy(m.p, beam, w)
     record[ITERATIONS] = report[1]
     for j in range(torques.size):
         work = torques[j] * u[TOTAL, 3 + j]
@@ -548,7 +662,6 @@ def advance(
         Overwritten: steps taken and 0, or the code of the reason for an early end.
     """
     beam, fluid, solver = _unpack(reals, sizes)
-    report = np.zeros(3)
     for member in members:
         m = _member(states[member], beam, fluid, floats[member], integers[member])
         steps = torques.shape[1] * hold
@@ -556,17 +669,17 @@ def advance(
         status = FINE
         while taken < steps and status == FINE:
             held = torques[member, taken // hold]
-            status = _outer_step(m, held, beam, fluid, solver, report, record[member, taken])
+            status = _outer_step(m, held, beam, fluid, solver, record[member, taken])
             if status == FINE:
                 if taken < trace_q.shape[1]:
-                    trace_q[member, taken, :] = m.q
-                    trace_p[member, taken, :] = m.p
+                    copy(m.q, trace_q[member, taken])
+                    copy(m.p, trace_p[member, taken])
                 taken += 1
         outcome[member, 0] = taken
         outcome[member, 1] = status
         # A state that is handed out has been weighed before, so this does not fail.
         _prepare(m.q, m.p, beam, fluid, m.fluid_work, m.step)
-        velocities[member, :] = m.step.unknowns[VELOCITY]
+        copy(m.step.unknowns[VELOCITY], velocities[member])
 
 
 @kernel
@@ -584,8 +697,8 @@ def weigh(
     Parameters
     ----------
     state : (S,) array
-        The member's state: q, p, the last three increments, the number of steps taken, the number
-        of increments that are known and the length of the last part.
+        The member's state: q, p, the last three increments and shape forces, the number of steps
+        taken, the number of increments that are known and the length of the last part.
     given : (N + 2,) array
         Velocity of the mean centre (m/s) and turning rate of every element (rad/s).
         At a start it is read, and p_0 = dL/dq'(q_0, v_0) = M v_0 is written to the state;
@@ -609,9 +722,10 @@ def weigh(
         return np.nan, status
     velocity = m.step.unknowns[VELOCITY]
     if start:
-        velocity[:] = given
+        copy(given, velocity)
+        m.step.unknowns[PREPARED_P] = np.nan
         cholesky_product(m.step.mass, given, m.p)
     else:
-        given[:] = velocity
-    energy = _energy(m.q, m.p, beam, m.step)
+        copy(velocity, given)
+    energy = _energy(m.p, beam, m.step)
     return energy, FINE if np.isfinite(energy) else STATE_NOT_FINITE

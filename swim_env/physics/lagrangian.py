@@ -29,15 +29,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics._compile import kernel
+from swim_env.physics._compile import kernel, shared
 from swim_env.physics.added_mass import (
     NO_FLUID,
     FluidConstants,
     FluidWork,
+    motion_count,
     shape_force,
 )
 from swim_env.physics.beam import BeamConstants, chain_weight
-from swim_env.physics.dense import mat_vec, matrix_view
+from swim_env.physics.dense import copy, mat_vec, multiply
+from swim_env.physics.elementary import SMALL_ANGLE, cos_small, sin_small
+from swim_env.physics.outline import padded
 
 __all__ = [
     "StepArrays",
@@ -54,7 +57,8 @@ __all__ = [
 Array = NDArray[np.float64]
 
 # Rows of `StepArrays.elements`, one number per element: directors at q_n, first director at
-# q_{n+1}; sine and cosine of the element's turn in the step and of half of it; increment of its
+# q_{n+1}; sine and cosine of the element's turn in the step and of half of it, of the joint in
+# front of it (behind element 1: the row is one shorter) at q_n and at q_{n+1/2}; increment of its
 # centre (m); P^k (kg m/s); sum over k of E_kj P^k (kg m^2/s); V^T dA/dtheta V/2; h dW/dtheta at
 # q_n, its sum with that at q_{n+1} and the magnitude of the terms; impulse h F of torques and
 # damping and the magnitude of its terms; scratch.
@@ -69,6 +73,10 @@ Array = NDArray[np.float64]
     COS_TURN,
     SIN_HALF,
     COS_HALF,
+    SIN_JOINT,
+    COS_JOINT,
+    SIN_MEAN,
+    COS_MEAN,
     MOVE_X,
     MOVE_Y,
     MOMENTUM_X,
@@ -84,21 +92,20 @@ Array = NDArray[np.float64]
     SUM_X,
     SUM_Y,
     COLUMN_SHAPE,
-) = range(25)
-_ELEMENT_ROWS = 25
+) = range(29)
+_ELEMENT_ROWS = 29
 # Rows of `StepArrays.unknowns`, one number per minimal coordinate: residual of
 # p_n + D1 L_d + h F/2, the scale it is measured with, the magnitude of its terms, the change
 # D1 L_d + D2 L_d + h F of the momentum; Newton's increment, trial, correction and next correction;
-# the velocity
-# M^-1 p at q_n; the increment of the outer step; q and p at its beginning; the
-# angles that the mass stands for, behind a flag.
+# the increment Newton started from; the velocity M^-1 p at q_n; the increment of the outer step; q
+# and p at its beginning; the angles that the mass stands for, behind a flag, and the momentum that
+# the velocity stands for.
 RESIDUAL, SCALE, SIZE, CHANGE, INCREMENT, TRIAL, DIRECTION, PROPOSED = range(8)
-VELOCITY, TOTAL, SAVED_Q, SAVED_P, PREPARED = range(8, 13)
-_UNKNOWN_ROWS = 13
-# Rows of `StepArrays.motions`, one number per unit motion: V, A V/h, both of one column of the
-# Jacobian, scratch.
-MOTION, FLUID_IMPULSE, COLUMN_MOTION, COLUMN_IMPULSE, MOVED = range(5)
-_MOTION_ROWS = 5
+START, VELOCITY, TOTAL, SAVED_Q, SAVED_P, PREPARED, PREPARED_P = range(8, 15)
+_UNKNOWN_ROWS = 15
+# Rows of `StepArrays.motions`, one number per unit motion: V, A V/h, scratch.
+MOTION, FLUID_IMPULSE, MOVED = range(3)
+_MOTION_ROWS = 3
 
 #: Smallest scale of the residual (kg m/s for c, kg m^2/s for the angles).
 SMALLEST_SCALE = 1e-3
@@ -107,7 +114,7 @@ SHAPE_DIFFERENCE = 1e-5
 
 
 class StepArrays(NamedTuple):
-    """Work space of one step.
+    """Work space of one step; K' is K, padded.
 
     Attributes
     ----------
@@ -115,14 +122,18 @@ class StepArrays(NamedTuple):
         One row per quantity of an element, see the row names above.
     unknowns : (rows, N + 2) array
         One row per vector in minimal coordinates.
-    motions : (rows, K) array
+    motions : (rows, K') array
         One row per vector of unit motions.
-    added_mass : (K, K) array
+    added_mass : (K', K') array
         A at q_n.
     mass : (N + 2, N + 2) array
         Reduced total mass at q_n, or its Cholesky factor.
     jacobian, transposed : (N + 2, N + 2) arrays
         Newton's matrix (its factors) and the rows of its transpose.
+    column_motions, column_impulses : (N + 2, K') arrays
+        Derivatives of V and of A V, a row for every unknown.
+    report : (3,) array
+        What Newton's method says of its last attempt.
     """
 
     elements: Array
@@ -132,43 +143,58 @@ class StepArrays(NamedTuple):
     mass: Array
     jacobian: Array
     transposed: Array
+    column_motions: Array
+    column_impulses: Array
+    report: Array
 
 
-@kernel
+@shared
 def step_array_size(elements: int, motions: int) -> int:
     """Return how many float64 numbers `carve_step_arrays` takes."""
     n = elements + 2
+    k = padded(motions)
     return (
-        _ELEMENT_ROWS * elements
+        k * (k + 2 * n + _MOTION_ROWS)
+        + _ELEMENT_ROWS * elements
         + _UNKNOWN_ROWS * n
-        + _MOTION_ROWS * motions
-        + motions * motions
         + 3 * n * n
+        + 3
     )
 
 
-@kernel
+@shared
 def carve_step_arrays(floats: Array, elements: int, motions: int) -> StepArrays:
-    """Lay the arrays of `StepArrays` into a flat buffer of `step_array_size` numbers."""
+    """Lay the arrays of `StepArrays` into a flat buffer of `step_array_size` numbers.
+
+    The buffer is zero at first: what pads its arrays is never written.
+    """
     n = elements + 2
-    after_elements = _ELEMENT_ROWS * elements
-    after_unknowns = after_elements + _UNKNOWN_ROWS * n
-    after_motions = after_unknowns + _MOTION_ROWS * motions
-    squares = after_motions + motions * motions
+    k = padded(motions)
+    mass_end = k * k
+    derivative_end = mass_end + 2 * n * k
+    motions_end = derivative_end + _MOTION_ROWS * k
+    elements_end = motions_end + _ELEMENT_ROWS * elements
+    unknowns_end = elements_end + _UNKNOWN_ROWS * n
+    squares_end = unknowns_end + 3 * n * n
+    squares = floats[unknowns_end:squares_end].reshape((3, n, n))
+    derivatives = floats[mass_end:derivative_end].reshape((2, n, k))
     return StepArrays(
-        matrix_view(floats, 0, _ELEMENT_ROWS, elements),
-        matrix_view(floats, after_elements, _UNKNOWN_ROWS, n),
-        matrix_view(floats, after_unknowns, _MOTION_ROWS, motions),
-        matrix_view(floats, after_motions, motions, motions),
-        matrix_view(floats, squares, n, n),
-        matrix_view(floats, squares + n * n, n, n),
-        matrix_view(floats, squares + 2 * n * n, n, n),
+        floats[motions_end:elements_end].reshape((_ELEMENT_ROWS, elements)),
+        floats[elements_end:unknowns_end].reshape((_UNKNOWN_ROWS, n)),
+        floats[derivative_end:motions_end].reshape((_MOTION_ROWS, k)),
+        floats[:mass_end].reshape((k, k)),
+        squares[0],
+        squares[1],
+        squares[2],
+        derivatives[0],
+        derivatives[1],
+        floats[squares_end:],
     )
 
 
 @kernel
 def set_pose(q: Array, w: StepArrays) -> None:
-    """Compute the directors at q_n from the minimal coordinates q (N + 2,)."""
+    """Compute directors and joints at q_n from the minimal coordinates q (N + 2,)."""
     e = w.elements
     angle = 0.0
     for k in range(e[D1X].size):
@@ -177,20 +203,46 @@ def set_pose(q: Array, w: StepArrays) -> None:
         e[D3Y, k] = np.sin(angle)
         e[D1X, k] = -e[D3Y, k]
         e[D1Y, k] = e[D3X, k]
+    for j in range(q.size - 3):
+        e[SIN_JOINT, j] = np.sin(q[3 + j])
+        e[COS_JOINT, j] = np.cos(q[3 + j])
 
 
 @kernel
 def _set_increment(z: Array, w: StepArrays) -> None:
-    """Compute turns and first directors at q_{n+1} from the increment z (N + 2,)."""
+    """Compute turns, first directors and mean joints from the increment z (N + 2,)."""
     e = w.elements
-    turn = 0.0
+    half = 0.0
+    small = True
     for k in range(e[D1X].size):
-        turn += z[2 + k]
-        s = np.sin(0.5 * turn)
-        c = np.cos(0.5 * turn)
-        e[SIN_HALF, k] = s
-        e[COS_HALF, k] = c
-        e[SIN_TURN, k] = 2.0 * s * c
+        half += 0.5 * z[2 + k]
+        e[SIN_HALF, k] = half
+        small = small and abs(half) <= SMALL_ANGLE
+        if k > 0:
+            e[SIN_MEAN, k - 1] = 0.5 * z[2 + k]
+            small = small and abs(z[2 + k]) <= 2.0 * SMALL_ANGLE
+    # Newton's iterates stay small; the library's functions serve the rest.
+    if small:
+        for k in range(e[D1X].size):
+            e[COS_HALF, k] = cos_small(e[SIN_HALF, k])
+            e[SIN_HALF, k] = sin_small(e[SIN_HALF, k])
+        for j in range(e[D1X].size - 1):
+            s = sin_small(e[SIN_MEAN, j])
+            c = cos_small(e[SIN_MEAN, j])
+            e[SIN_MEAN, j] = e[SIN_JOINT, j] * c + e[COS_JOINT, j] * s
+            e[COS_MEAN, j] = e[COS_JOINT, j] * c - e[SIN_JOINT, j] * s
+    else:
+        for k in range(e[D1X].size):
+            e[COS_HALF, k] = np.cos(e[SIN_HALF, k])
+            e[SIN_HALF, k] = np.sin(e[SIN_HALF, k])
+        for j in range(e[D1X].size - 1):
+            s = np.sin(e[SIN_MEAN, j])
+            c = np.cos(e[SIN_MEAN, j])
+            e[SIN_MEAN, j] = e[SIN_JOINT, j] * c + e[COS_JOINT, j] * s
+            e[COS_MEAN, j] = e[COS_JOINT, j] * c - e[SIN_JOINT, j] * s
+    for k in range(e[D1X].size):
+        s = e[SIN_HALF, k]
+        e[SIN_TURN, k] = 2.0 * s * e[COS_HALF, k]
         e[COS_TURN, k] = 1.0 - 2.0 * s * s
         e[NEW_D1X, k] = e[D1X, k] * e[COS_TURN, k] - e[D3X, k] * e[SIN_TURN, k]
         e[NEW_D1Y, k] = e[D1Y, k] * e[COS_TURN, k] - e[D3Y, k] * e[SIN_TURN, k]
@@ -235,16 +287,15 @@ def _sum_from_centres(
 
 
 @kernel
-def _elastic_terms(q: Array, z: Array, h: float, beam: BeamConstants, w: StepArrays) -> None:
+def _elastic_terms(h: float, beam: BeamConstants, w: StepArrays) -> None:
     """Differentiate h W(K(q_{n+1/2})) with the strain of the averaged directors (16)."""
     e = w.elements
     e[ELASTIC] = 0.0
     e[ELASTIC_SUM] = 0.0
     e[ELASTIC_SIZE] = 0.0
     for j in range(beam.joint_stiffness.size):
-        mean = q[3 + j] + 0.5 * z[3 + j]
-        sine = np.sin(mean)
-        cosine = np.cos(mean)
+        sine = e[SIN_MEAN, j]
+        cosine = e[COS_MEAN, j]
         front = e[COS_HALF, j]
         back = e[COS_HALF, j + 1]
         moment = h * beam.joint_stiffness[j] * front * back * sine
@@ -274,7 +325,6 @@ def _impulses(torques: Array, z: Array, h: float, beam: BeamConstants, w: StepAr
 
 @kernel
 def evaluate_step(
-    q: Array,
     p: Array,
     torques: Array,
     z: Array,
@@ -282,14 +332,15 @@ def evaluate_step(
     beam: BeamConstants,
     fluid: FluidConstants,
     fluid_work: FluidWork,
+    shape_held: bool,
     w: StepArrays,
 ) -> float:
     """Evaluate the residual of p_n + D1 L_d(q_n, q_{n+1}) + h F/2 = 0.
 
     Parameters
     ----------
-    q, p : (N + 2,) arrays
-        Minimal coordinates and momentum at the beginning of the step.
+    p : (N + 2,) array
+        Momentum at the beginning of the step.
     torques : (N - 1,) array
         Joint torques held over the step (N m).
     z : (N + 2,) array
@@ -298,6 +349,9 @@ def evaluate_step(
         Length of the step (s).
     beam, fluid, fluid_work : BeamConstants, FluidConstants, FluidWork
         The body, with the added mass evaluated at q_n.
+    shape_held : bool
+        Whether the shape force is taken as its row stands, and not that of z. It is what an
+        evaluation spends most of its time on, and changes little with z.
     w : StepArrays
         `set_pose` was called for q_n and `w.added_mass` is A(q_n); the rest is overwritten, among
         it residual, scale, size and change.
@@ -334,10 +388,11 @@ def evaluate_step(
             m[MOTION, 2 * elements + 1] = (
                 e[D3X, last] * e[MOVE_X, last] + e[D3Y, last] * e[MOVE_Y, last]
             )
-        mat_vec(w.added_mass, m[MOTION], m[FLUID_IMPULSE])
+        mat_vec(w.added_mass[: motion_count(fluid)], m[MOTION], m[FLUID_IMPULSE])
         for i in range(m[FLUID_IMPULSE].size):
             m[FLUID_IMPULSE, i] *= inverse_h
-        shape_force(m[MOTION], fluid, fluid_work, e[SHAPE])
+        if not shape_held:
+            shape_force(m[MOTION], fluid, fluid_work, e[SHAPE])
 
     total_x = 0.0
     total_y = 0.0
@@ -356,7 +411,7 @@ def evaluate_step(
         total_y += e[MOMENTUM_Y, k]
         size += abs(e[MOMENTUM_X, k]) + abs(e[MOMENTUM_Y, k])
     _sum_from_centres(e[MOMENTUM_X], e[MOMENTUM_Y], total_x, total_y, dl, e[BEHIND_X], e[BEHIND_Y])
-    _elastic_terms(q, z, h, beam, w)
+    _elastic_terms(h, beam, w)
     _impulses(torques, z, h, beam, w)
 
     u[RESIDUAL, 0] = p[0] - total_x
@@ -412,6 +467,66 @@ def round_off_floor(w: StepArrays) -> float:
 
 
 @kernel
+def _centre_column(column: int, beam: BeamConstants, w: StepArrays) -> None:
+    """Write how the centres move with an unknown, dc or the turn of an element."""
+    e = w.elements
+    elements = beam.elements
+    dl = beam.element_length
+    j = column - 2
+    if j < 0:
+        e[SUM_X] = 1.0 if column == 0 else 0.0
+        e[SUM_Y] = 1.0 if column == 1 else 0.0
+        return
+    weight = chain_weight(j, elements)
+    for k in range(elements):
+        lever = dl * ((1.0 if j < k else (0.5 if j == k else 0.0)) - weight)
+        e[SUM_X, k] = lever * e[NEW_D1X, j]
+        e[SUM_Y, k] = lever * e[NEW_D1Y, j]
+
+
+@kernel
+def _fluid_columns(beam: BeamConstants, fluid: FluidConstants, w: StepArrays) -> None:
+    """Differentiate V, and the impulse A V with it, by every unknown; a row for each."""
+    e = w.elements
+    elements = beam.elements
+    for column in range(elements + 2):
+        motion = w.column_motions[column]
+        _centre_column(column, beam, w)
+        for k in range(elements):
+            motion[k] = e[D1X, k] * e[SUM_X, k] + e[D1Y, k] * e[SUM_Y, k]
+        if column >= 2:
+            motion[elements + column - 2] = e[COS_TURN, column - 2]
+        if fluid.axial:
+            for end in range(2):
+                k = 0 if end == 0 else elements - 1
+                motion[2 * elements + end] = e[D3X, k] * e[SUM_X, k] + e[D3Y, k] * e[SUM_Y, k]
+    # A is symmetric, and its rows beyond K are zero.
+    multiply(
+        w.column_motions, w.added_mass[: (motion_count(fluid) + 3) // 4 * 4], w.column_impulses
+    )
+
+
+@kernel
+def _shape_columns(
+    inverse_h: float, difference: float, fluid: FluidConstants, fluid_work: FluidWork, w: StepArrays
+) -> None:
+    """Take the derivative of the shape force off, by a difference quotient for every unknown.
+
+    The shape force is a quadratic form, so a quotient is off by no more than its step, and a Newton
+    matrix need not be better.
+    """
+    e = w.elements
+    m = w.motions
+    for column in range(w.transposed.shape[0]):
+        for i in range(m[MOVED].size):
+            m[MOVED, i] = m[MOTION, i] + difference * w.column_motions[column, i]
+        shape_force(m[MOVED], fluid, fluid_work, e[COLUMN_SHAPE])
+        for k in range(e[SHAPE].size):
+            change = e[COLUMN_SHAPE, k] - e[SHAPE, k]
+            w.transposed[column, 2 + k] -= inverse_h * change / difference
+
+
+@kernel
 def _inertia_columns(
     h: float,
     beam: BeamConstants,
@@ -432,39 +547,13 @@ def _inertia_columns(
     mass_rate = beam.element_mass / h
     inverse_h = 1.0 / h
     with_fluid = fluid.model != NO_FLUID
+    if with_fluid:
+        _fluid_columns(beam, fluid, w)
     for column in range(elements + 2):
         out = w.transposed[column]
+        impulses = w.column_impulses[column]
         j = column - 2
-        for k in range(elements):
-            if column == 0:
-                e[SUM_X, k] = 1.0
-                e[SUM_Y, k] = 0.0
-            elif column == 1:
-                e[SUM_X, k] = 0.0
-                e[SUM_Y, k] = 1.0
-            else:
-                lever = dl * (
-                    (1.0 if j < k else (0.5 if j == k else 0.0)) - chain_weight(j, elements)
-                )
-                e[SUM_X, k] = lever * e[NEW_D1X, j]
-                e[SUM_Y, k] = lever * e[NEW_D1Y, j]
-        if with_fluid:
-            for k in range(elements):
-                m[COLUMN_MOTION, k] = e[D1X, k] * e[SUM_X, k] + e[D1Y, k] * e[SUM_Y, k]
-                m[COLUMN_MOTION, elements + k] = e[COS_TURN, k] if k == j else 0.0
-            if fluid.axial:
-                last = elements - 1
-                m[COLUMN_MOTION, 2 * elements] = e[D3X, 0] * e[SUM_X, 0] + e[D3Y, 0] * e[SUM_Y, 0]
-                m[COLUMN_MOTION, 2 * elements + 1] = (
-                    e[D3X, last] * e[SUM_X, last] + e[D3Y, last] * e[SUM_Y, last]
-                )
-            mat_vec(w.added_mass, m[COLUMN_MOTION], m[COLUMN_IMPULSE])
-            if shape_difference > 0.0:
-                # The shape force is a quadratic form, so this difference quotient is off by no
-                # more than its step, and a Newton matrix need not be better.
-                for i in range(m[MOVED].size):
-                    m[MOVED, i] = m[MOTION, i] + shape_difference * m[COLUMN_MOTION, i]
-                shape_force(m[MOVED], fluid, fluid_work, e[COLUMN_SHAPE])
+        _centre_column(column, beam, w)
         total_x = 0.0
         total_y = 0.0
         for k in range(elements):
@@ -476,8 +565,8 @@ def _inertia_columns(
             push_x = mass_rate * moving_x
             push_y = mass_rate * moving_y
             if with_fluid:
-                lateral = inverse_h * m[COLUMN_IMPULSE, k]
-                rotary = inverse_h * m[COLUMN_IMPULSE, elements + k]
+                lateral = inverse_h * impulses[k]
+                rotary = inverse_h * impulses[elements + k]
                 push_x += lateral * e[D1X, k]
                 push_y += lateral * e[D1Y, k]
                 turning += rotary * e[COS_TURN, k]
@@ -487,7 +576,7 @@ def _inertia_columns(
                 turning += m[FLUID_IMPULSE, k] * (e[D3X, k] * moving_x + e[D3Y, k] * moving_y)
                 if fluid.axial and (k == 0 or k == elements - 1):
                     end = 2 * elements + (1 if k > 0 else 0)
-                    axial = inverse_h * m[COLUMN_IMPULSE, end]
+                    axial = inverse_h * impulses[end]
                     push_x += axial * e[D3X, k]
                     push_y += axial * e[D3Y, k]
                     turning -= axial * (e[D1X, k] * e[MOVE_X, k] + e[D1Y, k] * e[MOVE_Y, k])
@@ -496,8 +585,6 @@ def _inertia_columns(
             total_y += push_y
             e[SUM_X, k] = push_x
             e[SUM_Y, k] = push_y
-            if shape_difference > 0.0 and with_fluid:
-                turning -= inverse_h * (e[COLUMN_SHAPE, k] - e[SHAPE, k]) / shape_difference
             out[2 + k] = turning
         out[0] = total_x
         out[1] = total_y
@@ -511,6 +598,8 @@ def _inertia_columns(
             out[2 + k] += e[D1X, k] * lever_x + e[D1Y, k] * lever_y
             behind_x += e[SUM_X, k]
             behind_y += e[SUM_Y, k]
+    if with_fluid and shape_difference > 0.0:
+        _shape_columns(inverse_h, shape_difference, fluid, fluid_work, w)
 
 
 @kernel
@@ -526,23 +615,23 @@ def mass_matrix(
     m = w.motions
     e[SIN_TURN] = 0.0
     e[COS_TURN] = 1.0
-    e[NEW_D1X] = e[D1X]
-    e[NEW_D1Y] = e[D1Y]
+    copy(e[D1X], e[NEW_D1X])
+    copy(e[D1Y], e[NEW_D1Y])
     e[MOVE_X] = 0.0
     e[MOVE_Y] = 0.0
     m[FLUID_IMPULSE] = 0.0
     _inertia_columns(1.0, beam, fluid, fluid_work, 0.0, w)
-    w.mass[:] = w.transposed
+    for i in range(w.mass.shape[0]):
+        copy(w.transposed[i], w.mass[i])
 
 
 @kernel
-def _add_elastic_columns(q: Array, z: Array, h: float, beam: BeamConstants, w: StepArrays) -> None:
+def _add_elastic_columns(h: float, beam: BeamConstants, w: StepArrays) -> None:
     """Add the elastic part to columns of the turns: the factors cos(delta/2) of the strain."""
     e = w.elements
     for j in range(beam.joint_stiffness.size):
-        mean = q[3 + j] + 0.5 * z[3 + j]
-        sine = np.sin(mean)
-        cosine = np.cos(mean)
+        sine = e[SIN_MEAN, j]
+        cosine = e[COS_MEAN, j]
         front = e[COS_HALF, j]
         back = e[COS_HALF, j + 1]
         front_sine = e[SIN_HALF, j]
@@ -575,8 +664,6 @@ def _add_elastic_columns(q: Array, z: Array, h: float, beam: BeamConstants, w: S
 
 @kernel
 def step_jacobian(
-    q: Array,
-    z: Array,
     h: float,
     beam: BeamConstants,
     fluid: FluidConstants,
@@ -586,22 +673,26 @@ def step_jacobian(
 ) -> None:
     """Write minus the derivative of the residual with respect to z to `w.jacobian`.
 
-    Call `evaluate_step` for the same z before. All terms are there, except that the shape force is
-    held where `shape_difference` is 0: its derivative costs as much as the rest of the step.
+    Call `evaluate_step` for this z before. All terms are there, except that the shape force is held
+    where `shape_difference` is 0: its derivative costs as much as the rest of the step.
     """
     e = w.elements
     elements = beam.elements
     _inertia_columns(h, beam, fluid, fluid_work, shape_difference, w)
-    _add_elastic_columns(q, z, h, beam, w)
+    _add_elastic_columns(h, beam, w)
     # From turns of elements to turns of joints: joint j turns everything behind it.
-    for back in range(elements - 1):
-        column = elements - back
-        for i in range(elements + 2):
-            w.transposed[column, i] += w.transposed[column + 1, i]
+    n = elements + 2
+    for i in range(n):
+        w.jacobian[i, 0] = w.transposed[0, i]
+        w.jacobian[i, 1] = w.transposed[1, i]
+        behind = 0.0
+        for back in range(elements):
+            column = n - 1 - back
+            behind += w.transposed[column, i]
+            w.jacobian[i, column] = behind
     for j in range(beam.joint_stiffness.size):
-        mean = q[3 + j] + 0.5 * z[3 + j]
-        sine = np.sin(mean)
-        cosine = np.cos(mean)
+        sine = e[SIN_MEAN, j]
+        cosine = e[COS_MEAN, j]
         front = e[COS_HALF, j]
         back = e[COS_HALF, j + 1]
         stiffness = h * beam.joint_stiffness[j]
@@ -612,12 +703,9 @@ def step_jacobian(
         front_change = 0.5 * (strain + e[SIN_HALF, j] * back * cosine)
         back_change = 0.5 * (-strain + e[SIN_HALF, j + 1] * front * cosine)
         damping = 0.5 * beam.joint_damping[j]
-        w.transposed[3 + j, 2 + j] += (
+        w.jacobian[2 + j, 3 + j] += (
             0.5 * stiffness * (slope * row_front + strain * front_change) - damping
         )
-        w.transposed[3 + j, 3 + j] += (
+        w.jacobian[3 + j, 3 + j] += (
             0.5 * stiffness * (slope * row_back + strain * back_change) + damping
         )
-    for i in range(elements + 2):
-        for j in range(elements + 2):
-            w.jacobian[i, j] = w.transposed[j, i]

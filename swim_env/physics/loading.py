@@ -30,8 +30,8 @@ from swim_env.physics.integrator import (
     weigh,
     work_sizes,
 )
-from swim_env.physics.outline import FluidGeometry
-from swim_env.physics.panels import LAYERS, influence, normal_influence_transposed
+from swim_env.physics.outline import LANES, FluidGeometry
+from swim_env.physics.panels import LAYERS, influence, normal_influence
 
 __all__ = ["load_kernels"]
 
@@ -109,7 +109,9 @@ def _call_all() -> None:
     following = np.roll(corners, -1, axis=1)
     edges = following - corners
     length = np.hypot(*edges)
-    panels = np.concatenate([corners, 0.5 * (corners + following), edges / length, length[None, :]])
-    layers = np.empty((LAYERS, 3, 3))
-    influence(panels, 1.0, np.empty(4), layers)
-    normal_influence_transposed(panels, layers, np.empty((3, 3)))
+    sides = np.concatenate([corners, 0.5 * (corners + following), edges / length, length[None, :]])
+    panels = np.zeros((len(sides), LANES))
+    panels[:, :3] = sides
+    layers = np.zeros((LAYERS, LANES, LANES))
+    influence(panels, 3, 1.0, np.empty(LANES + 1), layers)
+    normal_influence(panels, 3, layers, np.empty((LANES, LANES)))

@@ -16,11 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics._compile import kernel
+from swim_env.physics._compile import kernel, shared
 from swim_env.physics.status import FINE, OUTLINE_DEGENERATE, UNDER_RESOLVED_GAP
 
 __all__ = [
     "GAP_TO_PANEL",
+    "LANES",
     "LARGEST_MITRE",
     "SHORTEST_SIDE",
     "FluidGeometry",
@@ -28,11 +29,16 @@ __all__ = [
     "build_outline",
     "gradient_to_element_angles",
     "outline_status",
+    "padded",
     "panel_count",
 ]
 
 Array = NDArray[np.float64]
 
+#: Rows of panels are padded to a multiple of this, so that loops over them fill vector registers
+#: and leave no rest. Padding panels lie at the first vertex and have no length: they neither move
+#: nor induce anything.
+LANES = 8
 #: Shortest side segment allowed, in element lengths.
 SHORTEST_SIDE = 0.1
 #: Longest mitre allowed, in half thicknesses.
@@ -79,15 +85,15 @@ NODE_ROWS = 4
 
 
 class OutlineArrays(NamedTuple):
-    """An outline of M panels, filled by `build_outline`.
+    """An outline of M panels, padded to M', filled by `build_outline`.
 
     Attributes
     ----------
-    panels : (PANEL_ROWS, M) array
+    panels : (PANEL_ROWS, M') array
         One row per quantity, see the row names above (m, rad or dimensionless).
     nodes : (NODE_ROWS, N + 1) array
         One row per quantity.
-    element : (M,) int array
+    element : (M',) int array
         Element that the panel belongs to.
     """
 
@@ -96,10 +102,16 @@ class OutlineArrays(NamedTuple):
     element: NDArray[np.int64]
 
 
-@kernel
+@shared
 def panel_count(geometry: FluidGeometry) -> int:
     """Return the number M of panels of the closed outline."""
     return 2 * (geometry.elements * geometry.side_panels + geometry.cap_panels)
+
+
+@shared
+def padded(count: int) -> int:
+    """Return a count rounded up to a multiple of LANES."""
+    return (count + LANES - 1) // LANES * LANES
 
 
 @kernel
@@ -112,6 +124,14 @@ def first_panel(geometry: FluidGeometry, element: int, above: bool) -> int:
             + (geometry.elements - 1 - element) * geometry.side_panels
         )
     return element * geometry.side_panels
+
+
+@kernel
+def first_end_panel(geometry: FluidGeometry, head: bool) -> int:
+    """Return the index of the first panel of an end (0-based)."""
+    if head:
+        return 2 * geometry.elements * geometry.side_panels + geometry.cap_panels
+    return geometry.elements * geometry.side_panels
 
 
 @kernel
@@ -227,7 +247,7 @@ def build_outline(joint_angles: Array, geometry: FluidGeometry, out: OutlineArra
     last = elements - 1
     ct = np.cos(out.nodes[ANGLE, last])
     st = np.sin(out.nodes[ANGLE, last])
-    tail = elements * side
+    tail = first_end_panel(geometry, False)
     _put_segment(
         tail,
         cap,
@@ -238,7 +258,7 @@ def build_outline(joint_angles: Array, geometry: FluidGeometry, out: OutlineArra
         2.0 * h,
         out,
     )
-    head = 2 * elements * side + cap
+    head = first_end_panel(geometry, True)
     _put_segment(head, cap, 0.0, h, 0.0, -1.0, 2.0 * h, out)
     for v in range(cap):
         height = h * ((2.0 * v + 1.0) / cap - 1.0)
@@ -254,6 +274,12 @@ def build_outline(joint_angles: Array, geometry: FluidGeometry, out: OutlineArra
         out.panels[LATERAL, i] = 0.0
         out.panels[ROTARY, i] = -height
         out.panels[AXIAL, i] = -1.0
+        out.element[i] = 0
+    for i in range(panel_count(geometry), out.element.size):
+        out.panels[:, i] = 0.0
+        out.panels[X, i] = out.panels[X, 0]
+        out.panels[Y, i] = out.panels[Y, 0]
+        out.panels[CT, i] = 1.0
         out.element[i] = 0
     return FINE
 
@@ -362,7 +388,7 @@ def gradient_to_element_angles(
     ----------
     geometry, outline : FluidGeometry, OutlineArrays
         The outline that the derivatives belong to.
-    gradient : (5, M) array
+    gradient : (5, M or more) array
         Derivative with respect to the vertices' x and y, and to the direction, the length and
         the arm of every panel.
     joint_gradient : (N + 1,) array
@@ -416,7 +442,7 @@ def gradient_to_element_angles(
         for end in range(2):
             if k != (elements - 1 if end == 0 else 0):
                 continue
-            first = elements * side if end == 0 else 2 * elements * side + cap
+            first = first_end_panel(geometry, end == 1)
             for v in range(cap):
                 i = first + v
                 force_x += gradient[0, i]

@@ -21,11 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.physics._compile import kernel, vector_kernel
-from swim_env.physics.dense import dot, mat_vec, mat_vec_transposed
+from swim_env.physics.dense import multiply
 from swim_env.physics.elementary import atan2, log
 from swim_env.physics.outline import CT, CX, CY, LENGTH, ST, X, Y
 
-__all__ = ["LAYERS", "SHAPE_SCRATCH", "influence", "normal_influence_transposed", "shape_gradient"]
+__all__ = ["LAYERS", "SHAPE_SCRATCH", "influence", "normal_influence", "shape_gradient"]
 
 Array = NDArray[np.float64]
 
@@ -36,14 +36,15 @@ Array = NDArray[np.float64]
 INVERSE_Z_X, INVERSE_Z_Y, VELOCITY_X, VELOCITY_Y, POTENTIAL = range(5)
 LAYERS = 5
 #: Rows of scratch space of `shape_gradient`.
-SHAPE_SCRATCH = 13
+SHAPE_SCRATCH = 20
 
 
 @kernel
 def _influence_row(
     i: int, panels: Array, inverse_square: float, half_log: Array, layers: Array
 ) -> None:
-    count = panels.shape[1]
+    # The compiler sees a multiple of the vector registers' width: no loop over a rest follows.
+    count = (panels.shape[1] >> 3) << 3
     cx = panels[CX, i]
     cy = panels[CY, i]
     for j in range(count):
@@ -79,43 +80,90 @@ def _influence_row(
 
 
 @kernel
-def influence(panels: Array, reference_length: float, half_log: Array, layers: Array) -> None:
+def influence(
+    panels: Array, count: int, reference_length: float, half_log: Array, layers: Array
+) -> None:
     """Assemble the influence of every panel on every collocation point.
 
     Parameters
     ----------
-    panels : (7 or more, M) array
+    panels : (7 or more, M') array
         Rows X, Y, CX, CY, CT, ST, LENGTH of an outline (`swim_env.physics.outline`): panel j
-        runs from vertex j to vertex j + 1.
+        runs from vertex j to vertex j + 1. M' is a multiple of 8; panels beyond the outline's M
+        have no length and lie at vertex 0.
+    count : int
+        M.
     reference_length : float
         Length in whose units the logarithm of the potential is taken (m).
-    half_log : (M + 1,) array
+    half_log : (M' + 1,) array
         Work space.
-    layers : (LAYERS, M, M) array
-        Overwritten with the influence matrices, see the layer names of this module.
+    layers : (LAYERS, M', M') array
+        The first M rows are overwritten with the influence matrices, see the layer names of this
+        module; columns beyond M become zero but for 1/z, where they repeat column 0.
     """
     inverse_square = 1.0 / (reference_length * reference_length)
-    for i in range(panels.shape[1]):
+    for i in range(count):
         _influence_row(i, panels, inverse_square, half_log, layers)
 
 
 @kernel
-def normal_influence_transposed(panels: Array, layers: Array, out: Array) -> None:
-    """Write the transpose of the normal influence G (M, M), times 2 pi, from the velocities."""
-    for i in range(panels.shape[1]):
+def normal_influence(panels: Array, count: int, layers: Array, out: Array) -> None:
+    """Write the normal influence G, times 2 pi, from the velocities.
+
+    Parameters
+    ----------
+    panels, count, layers
+        As `influence` took and left them.
+    out : (M', M') array
+        Overwritten with G, filled up with rows of the identity.
+    """
+    for i in range(count):
         nx = panels[ST, i]
         ny = -panels[CT, i]
-        for j in range(panels.shape[1]):
-            out[j, i] = nx * layers[VELOCITY_X, i, j] + ny * layers[VELOCITY_Y, i, j]
+        for j in range(out.shape[1]):
+            out[i, j] = nx * layers[VELOCITY_X, i, j] + ny * layers[VELOCITY_Y, i, j]
+    for i in range(count, out.shape[0]):
+        out[i] = 0.0
+        out[i, i] = 1.0
 
 
 @vector_kernel
+def _row_products(
+    i: int, layers: Array, sigma: Array, kappa_r: Array, kappa_i: Array
+) -> tuple[float, float, float, float]:
+    """Return both components of the velocity at point i, and the sum over kappa_j/z_ij."""
+    flow_x = 0.0
+    flow_y = 0.0
+    sum_r = 0.0
+    sum_i = 0.0
+    for j in range((sigma.size >> 3) << 3):
+        flow_x += layers[VELOCITY_X, i, j] * sigma[j]
+        flow_y += layers[VELOCITY_Y, i, j] * sigma[j]
+        zx = layers[INVERSE_Z_X, i, j]
+        zy = layers[INVERSE_Z_Y, i, j]
+        sum_r += zx * kappa_r[j] - zy * kappa_i[j]
+        sum_i += zx * kappa_i[j] + zy * kappa_r[j]
+    return flow_x, flow_y, sum_r, sum_i
+
+
+@vector_kernel
+def _add_inverse_distances(
+    nx: float, ny: float, row_x: Array, row_y: Array, vertex_r: Array, vertex_i: Array
+) -> None:
+    for j in range((row_x.size >> 3) << 3):
+        vertex_r[j] += nx * row_x[j] - ny * row_y[j]
+        vertex_i[j] += nx * row_y[j] + ny * row_x[j]
+
+
+@kernel
 def shape_gradient(
     panels: Array,
+    count: int,
     layers: Array,
     weight: Array,
     sigma: Array,
     mu: Array,
+    column_p: Array,
     scratch: Array,
     gradient: Array,
 ) -> None:
@@ -130,35 +178,31 @@ def shape_gradient(
 
     Parameters
     ----------
-    panels, layers : arrays
+    panels, count, layers
         As `influence` took and left them.
-    weight, sigma, mu : (M,) arrays
-        The vectors of the form that is differentiated.
-    scratch : (SHAPE_SCRATCH, M) array
+    weight, sigma, mu : (M',) arrays
+        The vectors of the form that is differentiated, zero beyond M.
+    column_p : (M',) array
+        The transposed potential influence times `weight`.
+    scratch : (SHAPE_SCRATCH, M') array
         Work space.
-    gradient : (3 or more, M) array
+    gradient : (3 or more, M') array
         Rows 0 to 2 are overwritten: derivative with respect to the vertices' x and y and to the
         panels' directions.
     """
-    count = panels.shape[1]
-    flow_x = scratch[0]
-    flow_y = scratch[1]
-    mat_vec(layers[VELOCITY_X], sigma, flow_x)
-    mat_vec(layers[VELOCITY_Y], sigma, flow_y)
-    column_p = scratch[2]
-    mat_vec_transposed(layers[POTENTIAL], weight, column_p)
-
-    # Column sums over collocation points: w W, w x W, mu n W and mu n/z in complex notation.
-    column_x = scratch[3]
-    column_y = scratch[4]
-    moment_r = scratch[5]
-    moment_i = scratch[6]
-    normal_r = scratch[7]
-    normal_i = scratch[8]
-    vertex_r = scratch[9]
-    vertex_i = scratch[10]
-    scratch[3:11] = 0.0
+    # Sums over collocation points: w W, w x W and mu n W in complex notation. They are products of
+    # the velocities' two components with four rows of factors each.
+    factors_x = scratch[0:4]
+    factors_y = scratch[4:8]
+    columns_x = scratch[8:12]
+    columns_y = scratch[12:16]
+    kappa_r = scratch[16]
+    kappa_i = scratch[17]
+    vertex_r = scratch[18]
+    vertex_i = scratch[19]
     weight_sum = 0.0
+    scratch[0:8] = 0.0
+    scratch[16:20] = 0.0
     for i in range(count):
         w = weight[i]
         weight_sum += w
@@ -166,24 +210,21 @@ def shape_gradient(
         wy = w * panels[CY, i]
         nx = mu[i] * panels[ST, i]
         ny = -mu[i] * panels[CT, i]
-        for j in range(count):
-            ux = layers[VELOCITY_X, i, j]
-            uy = layers[VELOCITY_Y, i, j]
-            column_x[j] += w * ux
-            column_y[j] += w * uy
-            moment_r[j] += wx * ux + wy * uy
-            moment_i[j] += wy * ux - wx * uy
-            normal_r[j] += nx * ux + ny * uy
-            normal_i[j] += ny * ux - nx * uy
-        for j in range(count):
-            zx = layers[INVERSE_Z_X, i, j]
-            zy = layers[INVERSE_Z_Y, i, j]
-            vertex_r[j] += nx * zx - ny * zy
-            vertex_i[j] += nx * zy + ny * zx
+        factors_x[0, i] = w
+        factors_x[1, i] = wx
+        factors_x[2, i] = wy
+        factors_x[3, i] = ny
+        factors_y[0, i] = w
+        factors_y[1, i] = wy
+        factors_y[2, i] = -wx
+        factors_y[3, i] = -nx
+        _add_inverse_distances(
+            nx, ny, layers[INVERSE_Z_X, i], layers[INVERSE_Z_Y, i], vertex_r, vertex_i
+        )
+    multiply(factors_x, layers[VELOCITY_X], columns_x)
+    multiply(factors_y, layers[VELOCITY_Y], columns_y)
 
     # kappa_j = sigma_j e^{-i psi_j} - sigma_{j-1} e^{-i psi_{j-1}} belongs to vertex j.
-    kappa_r = scratch[11]
-    kappa_i = scratch[12]
     for j in range(count):
         before = j - 1 if j > 0 else count - 1
         kappa_r[j] = sigma[j] * panels[CT, j] - sigma[before] * panels[CT, before]
@@ -198,13 +239,10 @@ def shape_gradient(
         st = panels[ST, i]
         nx = mu[i] * st
         ny = -mu[i] * ct
+        flow_x, flow_y, sum_r, sum_i = _row_products(i, layers, sigma, kappa_r, kappa_i)
         # The collocation point moves in the potential and in the normal influence.
-        row_x = layers[INVERSE_Z_X, i]
-        row_y = layers[INVERSE_Z_Y, i]
-        sum_r = dot(row_x, kappa_r) - dot(row_y, kappa_i)
-        sum_i = dot(row_x, kappa_i) + dot(row_y, kappa_r)
-        move_x = weight[i] * flow_x[i] - (nx * sum_r - ny * sum_i)
-        move_y = weight[i] * flow_y[i] + (nx * sum_i + ny * sum_r)
+        move_x = weight[i] * flow_x - (nx * sum_r - ny * sum_i)
+        move_y = weight[i] * flow_y + (nx * sum_i + ny * sum_r)
         gradient[0, i] += 0.5 * move_x
         gradient[1, i] += 0.5 * move_y
         gradient[0, after] += 0.5 * move_x
@@ -215,16 +253,21 @@ def shape_gradient(
         x = panels[X, i]
         y = panels[Y, i]
         inverse_length = 1.0 / panels[LENGTH, i]
-        first_r = (moment_r[i] - x * column_x[i] - y * column_y[i]) * inverse_length - weight_sum
-        first_i = (moment_i[i] - y * column_x[i] + x * column_y[i]) * inverse_length
+        column_x = columns_x[0, i]
+        column_y = columns_y[0, i]
+        moment_r = columns_x[1, i] + columns_y[1, i]
+        moment_i = columns_x[2, i] + columns_y[2, i]
+        normal_i = columns_x[3, i] + columns_y[3, i]
+        first_r = (moment_r - x * column_x - y * column_y) * inverse_length - weight_sum
+        first_i = (moment_i - y * column_x + x * column_y) * inverse_length
         first_x = ct * first_r + st * first_i
         first_y = st * first_r - ct * first_i
         stretch = column_p[i] * inverse_length
         s = sigma[i]
-        gradient[0, i] -= s * (column_x[i] - first_x + ct * stretch)
-        gradient[1, i] -= s * (column_y[i] - first_y + st * stretch)
+        gradient[0, i] -= s * (column_x - first_x + ct * stretch)
+        gradient[1, i] -= s * (column_y - first_y + st * stretch)
         gradient[0, after] -= s * (first_x - ct * stretch)
         gradient[1, after] -= s * (first_y - st * stretch)
 
         # Direction of panel i as a receiver (its normal turns) and as a source.
-        gradient[2, i] = -mu[i] * (flow_x[i] * ct + flow_y[i] * st) - s * normal_i[i]
+        gradient[2, i] = -mu[i] * (flow_x * ct + flow_y * st) - s * normal_i

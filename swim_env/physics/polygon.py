@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from swim_env.errors import OutlineError
 from swim_env.physics.loading import load_kernels
-from swim_env.physics.outline import CT, CX, CY, LENGTH, ST, X, Y
-from swim_env.physics.panels import LAYERS, POTENTIAL, influence, normal_influence_transposed
+from swim_env.physics.outline import CT, CX, CY, LENGTH, ST, X, Y, padded
+from swim_env.physics.panels import LAYERS, POTENTIAL, influence, normal_influence
 
 __all__ = ["added_mass_of_polygon"]
 
@@ -50,17 +50,20 @@ def added_mass_of_polygon(vertices: ArrayLike, density: float = 1.0) -> Array:
     if not 0.0 < float(density) < np.inf:
         raise OutlineError(f"density must be a positive number in kg/m^3, got {density!r}")
     load_kernels()
+    count = len(corners)
     panels = _panels(corners)
-    count = panels.shape[1]
-    layers = np.empty((LAYERS, count, count))
+    size = panels.shape[1]
+    layers = np.zeros((LAYERS, size, size))
     # The net flux of a rigid motion through a closed outline is zero, so the length in whose
     # units the logarithm is taken drops out; the perimeter keeps the numbers of order one.
-    influence(panels, float(panels[LENGTH].sum()), np.empty(count + 1), layers)
-    transposed = np.empty((count, count))
-    normal_influence_transposed(panels, layers, transposed)
+    influence(panels, count, float(panels[LENGTH].sum()), np.empty(size + 1), layers)
+    normal = np.empty((size, size))
+    normal_influence(panels, count, layers, normal)
+    panels = panels[:, :count]
     normal_x, normal_y = panels[ST], -panels[CT]
     motions = np.stack([normal_x, normal_y, normal_y * panels[CX] - normal_x * panels[CY]], axis=1)
-    potential = layers[POTENTIAL] @ np.linalg.solve(transposed.T, motions)
+    strengths = np.linalg.solve(normal[:count, :count], motions)
+    potential = layers[POTENTIAL, :count, :count] @ strengths
     mass = -float(density) * motions.T @ (panels[LENGTH][:, None] * potential)
     symmetric: Array = 0.5 * (mass + mass.T)
     return symmetric
@@ -127,13 +130,16 @@ def _boxes_meet(a: Array, b: Array, c: Array, d: Array) -> NDArray[np.bool_]:
 
 
 def _panels(corners: Array) -> Array:
-    """Lay out the edges of a counter-clockwise outline as panels."""
+    """Lay out the edges of a counter-clockwise outline as panels, padded as kernels take them."""
     following = np.roll(corners, -1, axis=0)
     edges = following - corners
     length = np.hypot(edges[:, 0], edges[:, 1])
-    panels = np.empty((_ROWS, len(corners)))
-    panels[X], panels[Y] = corners.T
-    panels[CX], panels[CY] = (0.5 * (corners + following)).T
-    panels[CT], panels[ST] = (edges / length[:, None]).T
-    panels[LENGTH] = length
+    count = len(corners)
+    panels = np.zeros((_ROWS, padded(count)))
+    panels[[X, Y], :count] = corners.T
+    panels[[X, Y], count:] = corners[:1].T
+    panels[[CX, CY], :count] = (0.5 * (corners + following)).T
+    panels[CT] = 1.0
+    panels[[CT, ST], :count] = (edges / length[:, None]).T
+    panels[LENGTH, :count] = length
     return panels

@@ -20,6 +20,7 @@ from swim_env.physics.added_mass import (
     shape_force,
 )
 from swim_env.physics.beam import BeamConstants
+from swim_env.physics.dense import copy
 from swim_env.physics.integrator import work_sizes
 from swim_env.physics.lagrangian import (
     CHANGE,
@@ -57,7 +58,7 @@ def _fluid_probe(
             for b in range(raw.shape[0]):
                 total = 0.0
                 for i in range(work.loads.shape[1]):
-                    total += work.loads[a, i] * work.sources[b, i]
+                    total += work.loads[a, i] * work.strengths[i, b]
                 raw[a, b] = -fluid.density * total
     return status
 
@@ -79,19 +80,22 @@ def _step_probe(
     jacobian: Array,
     mass: Array,
 ) -> int:
-    used = step_array_size(beam.elements, motion_count(fluid))
-    w = carve_step_arrays(floats[:used], beam.elements, motion_count(fluid))
-    work = carve_fluid_work(floats[used:], integers, fluid)
+    used = fluid_work_sizes(fluid)[0]
+    step = floats[used : used + step_array_size(beam.elements, motion_count(fluid))]
+    w = carve_step_arrays(step, beam.elements, motion_count(fluid))
+    work = carve_fluid_work(floats[:used], integers, fluid)
     set_pose(q, w)
     status = added_mass(q[3:], fluid, work, w.added_mass)
     if status == 0:
         mass_matrix(beam, fluid, work, w)
-        mass[:] = w.mass
-        evaluate_step(q, p, torques, z, h, beam, fluid, work, w)
-        residual[:] = w.unknowns[RESIDUAL]
-        change[:] = w.unknowns[CHANGE]
-        step_jacobian(q, z, h, beam, fluid, work, difference, w)
-        jacobian[:] = w.jacobian
+        for i in range(mass.shape[0]):
+            copy(w.mass[i], mass[i])
+        evaluate_step(p, torques, z, h, beam, fluid, work, False, w)
+        copy(w.unknowns[RESIDUAL], residual)
+        copy(w.unknowns[CHANGE], change)
+        step_jacobian(h, beam, fluid, work, difference, w)
+        for i in range(jacobian.shape[0]):
+            copy(w.jacobian[i], jacobian[i])
     return status
 
 

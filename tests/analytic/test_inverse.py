@@ -17,13 +17,13 @@ from swim_env.physics.added_mass import (
 )
 from swim_env.physics.dense import invert, invert_in_order
 from swim_env.physics.outline import LATERAL, LENGTH, ROTARY
-from swim_env.physics.panels import POTENTIAL, normal_influence_transposed
+from swim_env.physics.panels import POTENTIAL, normal_influence
 
 Array = NDArray[np.float64]
 
 
-@pytest.mark.parametrize("size", [1, 2, 3, 4, 5, 6, 7, 8, 9, 13, 38, 39, 74])
-def test_it_inverts_matrices_of_every_size(size: int) -> None:
+@pytest.mark.parametrize("size", [8, 16, 24, 40, 80])
+def test_it_inverts_matrices_of_padded_sizes(size: int) -> None:
     random = np.random.default_rng(size)
     matrix = random.normal(size=(size, size)) / size + 2.0 * np.eye(size)
     inverse = matrix.copy()
@@ -32,10 +32,10 @@ def test_it_inverts_matrices_of_every_size(size: int) -> None:
     assert np.abs(matrix @ inverse - np.eye(size)).max() < 1e-13
 
 
-@pytest.mark.parametrize("place", [0, 2, 4, 7, 8])
+@pytest.mark.parametrize("place", [0, 2, 4, 7, 15])
 @pytest.mark.parametrize("pivot", [0.0, 1e-4, np.nan, np.inf])
 def test_a_bad_pivot_is_refused_wherever_it_comes(place: int, pivot: float) -> None:
-    matrix = np.diag(np.full(9, 2.0))
+    matrix = np.diag(np.full(16, 2.0))
     matrix[place, place] = pivot
     assert not invert_in_order(matrix, 1e-3)
 
@@ -54,15 +54,15 @@ def _evaluated(joint_angles: Array, overrides: list[str]) -> tuple[Array, FluidW
 def _by_lapack(work: FluidWork, density: float, elements: int) -> tuple[Array, Array]:
     """Return the added mass and the normal influence from the same matrices, solved by LAPACK."""
     panels, element = work.outline.panels, work.outline.element
-    count = panels.shape[1]
-    transposed = np.empty((count, count))
-    normal_influence_transposed(panels, work.layers, transposed)
-    motions = np.zeros((count, 2 * elements))
-    motions[np.arange(count), element] = panels[LATERAL]
-    motions[np.arange(count), elements + element] = panels[ROTARY]
-    sources = np.linalg.solve(transposed.T, motions)
+    size = panels.shape[1]
+    normal = np.empty((size, size))
+    normal_influence(panels, int(np.count_nonzero(panels[LENGTH])), work.layers, normal)
+    motions = np.zeros((size, 2 * elements))
+    motions[np.arange(size), element] = panels[LATERAL]
+    motions[np.arange(size), elements + element] = panels[ROTARY]
+    sources = np.linalg.solve(normal, motions)
     mass = -density * (motions * panels[LENGTH][:, None]).T @ work.layers[POTENTIAL] @ sources
-    return 0.5 * (mass + mass.T), transposed
+    return 0.5 * (mass + mass.T), normal
 
 
 # Half thicknesses in metres, of elements of 1/9 m: the usual one, one that is just eliminated in
@@ -74,11 +74,11 @@ def test_the_added_mass_is_that_of_lapack_with_and_without_exchanges(
 ) -> None:
     angles = bend * np.random.default_rng(1).uniform(-1.0, 1.0, 8)
     mass, work, density = _evaluated(angles, [f"beam.half_thickness={thickness}"])
-    wanted, transposed = _by_lapack(work, density, 9)
-    condition = np.linalg.cond(transposed)
+    wanted, normal = _by_lapack(work, density, 9)
+    condition = np.linalg.cond(normal)
     assert np.abs(mass - wanted).max() < 1e-15 * condition * np.abs(wanted).max() + 1e-13
-    in_order = invert_in_order(transposed.copy(), SMALLEST_PIVOT)
+    in_order = invert_in_order(normal.copy(), SMALLEST_PIVOT)
     assert in_order == (thickness > 1e-4)
-    inverse = transposed.copy()
+    inverse = normal.copy()
     assert invert(inverse, np.zeros(len(inverse), dtype=np.int64))
-    assert np.abs(inverse @ transposed - np.eye(len(inverse))).max() < 1e-14 * condition
+    assert np.abs(inverse @ normal - np.eye(len(inverse))).max() < 1e-14 * condition
