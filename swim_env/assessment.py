@@ -12,7 +12,7 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics._compile import kernel
+from swim_env.physics._compile import entry_kernel, kernel
 from swim_env.physics.integrator import POSITIVE_WORK, STATE_ROWS, STEPS, WORK, state_size
 from swim_env.physics.loading import load_kernels
 
@@ -92,7 +92,7 @@ def observation_size(elements: int, goal_is_point: bool) -> int:
     return 2 * (elements - 1) + 5 + goal_is_point
 
 
-@kernel
+@entry_kernel
 def torques_of_actions(
     members: Indices, actions: Array, torque_of_one: Array, torques: Array
 ) -> int:
@@ -131,7 +131,7 @@ def _observed(value: float) -> float:
     return min(OBSERVATION_LIMIT, max(-OBSERVATION_LIMIT, value))
 
 
-@kernel
+@entry_kernel
 def assess(
     members: Indices,
     start: bool,
@@ -269,7 +269,7 @@ def assess(
         counters[member, TIME_IS_UP] = int(counters[member, ACTIONS_TAKEN] >= settings[6])
 
 
-@kernel
+@entry_kernel
 def collect(
     observations: NDArray[np.float32],
     figures: Array,

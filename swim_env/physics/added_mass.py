@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics._compile import kernel, shared
+from swim_env.physics._compile import entry_kernel, inlined, shared
 from swim_env.physics.dense import (
     add_multiple,
     invert,
@@ -30,6 +30,7 @@ from swim_env.physics.dense import (
 )
 from swim_env.physics.outline import (
     AXIAL,
+    HEAD,
     LANES,
     LATERAL,
     LENGTH,
@@ -224,28 +225,27 @@ def carve_fluid_work(
     )
 
 
-@kernel
+@inlined
 def _collect_motions(fluid: FluidConstants, work: FluidWork) -> None:
     """Sum panels into unit motions: B is zero but for two or three entries a panel."""
     elements = fluid.geometry.elements
     outline = work.outline
     panels = outline.panels
     count = panel_count(fluid.geometry)
-    side = fluid.geometry.side_panels
     for i in range(count):
         for k in range(elements):
             lateral = 0.0
             rotary = 0.0
-            for above in range(2):
-                first = first_panel(fluid.geometry, k, above == 1)
-                for p in range(first, first + side):
+            for side in range(2):
+                first = first_panel(fluid.geometry, k, side)
+                for p in range(first, first + fluid.geometry.side_panels):
                     lateral += work.inverse[i, p] * panels[LATERAL, p]
                     rotary += work.inverse[i, p] * panels[ROTARY, p]
             work.strengths[i, k] = lateral
             work.strengths[i, elements + k] = rotary
         for end in range(2):
-            k = 0 if end == 0 else elements - 1
-            first = first_end_panel(fluid.geometry, end == 0)
+            k = 0 if end == HEAD else elements - 1
+            first = first_end_panel(fluid.geometry, end)
             axial = 0.0
             for p in range(first, first + fluid.geometry.cap_panels):
                 work.strengths[i, elements + k] += work.inverse[i, p] * panels[ROTARY, p]
@@ -265,7 +265,7 @@ def _collect_motions(fluid: FluidConstants, work: FluidWork) -> None:
             add_multiple(work.loads[row], potential, length * panels[AXIAL, p])
 
 
-@kernel
+@inlined
 def _panel_added_mass(
     joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array
 ) -> int:
@@ -297,7 +297,7 @@ def _panel_added_mass(
     return FINE
 
 
-@kernel
+@inlined
 def _panel_shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> None:
     elements = fluid.geometry.elements
     outline = work.outline
@@ -334,7 +334,7 @@ def _panel_shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, ou
         out[k] *= -0.5 * fluid.density
 
 
-@kernel
+@entry_kernel
 def added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> int:
     """Evaluate the added mass of a shape with the scene's fluid model.
 
@@ -361,7 +361,7 @@ def added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out:
     return FINE
 
 
-@kernel
+@entry_kernel
 def shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> None:
     """Differentiate V^T A V / 2 with respect to every element angle, V held.
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics._compile import kernel
+from swim_env.physics._compile import entry_kernel, kernel
 
 __all__ = ["BeamConstants", "centres", "centres_of_trajectory"]
 
@@ -54,7 +54,7 @@ def chain_weight(element: int, elements: int) -> float:
     return (elements - element - 0.5) / elements
 
 
-@kernel
+@entry_kernel
 def centres(q: Array, element_length: float, out: Array) -> None:
     """Write the element centres (N, 2) in m of the minimal coordinates q (N + 2,).
 
@@ -81,7 +81,7 @@ def centres(q: Array, element_length: float, out: Array) -> None:
         out[k, 1] += q[1] - mean_y / elements
 
 
-@kernel
+@entry_kernel
 def centres_of_trajectory(q: Array, element_length: float, out: Array) -> None:
     """Write the element centres (T, N, 2) in m of a trajectory q (T, N + 2)."""
     for n in range(q.shape[0]):

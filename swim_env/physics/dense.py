@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics._compile import kernel, vector_kernel
+from swim_env.physics._compile import entry_kernel, kernel, vector_kernel
 
 __all__ = [
     "add_multiple",
@@ -95,7 +95,7 @@ def _bring_up_pivot(matrix: Array, k: int, permutation: NDArray[np.int64]) -> bo
     return True
 
 
-@kernel
+@entry_kernel
 def invert(matrix: Array, permutation: NDArray[np.int64]) -> bool:
     """Invert a square matrix in place by Gauss-Jordan elimination with row pivoting.
 
@@ -195,7 +195,7 @@ def _subtract_four_from_four(matrix: Array, row: int, pivots: Array, column: int
         r3[j] -= a3 * a + b3 * b + c3 * c + d3 * d
 
 
-@kernel
+@entry_kernel
 def invert_in_order(matrix: Array, smallest_pivot: float) -> bool:
     """Invert a square matrix in place by Gauss-Jordan elimination, four pivots at a time.
 

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics._compile import kernel, shared
+from swim_env.physics._compile import entry_kernel, inlined, kernel, shared
 from swim_env.physics.added_mass import (
     NO_FLUID,
     FluidConstants,
@@ -60,6 +60,7 @@ from swim_env.physics.lagrangian import (
     VELOCITY,
     StepArrays,
     carve_step_arrays,
+    evaluate_held_step,
     evaluate_step,
     mass_matrix,
     round_off_floor,
@@ -80,9 +81,12 @@ __all__ = [
     "RECORD_NAMES",
     "SolverConstants",
     "advance",
+    "member_views",
     "pack_constants",
+    "prepare",
     "state_size",
     "steps_column",
+    "unpack_constants",
     "weigh",
     "work_sizes",
 ]
@@ -164,7 +168,7 @@ def pack_constants(
 
 
 @shared
-def _unpack(
+def unpack_constants(
     reals: Array, integers: NDArray[np.int64]
 ) -> tuple[BeamConstants, FluidConstants, SolverConstants]:
     """Return the constants that `pack_constants` has put into arrays."""
@@ -216,13 +220,14 @@ class _Member(NamedTuple):
 
 
 @shared
-def _member(
+def member_views(
     state: Array,
     beam: BeamConstants,
     fluid: FluidConstants,
     floats: Array,
     integers: NDArray[np.int64],
 ) -> _Member:
+    """Lay the names of `_Member` over one member's state and work space."""
     n = beam.elements + 2
     motions = motion_count(fluid)
     step_floats = step_array_size(beam.elements, motions)
@@ -253,7 +258,7 @@ def _energy(p: Array, beam: BeamConstants, w: StepArrays) -> float:
 
 
 @kernel
-def _prepare(
+def prepare(
     q: Array,
     p: Array,
     beam: BeamConstants,
@@ -312,7 +317,7 @@ def _correction_size(z: Array, dl: float) -> float:
     return largest
 
 
-@kernel
+@inlined
 def _newton_in_passes(
     m: _Member,
     torques: Array,
@@ -337,7 +342,10 @@ def _newton_in_passes(
     direction = u[DIRECTION]
     report = w.report
     report[2] = 0.0
-    norm = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, shape_known, w)
+    if shape_known:
+        norm = evaluate_held_step(m.p, torques, z, h, beam, fluid, w)
+    else:
+        norm = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, w)
     report[0] = norm
     if not norm < np.inf:
         return False
@@ -358,11 +366,11 @@ def _newton_in_passes(
             size = new_size
             for i in range(z.size):
                 z[i] += direction[i]
-            norm = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, True, w)
+            norm = evaluate_held_step(m.p, torques, z, h, beam, fluid, w)
             report[1] += 1.0
             if norm <= enough:
                 break
-        norm = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, False, w)
+        norm = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, w)
         report[0] = norm
         if norm <= solver.tolerance:
             # With the right shape force, one more correction is cheap; what it leaves is below
@@ -371,12 +379,12 @@ def _newton_in_passes(
             lu_solve(w.jacobian, m.permutation, direction)
             for i in range(z.size):
                 z[i] += direction[i]
-            evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, True, w)
+            evaluate_held_step(m.p, torques, z, h, beam, fluid, w)
             return not _turns_beyond(z, TRUSTED_TURN)
     return False
 
 
-@kernel
+@inlined
 def _newton(
     m: _Member,
     torques: Array,
@@ -402,7 +410,7 @@ def _newton(
     proposed = u[PROPOSED]
     report = w.report
     report[2] = 0.0
-    norm = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, False, w)
+    norm = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, w)
     report[0] = norm
     if not norm < np.inf:
         return False
@@ -430,7 +438,7 @@ def _newton(
             for i in range(z.size):
                 trial[i] = z[i] + length * direction[i]
             if not _turns_beyond(trial, TRUSTED_TURN):
-                norm = evaluate_step(m.p, torques, trial, h, beam, fluid, m.fluid_work, False, w)
+                norm = evaluate_step(m.p, torques, trial, h, beam, fluid, m.fluid_work, w)
                 report[1] += 1.0
                 if norm <= solver.tolerance:
                     copy(trial, z)
@@ -467,7 +475,7 @@ def _newton(
             return False
         difference = SHAPE_DIFFERENCE
         renew = True
-        report[0] = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, False, w)
+        report[0] = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, w)
     return False
 
 
@@ -484,7 +492,7 @@ def _turns_beyond(z: Array, limit: float) -> bool:
     return False
 
 
-@kernel
+@inlined
 def _solve_part(
     m: _Member,
     torques: Array,
@@ -529,8 +537,8 @@ def _solve_part(
         if not tried:
             tried = True
             copy(increment, u[START])
-            known = start == 0
-            solved = _newton_in_passes(m, torques, h, beam, fluid, solver, known)
+            extrapolated = start == 0
+            solved = _newton_in_passes(m, torques, h, beam, fluid, solver, extrapolated)
             if not solved:
                 copy(u[START], increment)
         if solved or _newton(m, torques, h, beam, fluid, solver):
@@ -540,7 +548,7 @@ def _solve_part(
     return status
 
 
-@kernel
+@inlined
 def _outer_step(
     m: _Member,
     torques: Array,
@@ -564,7 +572,7 @@ def _outer_step(
     copy(m.q, u[SAVED_Q])
     copy(m.p, u[SAVED_P])
     u[TOTAL] = 0.0
-    status = _prepare(m.q, m.p, beam, fluid, m.fluid_work, w)
+    status = prepare(m.q, m.p, beam, fluid, m.fluid_work, w)
     while status == FINE and done < whole:
         h = solver.time_step * (part / whole)
         outcome = _solve_part(m, torques, h, part, beam, fluid, solver)
@@ -600,7 +608,7 @@ def _outer_step(
             part *= 2
         # A pose that cannot be weighed is not handed out: the run ends at the one before. The
         # next step finds the mass of a good one ready.
-        status = _prepare(m.q, m.p, beam, fluid, m.fluid_work, w)
+        status = prepare(m.q, m.p, beam, fluid, m.fluid_work, w)
     if status != FINE:
         copy(u[SAVED_Q], m.q)
         copy(u[SAVED_P], m.p)
@@ -615,7 +623,7 @@ def _outer_step(
     return FINE
 
 
-@kernel
+@entry_kernel
 def advance(
     members: NDArray[np.int64],
     states: Array,
@@ -661,9 +669,9 @@ def advance(
     outcome : (M, 2) array
         Overwritten: steps taken and 0, or the code of the reason for an early end.
     """
-    beam, fluid, solver = _unpack(reals, sizes)
+    beam, fluid, solver = unpack_constants(reals, sizes)
     for member in members:
-        m = _member(states[member], beam, fluid, floats[member], integers[member])
+        m = member_views(states[member], beam, fluid, floats[member], integers[member])
         steps = torques.shape[1] * hold
         taken = 0
         status = FINE
@@ -678,11 +686,11 @@ def advance(
         outcome[member, 0] = taken
         outcome[member, 1] = status
         # A state that is handed out has been weighed before, so this does not fail.
-        _prepare(m.q, m.p, beam, fluid, m.fluid_work, m.step)
+        prepare(m.q, m.p, beam, fluid, m.fluid_work, m.step)
         copy(m.step.unknowns[VELOCITY], velocities[member])
 
 
-@kernel
+@entry_kernel
 def weigh(
     state: Array,
     given: Array,
@@ -715,9 +723,9 @@ def weigh(
     energy, status : float, int
         H = p M^-1 p/2 + W (J) and 0, or NaN and the code of the reason why there is none.
     """
-    beam, fluid, _ = _unpack(reals, sizes)
-    m = _member(state, beam, fluid, floats, integers)
-    status = _prepare(m.q, m.p, beam, fluid, m.fluid_work, m.step)
+    beam, fluid, _ = unpack_constants(reals, sizes)
+    m = member_views(state, beam, fluid, floats, integers)
+    status = prepare(m.q, m.p, beam, fluid, m.fluid_work, m.step)
     if status != FINE:
         return np.nan, status
     velocity = m.step.unknowns[VELOCITY]

@@ -29,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics._compile import kernel, shared
+from swim_env.physics._compile import inlined, kernel, shared
 from swim_env.physics.added_mass import (
     NO_FLUID,
     FluidConstants,
@@ -45,6 +45,7 @@ from swim_env.physics.outline import padded
 __all__ = [
     "StepArrays",
     "carve_step_arrays",
+    "evaluate_held_step",
     "evaluate_step",
     "mass_matrix",
     "residual_norm",
@@ -324,6 +325,52 @@ def _impulses(torques: Array, z: Array, h: float, beam: BeamConstants, w: StepAr
 
 
 @kernel
+def _move(z: Array, h: float, beam: BeamConstants, fluid: FluidConstants, w: StepArrays) -> None:
+    """Compute how elements and centres move in an increment z, and the fluid's impulse A V/h."""
+    e = w.elements
+    m = w.motions
+    elements = beam.elements
+    _set_increment(z, w)
+    for k in range(elements):
+        # d3(n+1) - d3(n) without cancellation.
+        versine = -2.0 * e[SIN_HALF, k] * e[SIN_HALF, k]
+        e[SUM_X, k] = versine * e[D3X, k] + e[SIN_TURN, k] * e[D1X, k]
+        e[SUM_Y, k] = versine * e[D3Y, k] + e[SIN_TURN, k] * e[D1Y, k]
+    _sum_to_centres(e[SUM_X], e[SUM_Y], z[0], z[1], beam.element_length, e[MOVE_X], e[MOVE_Y])
+    if fluid.model != NO_FLUID:
+        for k in range(elements):
+            m[MOTION, k] = e[D1X, k] * e[MOVE_X, k] + e[D1Y, k] * e[MOVE_Y, k]
+            m[MOTION, elements + k] = e[SIN_TURN, k]
+        if fluid.axial:
+            last = elements - 1
+            m[MOTION, 2 * elements] = e[D3X, 0] * e[MOVE_X, 0] + e[D3Y, 0] * e[MOVE_Y, 0]
+            m[MOTION, 2 * elements + 1] = (
+                e[D3X, last] * e[MOVE_X, last] + e[D3Y, last] * e[MOVE_Y, last]
+            )
+        mat_vec(w.added_mass[: motion_count(fluid)], m[MOTION], m[FLUID_IMPULSE])
+        for i in range(m[FLUID_IMPULSE].size):
+            m[FLUID_IMPULSE, i] /= h
+
+
+@kernel
+def evaluate_held_step(
+    p: Array,
+    torques: Array,
+    z: Array,
+    h: float,
+    beam: BeamConstants,
+    fluid: FluidConstants,
+    w: StepArrays,
+) -> float:
+    """Evaluate the residual like `evaluate_step`, the shape force taken as its row stands.
+
+    The shape force is what an evaluation spends most of its time on, and changes little with z.
+    """
+    _move(z, h, beam, fluid, w)
+    return _balance(p, torques, z, h, beam, fluid, w)
+
+
+@kernel
 def evaluate_step(
     p: Array,
     torques: Array,
@@ -332,7 +379,6 @@ def evaluate_step(
     beam: BeamConstants,
     fluid: FluidConstants,
     fluid_work: FluidWork,
-    shape_held: bool,
     w: StepArrays,
 ) -> float:
     """Evaluate the residual of p_n + D1 L_d(q_n, q_{n+1}) + h F/2 = 0.
@@ -349,9 +395,6 @@ def evaluate_step(
         Length of the step (s).
     beam, fluid, fluid_work : BeamConstants, FluidConstants, FluidWork
         The body, with the added mass evaluated at q_n.
-    shape_held : bool
-        Whether the shape force is taken as its row stands, and not that of z. It is what an
-        evaluation spends most of its time on, and changes little with z.
     w : StepArrays
         `set_pose` was called for q_n and `w.added_mass` is A(q_n); the rest is overwritten, among
         it residual, scale, size and change.
@@ -361,6 +404,23 @@ def evaluate_step(
     float
         max_i |r_i|/s_i with s_i = max(1e-3, |p_i|, impulses); not finite where z is not.
     """
+    _move(z, h, beam, fluid, w)
+    if fluid.model != NO_FLUID:
+        shape_force(w.motions[MOTION], fluid, fluid_work, w.elements[SHAPE])
+    return _balance(p, torques, z, h, beam, fluid, w)
+
+
+@kernel
+def _balance(
+    p: Array,
+    torques: Array,
+    z: Array,
+    h: float,
+    beam: BeamConstants,
+    fluid: FluidConstants,
+    w: StepArrays,
+) -> float:
+    """Sum up residual, its scale, and the change of the momentum; return the residual's norm."""
     e = w.elements
     u = w.unknowns
     m = w.motions
@@ -369,31 +429,7 @@ def evaluate_step(
     mass_rate = beam.element_mass / h
     inertia_rate = beam.element_inertia / h
     inverse_h = 1.0 / h
-    _set_increment(z, w)
-    for k in range(elements):
-        # d3(n+1) - d3(n) without cancellation.
-        versine = -2.0 * e[SIN_HALF, k] * e[SIN_HALF, k]
-        e[SUM_X, k] = versine * e[D3X, k] + e[SIN_TURN, k] * e[D1X, k]
-        e[SUM_Y, k] = versine * e[D3Y, k] + e[SIN_TURN, k] * e[D1Y, k]
-    _sum_to_centres(e[SUM_X], e[SUM_Y], z[0], z[1], dl, e[MOVE_X], e[MOVE_Y])
-
     with_fluid = fluid.model != NO_FLUID
-    if with_fluid:
-        for k in range(elements):
-            m[MOTION, k] = e[D1X, k] * e[MOVE_X, k] + e[D1Y, k] * e[MOVE_Y, k]
-            m[MOTION, elements + k] = e[SIN_TURN, k]
-        if fluid.axial:
-            last = elements - 1
-            m[MOTION, 2 * elements] = e[D3X, 0] * e[MOVE_X, 0] + e[D3Y, 0] * e[MOVE_Y, 0]
-            m[MOTION, 2 * elements + 1] = (
-                e[D3X, last] * e[MOVE_X, last] + e[D3Y, last] * e[MOVE_Y, last]
-            )
-        mat_vec(w.added_mass[: motion_count(fluid)], m[MOTION], m[FLUID_IMPULSE])
-        for i in range(m[FLUID_IMPULSE].size):
-            m[FLUID_IMPULSE, i] *= inverse_h
-        if not shape_held:
-            shape_force(m[MOTION], fluid, fluid_work, e[SHAPE])
-
     total_x = 0.0
     total_y = 0.0
     size = 0.0
@@ -484,7 +520,7 @@ def _centre_column(column: int, beam: BeamConstants, w: StepArrays) -> None:
         e[SUM_Y, k] = lever * e[NEW_D1Y, j]
 
 
-@kernel
+@inlined
 def _fluid_columns(beam: BeamConstants, fluid: FluidConstants, w: StepArrays) -> None:
     """Differentiate V, and the impulse A V with it, by every unknown; a row for each."""
     e = w.elements
@@ -506,7 +542,7 @@ def _fluid_columns(beam: BeamConstants, fluid: FluidConstants, w: StepArrays) ->
     )
 
 
-@kernel
+@inlined
 def _shape_columns(
     inverse_h: float, difference: float, fluid: FluidConstants, fluid_work: FluidWork, w: StepArrays
 ) -> None:
@@ -625,7 +661,7 @@ def mass_matrix(
         copy(w.transposed[i], w.mass[i])
 
 
-@kernel
+@inlined
 def _add_elastic_columns(h: float, beam: BeamConstants, w: StepArrays) -> None:
     """Add the elastic part to columns of the turns: the factors cos(delta/2) of the strain."""
     e = w.elements

@@ -15,8 +15,11 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any, NamedTuple
 
+import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from swim_env.physics._compile import cache_folder
 from swim_env.physics.added_mass import FLUID_MODELS, FluidConstants
@@ -25,15 +28,20 @@ from swim_env.physics.integrator import (
     RECORD_NAMES,
     SolverConstants,
     advance,
+    member_views,
     pack_constants,
+    prepare,
     state_size,
     weigh,
     work_sizes,
 )
+from swim_env.physics.lagrangian import evaluate_held_step, evaluate_step, step_jacobian
 from swim_env.physics.outline import LANES, FluidGeometry
 from swim_env.physics.panels import LAYERS, influence, normal_influence
 
 __all__ = ["load_kernels"]
+
+Array = NDArray[np.float64]
 
 
 @functools.cache
@@ -46,8 +54,8 @@ def load_kernels() -> None:
     marker = cache_folder() / "compiled"
     if not marker.exists():
         start = time.perf_counter()
-        _say("compiling the physics kernels, once for this version and machine (under a minute)")
-        _compile_in_own_process()
+        _say("compiling the physics kernels, once for this version and machine (half a minute)")
+        _compile_in_own_processes()
         _call_all()
         marker.touch()
         _say(f"compiled in {time.perf_counter() - start:.0f} s, kept in the kernel cache")
@@ -59,32 +67,95 @@ def _say(message: str) -> None:
     print(f"swim_env: {message}", file=sys.stderr, flush=True)
 
 
-def _compile_in_own_process() -> None:
-    """Fill the cache; where no process can be started, this one compiles as it calls."""
+def _compile_in_own_processes() -> None:
+    """Fill the cache; where no process can be started, this one compiles as it calls.
+
+    Two processes first compile a half each of what a step calls, at the same time; what calls both
+    halves takes them from the cache.
+    """
     if not sys.executable:
         return
     root = str(Path(__file__).parents[2])
-    code = f"import sys; sys.path.append({root!r}); from swim_env.physics import loading"
-    command = [sys.executable, "-P", "-c", f"{code}; loading._call_all()"]
+    setup = f"import sys; sys.path.append({root!r}); from swim_env.physics import loading"
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache_folder().parent)}
-    try:
-        subprocess.run(command, check=False, stdin=subprocess.DEVNULL, env=environment)
-    except OSError:
-        return
+    for together in ((_compile_pose, _compile_motion), (_call_all,)):
+        started = []
+        try:
+            for function in together:
+                code = (
+                    f"import sys; sys.path.append({root!r}); from swim_env.physics import loading"
+                )
+                command = [sys.executable, "-P", "-c", f"{code}; loading.{function.__name__}()"]
+                started.append(subprocess.Popen(command, stdin=subprocess.DEVNULL, env=environment))
+        except OSError:
+            pass
+        try:
+            for process in started:
+                process.wait()
+        except BaseException:
+            for process in started:
+                process.kill()
+                process.wait()
+            raise
 
 
-def _call_all() -> None:
-    """Call every entry point on a beam of two elements at rest."""
+class _Sample(NamedTuple):
+    """A beam of two elements at rest, to compile for and to call with."""
+
+    beam: BeamConstants
+    fluid: FluidConstants
+    constants: tuple[Array, NDArray[np.int64]]
+    states: Array
+    floats: Array
+    integers: NDArray[np.int64]
+
+
+def _sample() -> _Sample:
     elements = 2
-    unknowns = elements + 2
     beam = BeamConstants(elements, 0.5, 0.1, 1e-3, np.ones(1), np.zeros(1))
     geometry = FluidGeometry(elements, 0.5, 0.01, 1, 1)
     fluid = FluidConstants(FLUID_MODELS["panels"], geometry, 1.0, False)
-    solver = SolverConstants(0.01, 1e-10, 1)
-    constants = pack_constants(beam, fluid, solver)
+    constants = pack_constants(beam, fluid, SolverConstants(0.01, 1e-10, 1))
     floats, integers = work_sizes(beam, fluid)
-    states = np.zeros((1, state_size(elements)))
-    work = (np.zeros((1, floats)), np.zeros((1, integers), dtype=np.int64))
+    return _Sample(
+        beam,
+        fluid,
+        constants,
+        np.zeros((1, state_size(elements))),
+        np.zeros((1, floats)),
+        np.zeros((1, integers), dtype=np.int64),
+    )
+
+
+def _compile(kernel: Any, *arguments: object) -> None:
+    """Compile a kernel for arguments like these, and keep it in the cache."""
+    kernel.compile(tuple(numba.typeof(argument) for argument in arguments))
+
+
+def _compile_pose() -> None:
+    """Compile what weighs a pose."""
+    one = _sample()
+    m = member_views(one.states[0], one.beam, one.fluid, one.floats[0], one.integers[0])
+    _compile(prepare, m.q, m.p, one.beam, one.fluid, m.fluid_work, m.step)
+
+
+def _compile_motion() -> None:
+    """Compile what evaluates the equations of a step and their Jacobian."""
+    one = _sample()
+    m = member_views(one.states[0], one.beam, one.fluid, one.floats[0], one.integers[0])
+    beam, fluid, work = one.beam, one.fluid, m.fluid_work
+    _compile(evaluate_step, m.p, m.p, m.p, 0.01, beam, fluid, work, m.step)
+    _compile(evaluate_held_step, m.p, m.p, m.p, 0.01, beam, fluid, m.step)
+    _compile(step_jacobian, 0.01, beam, fluid, work, 0.0, m.step)
+
+
+def _call_all() -> None:
+    """Call every entry point."""
+    one = _sample()
+    elements = one.beam.elements
+    unknowns = elements + 2
+    states, work = one.states, (one.floats, one.integers)
+    constants = one.constants
     trace = np.zeros((2, 1, 1, unknowns))
     record = np.zeros((1, 1, len(RECORD_NAMES)))
     advance(

@@ -82,6 +82,9 @@ PANEL_ROWS = 11
 # both ends), element angle in that frame (of the element behind the node).
 NODE_X, NODE_Y, HALF_TANGENT, ANGLE = range(4)
 NODE_ROWS = 4
+# Sides of an element, ends of the body.
+BELOW, ABOVE = range(2)
+HEAD, TAIL = range(2)
 
 
 class OutlineArrays(NamedTuple):
@@ -115,9 +118,9 @@ def padded(count: int) -> int:
 
 
 @kernel
-def first_panel(geometry: FluidGeometry, element: int, above: bool) -> int:
-    """Return the index of the first panel of one side of an element (0-based)."""
-    if above:
+def first_panel(geometry: FluidGeometry, element: int, side: int) -> int:
+    """Return the index of the first panel of an element's side, BELOW or ABOVE (0-based)."""
+    if side == ABOVE:
         return (
             geometry.elements * geometry.side_panels
             + geometry.cap_panels
@@ -127,9 +130,9 @@ def first_panel(geometry: FluidGeometry, element: int, above: bool) -> int:
 
 
 @kernel
-def first_end_panel(geometry: FluidGeometry, head: bool) -> int:
-    """Return the index of the first panel of an end (0-based)."""
-    if head:
+def first_end_panel(geometry: FluidGeometry, end: int) -> int:
+    """Return the index of the first panel of an end, HEAD or TAIL (0-based)."""
+    if end == HEAD:
         return 2 * geometry.elements * geometry.side_panels + geometry.cap_panels
     return geometry.elements * geometry.side_panels
 
@@ -206,7 +209,7 @@ def build_outline(joint_angles: Array, geometry: FluidGeometry, out: OutlineArra
         if not dl - abs(shortening) >= SHORTEST_SIDE * dl:
             return OUTLINE_DEGENERATE
         # Below: from (-left, -h) to (dl + right, -h) in the element's frame.
-        below = first_panel(geometry, k, False)
+        below = first_panel(geometry, k, BELOW)
         _put_segment(
             below,
             side,
@@ -218,7 +221,7 @@ def build_outline(joint_angles: Array, geometry: FluidGeometry, out: OutlineArra
             out,
         )
         # Above: from (dl - right, h) back to (left, h).
-        above = first_panel(geometry, k, True)
+        above = first_panel(geometry, k, ABOVE)
         _put_segment(
             above,
             side,
@@ -247,7 +250,7 @@ def build_outline(joint_angles: Array, geometry: FluidGeometry, out: OutlineArra
     last = elements - 1
     ct = np.cos(out.nodes[ANGLE, last])
     st = np.sin(out.nodes[ANGLE, last])
-    tail = first_end_panel(geometry, False)
+    tail = first_end_panel(geometry, TAIL)
     _put_segment(
         tail,
         cap,
@@ -258,7 +261,7 @@ def build_outline(joint_angles: Array, geometry: FluidGeometry, out: OutlineArra
         2.0 * h,
         out,
     )
-    head = first_end_panel(geometry, True)
+    head = first_end_panel(geometry, HEAD)
     _put_segment(head, cap, 0.0, h, 0.0, -1.0, 2.0 * h, out)
     for v in range(cap):
         height = h * ((2.0 * v + 1.0) / cap - 1.0)
@@ -417,7 +420,7 @@ def gradient_to_element_angles(
         left = 0.0
         right = 0.0
         for above in range(2):
-            first = first_panel(geometry, k, above == 1)
+            first = first_panel(geometry, k, above)
             for v in range(side):
                 i = first + v
                 gx = gradient[0, i]
@@ -440,9 +443,9 @@ def gradient_to_element_angles(
                     left -= along * (1.0 - start) + gradient[4, i] * (1.0 - middle) - stretch
                     right += along * start + gradient[4, i] * middle + stretch
         for end in range(2):
-            if k != (elements - 1 if end == 0 else 0):
+            if k != (0 if end == HEAD else elements - 1):
                 continue
-            first = first_end_panel(geometry, end == 1)
+            first = first_end_panel(geometry, end)
             for v in range(cap):
                 i = first + v
                 force_x += gradient[0, i]

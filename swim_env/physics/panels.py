@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics._compile import kernel, vector_kernel
+from swim_env.physics._compile import entry_kernel, kernel, vector_kernel
 from swim_env.physics.dense import multiply
 from swim_env.physics.elementary import atan2, log
 from swim_env.physics.outline import CT, CX, CY, LENGTH, ST, X, Y
@@ -79,7 +79,7 @@ def _influence_row(
     layers[POTENTIAL, i, i] = panels[LENGTH, i] * (half_log[i] - 1.0)
 
 
-@kernel
+@entry_kernel
 def influence(
     panels: Array, count: int, reference_length: float, half_log: Array, layers: Array
 ) -> None:
@@ -106,7 +106,7 @@ def influence(
         _influence_row(i, panels, inverse_square, half_log, layers)
 
 
-@kernel
+@entry_kernel
 def normal_influence(panels: Array, count: int, layers: Array, out: Array) -> None:
     """Write the normal influence G, times 2 pi, from the velocities.
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from swim_env import Simulator
 from swim_env.bodies import Bodies
-from swim_env.physics._compile import kernel
+from swim_env.physics._compile import entry_kernel
 from swim_env.physics.added_mass import (
     FLUID_MODELS,
     FluidConstants,
@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
-@kernel
+@entry_kernel
 def _fluid_probe(
     joint_angles: Array,
     motion: Array,
@@ -63,7 +63,7 @@ def _fluid_probe(
     return status
 
 
-@kernel
+@entry_kernel
 def _step_probe(
     q: Array,
     p: Array,
@@ -90,7 +90,7 @@ def _step_probe(
         mass_matrix(beam, fluid, work, w)
         for i in range(mass.shape[0]):
             copy(w.mass[i], mass[i])
-        evaluate_step(p, torques, z, h, beam, fluid, work, False, w)
+        evaluate_step(p, torques, z, h, beam, fluid, work, w)
         copy(w.unknowns[RESIDUAL], residual)
         copy(w.unknowns[CHANGE], change)
         step_jacobian(h, beam, fluid, work, difference, w)
