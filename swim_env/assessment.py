@@ -13,7 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.physics._compile import entry_kernel, kernel
-from swim_env.physics.integrator import POSITIVE_WORK, STATE_ROWS, STEPS, WORK, state_size
+from swim_env.physics.integrator import (
+    POSITIVE_WORK,
+    RECORD_NAMES,
+    STATE_ROWS,
+    STEPS,
+    WORK,
+    state_size,
+)
 from swim_env.physics.loading import load_kernels
 
 __all__ = [
@@ -161,7 +168,7 @@ def assess(
         Torques that were held (N m).
     torque_of_one : (N - 1,) array
         Torque of an action of 1 (N m).
-    record, outcome : (M, T, 8), (M, 2) arrays
+    record, outcome : (M, T, 9), (M, 2) arrays
         As `advance` leaves them.
     goals : (M, 2) array
         A unit vector, or a point (m).
@@ -325,7 +332,7 @@ def load_assessment() -> None:
         np.zeros((1, 4)),
         torques,
         np.zeros(1),
-        np.zeros((1, 1, 8)),
+        np.zeros((1, 1, len(RECORD_NAMES))),
         np.zeros((1, 2), dtype=np.int64),
         np.array([[1.0, 0.0]]),
         np.ones(7),

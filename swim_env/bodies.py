@@ -14,11 +14,14 @@ from swim_env.physics.added_mass import FLUID_MODELS, FluidConstants
 from swim_env.physics.beam import BeamConstants
 from swim_env.physics.integrator import (
     RECORD_NAMES,
+    MemberViews,
     SolverConstants,
     advance,
+    member_views,
     pack_constants,
     state_size,
     steps_column,
+    unpack_constants,
     weigh,
     work_sizes,
 )
@@ -28,7 +31,7 @@ from swim_env.physics.status import TERMINATION_REASONS, describe
 from swim_env.scene import Initial, Scene
 from swim_env.threads import share
 
-__all__ = ["Bodies", "minimal_start"]
+__all__ = ["Bodies", "aligned_zeros", "minimal_start", "scene_constants"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -66,7 +69,7 @@ class Bodies:
         beam, fluid, solver = scene_constants(scene)
         self._constants = pack_constants(beam, fluid, solver)
         floats, integers = work_sizes(beam, fluid)
-        self._floats = _at_a_cache_line(count, floats)
+        self._floats = aligned_zeros(count, floats)
         self._integers = np.zeros((count, integers), dtype=np.int64)
         self.unknowns = scene.beam.elements + 2
         self.states: Array = np.zeros((count, state_size(scene.beam.elements)))
@@ -132,13 +135,21 @@ class Bodies:
             state,
             velocity,
             start,
-            *self._constants,
-            self._floats[member],
-            self._integers[member],
+            *self.member(member),
         )
 
+    def member(self, index: int) -> tuple[Array, Indices, Array, Indices]:
+        """Return what kernels take of one member: the scene's constants and its work space."""
+        return (*self._constants, self._floats[index], self._integers[index])
+
+    def views(self, index: int) -> MemberViews:
+        """Return the names of one member's state and work space, views of both."""
+        reals, sizes, floats, integers = self.member(index)
+        beam, fluid, _ = unpack_constants(reals, sizes)
+        return member_views(self.states[index], beam, fluid, floats, integers)
+
     def new_record(self, steps: int) -> Array:
-        """Return an array for `advance` to write to: (M, steps, 8), columns RECORD_NAMES."""
+        """Return an array for `advance` to write to: (M, steps, 9), columns RECORD_NAMES."""
         return np.zeros((len(self.states), steps, len(RECORD_NAMES)))
 
     def advance(
@@ -158,7 +169,7 @@ class Bodies:
             Joint torques (N m), not checked here.
         hold : int
             Steps over which each row is held.
-        record : (M, R hold, 8) array
+        record : (M, R hold, 9) array
             Overwritten for these members; see `swim_env.physics.integrator.advance`.
         members : (K,) array of int, optional
             Which ones; all of them unless given.
@@ -188,7 +199,7 @@ class Bodies:
         share(run, self.everyone if members is None else members, threads)
 
 
-def _at_a_cache_line(rows: int, columns: int) -> Array:
+def aligned_zeros(rows: int, columns: int) -> Array:
     """Return zeros (rows, columns) that begin at a cache line: loads across two take twice as long.
 
     Where an array from NumPy begins changes from process to process.

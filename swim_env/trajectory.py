@@ -23,7 +23,7 @@ __all__ = ["Trajectory"]
 Array = NDArray[np.float64]
 
 #: Version of the file format; a reader refuses versions that it does not know.
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +56,8 @@ class Trajectory:
         Scaled residual of the step equations that was met.
     iterations : (T,) array
         Newton corrections tried.
+    evaluations : (T,) array
+        Evaluations of the whole residual, with the derivative of the added mass.
     parts : (T,) array
         Parts that a step had to be cut into; 1 where it was solved whole.
     at_round_off : (T,) array
@@ -75,6 +77,7 @@ class Trajectory:
     dissipated: Array
     residual: Array
     iterations: Array
+    evaluations: Array
     parts: Array
     at_round_off: Array
 
@@ -124,8 +127,9 @@ class Trajectory:
             of the mean element centre, ``heading_change`` (rad), ``mean_speed``
             |displacement|/duration (m/s); ``work``, ``positive_work``, ``dissipated`` (J);
             ``energy_drift`` and ``momentum_drift``; ``max_residual``;
-            ``newton_iterations_mean``; ``halved_steps`` and ``most_parts`` of a step;
-            ``round_off_steps``; ``termination_reason`` (empty where the run was not cut short).
+            ``newton_iterations_mean``, ``evaluations_mean``; ``halved_steps`` and ``most_parts``
+            of a step; ``round_off_steps``; ``termination_reason`` (empty where the run was not cut
+            short).
         """
         steps = self.steps
         speed = float(np.hypot(*self.displacement)) / self.duration if steps else 0.0
@@ -143,6 +147,7 @@ class Trajectory:
             "momentum_drift": momentum_drift(self.momentum),
             "max_residual": float(self.residual.max(initial=0.0)),
             "newton_iterations_mean": float(self.iterations.mean()) if steps else 0.0,
+            "evaluations_mean": float(self.evaluations.mean()) if steps else 0.0,
             "halved_steps": int(np.count_nonzero(self.parts > 1)),
             "most_parts": int(self.parts.max(initial=0)),
             "round_off_steps": int(np.count_nonzero(self.at_round_off)),

@@ -137,31 +137,104 @@ def invert(matrix: Array, permutation: NDArray[np.int64]) -> bool:
 
 
 @vector_kernel
-def _multiply_row(factors: Array, source: Array, out: Array) -> None:
+def _add_four_rows(factors: Array, source: Array, k: int, out: Array) -> None:
+    """Add factors[k : k + 4] times four source rows to a row."""
+    a, b, c, d = factors[k], factors[k + 1], factors[k + 2], factors[k + 3]
+    s0 = source[k]
+    s1 = source[k + 1]
+    s2 = source[k + 2]
+    s3 = source[k + 3]
     for j in range((out.size >> 3) << 3):
-        out[j] = 0.0
-    # Four rows at a time, so that every sum is loaded and stored a fourth as often.
-    for k in range(0, source.shape[0], 4):
-        a = factors[k]
-        b = factors[k + 1]
-        c = factors[k + 2]
-        d = factors[k + 3]
-        first = source[k]
-        second = source[k + 1]
-        third = source[k + 2]
-        fourth = source[k + 3]
-        for j in range((out.size >> 3) << 3):
-            out[j] += a * first[j] + b * second[j] + c * third[j] + d * fourth[j]
+        out[j] += a * s0[j] + b * s1[j] + c * s2[j] + d * s3[j]
+
+
+@vector_kernel
+def _add_four_rows_to_two(factors: Array, source: Array, i: int, k: int, out: Array) -> None:
+    """Add factors[i : i + 2, k : k + 4] times four source rows to two rows."""
+    a0, b0, c0, d0 = factors[i, k], factors[i, k + 1], factors[i, k + 2], factors[i, k + 3]
+    last = i + 1
+    a1, b1, c1, d1 = (
+        factors[last, k],
+        factors[last, k + 1],
+        factors[last, k + 2],
+        factors[last, k + 3],
+    )
+    s0 = source[k]
+    s1 = source[k + 1]
+    s2 = source[k + 2]
+    s3 = source[k + 3]
+    r0 = out[i]
+    r1 = out[i + 1]
+    for j in range((out.shape[1] >> 3) << 3):
+        a = s0[j]
+        b = s1[j]
+        c = s2[j]
+        d = s3[j]
+        r0[j] += a0 * a + b0 * b + c0 * c + d0 * d
+        r1[j] += a1 * a + b1 * b + c1 * c + d1 * d
 
 
 @kernel
 def multiply(factors: Array, source: Array, out: Array) -> None:
     """Write the product of factors (m, n or more) and source (n, k) into out (m, k).
 
-    n is a multiple of 4, k of 8.
+    n is a multiple of 4, k of 8. Two rows and four factors at a time, numbers that are loaded serve
+    several products.
     """
-    for i in range(factors.shape[0]):
-        _multiply_row(factors[i], source, out[i])
+    rows = out.shape[0]
+    out[:] = 0.0
+    for i in range(0, rows // 2 * 2, 2):
+        for k in range(0, source.shape[0], 4):
+            _add_four_rows_to_two(factors, source, i, k, out)
+    if rows % 2 == 1:
+        for k in range(0, source.shape[0], 4):
+            _add_four_rows(factors[rows - 1], source, k, out[rows - 1])
+
+
+@kernel
+def _invert_block(matrix: Array, first: int, smallest_pivot: float) -> bool:
+    """Invert the block of rows and columns first ... first + 3 in place."""
+    for k in range(first, first + 4):
+        pivot = matrix[k, k]
+        if not (abs(pivot) >= smallest_pivot and abs(pivot) < np.inf):
+            return False
+        reciprocal = 1.0 / pivot
+        matrix[k, k] = 1.0
+        for j in range(first, first + 4):
+            matrix[k, j] *= reciprocal
+        for i in range(first, first + 4):
+            if i != k:
+                factor = matrix[i, k]
+                matrix[i, k] = 0.0
+                for j in range(first, first + 4):
+                    matrix[i, j] -= factor * matrix[k, j]
+    return True
+
+
+@vector_kernel
+def _apply_block(pivots: Array, column: int) -> None:
+    """Multiply four rows by the block that stands in their columns column ... column + 3."""
+    p0 = pivots[0]
+    p1 = pivots[1]
+    p2 = pivots[2]
+    p3 = pivots[3]
+    a0, b0, c0, d0 = p0[column], p0[column + 1], p0[column + 2], p0[column + 3]
+    a1, b1, c1, d1 = p1[column], p1[column + 1], p1[column + 2], p1[column + 3]
+    a2, b2, c2, d2 = p2[column], p2[column + 1], p2[column + 2], p2[column + 3]
+    a3, b3, c3, d3 = p3[column], p3[column + 1], p3[column + 2], p3[column + 3]
+    for j in range((pivots.shape[1] >> 3) << 3):
+        a = p0[j]
+        b = p1[j]
+        c = p2[j]
+        d = p3[j]
+        p0[j] = a0 * a + b0 * b + c0 * c + d0 * d
+        p1[j] = a1 * a + b1 * b + c1 * c + d1 * d
+        p2[j] = a2 * a + b2 * b + c2 * c + d2 * d
+        p3[j] = a3 * a + b3 * b + c3 * c + d3 * d
+    p0[column], p0[column + 1], p0[column + 2], p0[column + 3] = a0, b0, c0, d0
+    p1[column], p1[column + 1], p1[column + 2], p1[column + 3] = a1, b1, c1, d1
+    p2[column], p2[column + 1], p2[column + 2], p2[column + 3] = a2, b2, c2, d2
+    p3[column], p3[column + 1], p3[column + 2], p3[column + 3] = a3, b3, c3, d3
 
 
 @vector_kernel
@@ -216,20 +289,10 @@ def invert_in_order(matrix: Array, smallest_pivot: float) -> bool:
     """
     n = matrix.shape[0]
     for first in range(0, n, 4):
-        for k in range(first, first + 4):
-            pivot = matrix[k, k]
-            if not (abs(pivot) >= smallest_pivot and abs(pivot) < np.inf):
-                return False
-            reciprocal = 1.0 / pivot
-            matrix[k, k] = 1.0
-            for j in range(n):
-                matrix[k, j] *= reciprocal
-            for i in range(first, first + 4):
-                if i != k:
-                    factor = matrix[i, k]
-                    matrix[i, k] = 0.0
-                    _subtract_multiple(matrix[i], matrix[k], factor)
+        if not _invert_block(matrix, first, smallest_pivot):
+            return False
         pivots = matrix[first : first + 4]
+        _apply_block(pivots, first)
         for row in range(0, n, 4):
             if row != first:
                 _subtract_four_from_four(matrix, row, pivots, first)

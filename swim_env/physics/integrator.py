@@ -79,6 +79,7 @@ from swim_env.physics.status import (
 
 __all__ = [
     "RECORD_NAMES",
+    "MemberViews",
     "SolverConstants",
     "advance",
     "member_views",
@@ -104,12 +105,12 @@ _MOST_SHORTENINGS = 8
 #: A residual within this multiple of the rounding of its terms counts as met.
 ROUND_OFF_MARGIN = 32.0
 
-# Corrections with one matrix and the shape force held: at most so many, and passes of them; each at
-# least halves the correction; a pass ends where the residual has fallen by this factor, and need
-# not go further below the tolerance than that one.
+# Passes of corrections with one matrix and the shape force held, and corrections in one of them.
+# Each at least halves the correction. The first pass ends where the residual has fallen by this
+# factor, later ones at this part of the tolerance.
 _MOST_PASSES = 4
 _MOST_IN_PASS = 8
-_PASS_REDUCTION = 1e-4
+_FIRST_PASS = 1e-4
 _PASS_TOLERANCE = 0.1
 
 # Layout of a member's state vector, in rows of N + 2 numbers: q, p, the last three increments and
@@ -127,10 +128,12 @@ RECORD_NAMES = (
     "dissipated",
     "residual",
     "iterations",
+    "evaluations",
     "parts",
     "at_round_off",
 )
-ENERGY, WORK, POSITIVE_WORK, DISSIPATED, RESIDUAL_MET, ITERATIONS, PARTS, AT_ROUND_OFF = range(8)
+ENERGY, WORK, POSITIVE_WORK, DISSIPATED, RESIDUAL_MET, ITERATIONS = range(6)
+EVALUATIONS, PARTS, AT_ROUND_OFF = range(6, 9)
 
 
 class SolverConstants(NamedTuple):
@@ -206,7 +209,7 @@ def work_sizes(beam: BeamConstants, fluid: FluidConstants) -> tuple[int, int]:
     return floats + step, integers + beam.elements + 2
 
 
-class _Member(NamedTuple):
+class MemberViews(NamedTuple):
     """Views of one member's state and work space."""
 
     q: Array
@@ -226,14 +229,14 @@ def member_views(
     fluid: FluidConstants,
     floats: Array,
     integers: NDArray[np.int64],
-) -> _Member:
-    """Lay the names of `_Member` over one member's state and work space."""
+) -> MemberViews:
+    """Lay the names of `MemberViews` over one member's state and work space."""
     n = beam.elements + 2
     motions = motion_count(fluid)
     step_floats = step_array_size(beam.elements, motions)
     fluid_floats = fluid_work_sizes(fluid)[0]
     rows = state[: STATE_ROWS * n].reshape((STATE_ROWS, n))
-    return _Member(
+    return MemberViews(
         rows[0],
         rows[1],
         rows[2:5],
@@ -319,7 +322,7 @@ def _correction_size(z: Array, dl: float) -> float:
 
 @inlined
 def _newton_in_passes(
-    m: _Member,
+    m: MemberViews,
     torques: Array,
     h: float,
     beam: BeamConstants,
@@ -346,6 +349,7 @@ def _newton_in_passes(
         norm = evaluate_held_step(m.p, torques, z, h, beam, fluid, w)
     else:
         norm = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, w)
+        report[3] += 1.0
     report[0] = norm
     if not norm < np.inf:
         return False
@@ -354,8 +358,10 @@ def _newton_in_passes(
     step_jacobian(h, beam, fluid, m.fluid_work, 0.0, w)
     if not lu_factor(w.jacobian, m.permutation):
         return False
+    # The first pass works with a guess of the shape force and need not go far.
+    enough = _FIRST_PASS * norm
     for _ in range(_MOST_PASSES):
-        enough = max(_PASS_TOLERANCE * solver.tolerance, _PASS_REDUCTION * norm)
+        enough = max(enough, _PASS_TOLERANCE * solver.tolerance)
         size = np.inf
         for _ in range(_MOST_IN_PASS):
             copy(u[RESIDUAL], direction)
@@ -371,7 +377,9 @@ def _newton_in_passes(
             if norm <= enough:
                 break
         norm = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, w)
+        report[3] += 1.0
         report[0] = norm
+        enough = 0.0
         if norm <= solver.tolerance:
             # With the right shape force, one more correction is cheap; what it leaves is below
             # what was just measured.
@@ -386,7 +394,7 @@ def _newton_in_passes(
 
 @inlined
 def _newton(
-    m: _Member,
+    m: MemberViews,
     torques: Array,
     h: float,
     beam: BeamConstants,
@@ -399,8 +407,8 @@ def _newton(
     natural monotonicity test: the next correction with the same matrix has to be smaller. It does
     not depend on how residuals of turning and of shifting are weighed against each other.
 
-    The report is the scaled residual, the number of corrections tried (added up), and 1 where
-    rounding kept the residual from falling to the tolerance.
+    The report is the scaled residual, the number of corrections tried (added up), 1 where rounding
+    kept the residual from falling to the tolerance, and the number of whole evaluations (added up).
     """
     w = m.step
     u = w.unknowns
@@ -411,6 +419,7 @@ def _newton(
     report = w.report
     report[2] = 0.0
     norm = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, w)
+    report[3] += 1.0
     report[0] = norm
     if not norm < np.inf:
         return False
@@ -440,6 +449,7 @@ def _newton(
             if not _turns_beyond(trial, TRUSTED_TURN):
                 norm = evaluate_step(m.p, torques, trial, h, beam, fluid, m.fluid_work, w)
                 report[1] += 1.0
+                report[3] += 1.0
                 if norm <= solver.tolerance:
                     copy(trial, z)
                     report[0] = norm
@@ -476,6 +486,7 @@ def _newton(
         difference = SHAPE_DIFFERENCE
         renew = True
         report[0] = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, w)
+        report[3] += 1.0
     return False
 
 
@@ -494,7 +505,7 @@ def _turns_beyond(z: Array, limit: float) -> bool:
 
 @inlined
 def _solve_part(
-    m: _Member,
+    m: MemberViews,
     torques: Array,
     h: float,
     part: int,
@@ -516,14 +527,14 @@ def _solve_part(
             if m.counters[KNOWN_INCREMENTS] == 0.0:
                 continue
             ratio = part / m.counters[LAST_PART]
-            extrapolate = ratio == 1.0 and m.counters[KNOWN_INCREMENTS] == 3.0
+            known = m.counters[KNOWN_INCREMENTS] if ratio == 1.0 else 1.0
             for i in range(increment.size):
                 increment[i] = ratio * m.history[0, i]
-                if extrapolate:
+                if known == 3.0:
                     increment[i] += m.history[1, i] - m.history[2, i]
             for k in range(shape.size):
                 shape[k] = ratio * ratio * m.shape_history[0, k]
-                if extrapolate:
+                if known == 3.0:
                     shape[k] += m.shape_history[1, k] - m.shape_history[2, k]
         elif start == 1:
             increment[0] = h * velocity[0]
@@ -550,7 +561,7 @@ def _solve_part(
 
 @inlined
 def _outer_step(
-    m: _Member,
+    m: MemberViews,
     torques: Array,
     beam: BeamConstants,
     fluid: FluidConstants,
@@ -615,6 +626,7 @@ def _outer_step(
         return status
     record[ENERGY] = _energy(m.p, beam, w)
     record[ITERATIONS] = report[1]
+    record[EVALUATIONS] = report[3]
     for j in range(torques.size):
         work = torques[j] * u[TOTAL, 3 + j]
         record[WORK] += work
@@ -661,7 +673,7 @@ def advance(
         Work space of `work_sizes`.
     trace_q, trace_p : (M, T, N + 2) arrays
         Overwritten: coordinates and momenta after each of the first T steps; T may be 0.
-    record : (M, R hold, 8) array
+    record : (M, R hold, 9) array
         Overwritten: a row of RECORD_NAMES per step; the energy is that at the step's end.
     velocities : (M, N + 2) array
         Overwritten: M^-1 p at the last state: velocity of the mean centre (m/s) and turning rate

@@ -133,7 +133,7 @@ class StepArrays(NamedTuple):
         Newton's matrix (its factors) and the rows of its transpose.
     column_motions, column_impulses : (N + 2, K') arrays
         Derivatives of V and of A V, a row for every unknown.
-    report : (3,) array
+    report : (4,) array
         What Newton's method says of its last attempt.
     """
 
@@ -159,7 +159,7 @@ def step_array_size(elements: int, motions: int) -> int:
         + _ELEMENT_ROWS * elements
         + _UNKNOWN_ROWS * n
         + 3 * n * n
-        + 3
+        + 4
     )
 
 

@@ -82,10 +82,8 @@ def _compile_in_own_processes() -> None:
         started = []
         try:
             for function in together:
-                code = (
-                    f"import sys; sys.path.append({root!r}); from swim_env.physics import loading"
-                )
-                command = [sys.executable, "-P", "-c", f"{code}; loading.{function.__name__}()"]
+                code = f"{setup}; loading.{function.__name__}()"
+                command = [sys.executable, "-P", "-c", code]
                 started.append(subprocess.Popen(command, stdin=subprocess.DEVNULL, env=environment))
         except OSError:
             pass
