@@ -28,7 +28,7 @@ STAMP_DEV := $(VENV)/.stamp-dev
 # An editable install knows the top packages that were there when it was made.
 SOURCES := pyproject.toml setup.py constraints.txt $(wildcard agents/__init__.py)
 
-.PHONY: help venv demo test test-slow test-ci-slice lint types clean
+.PHONY: help venv demo benchmark test test-slow test-ci-slice lint types clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -37,6 +37,9 @@ venv: $(STAMP_DEV) ## set up .venv with what training, the tests and the checks 
 
 demo: $(STAMP_VIEW) ## set up and play the paper's travelling wave for 20 s into results/demo
 	$(BIN)/python scripts/replay.py --scene paper_i --duration 20 --output results/demo
+
+benchmark: $(STAMP_DEV) ## set up and measure all costs into docs/benchmark (leave the machine alone)
+	$(BIN)/python scripts/benchmark.py --output docs/benchmark
 
 test: $(STAMP_DEV) ## set up and run the tests (under 6 minutes)
 	$(PYTEST) -n $(WORKERS) -m "not slow"
@@ -79,6 +82,6 @@ $(STAMP_VIEW): $(STAMP_BUILD) $(SOURCES)
 	@touch $@
 
 $(STAMP_DEV): $(STAMP_VIEW) $(SOURCES)
-	@echo "Installing the packages to train, to test and to check into $(VENV) ..."
-	$(PIP) install -c constraints.txt --no-build-isolation -e ".[train,view,dev]"
+	@echo "Installing the packages to train, to compare, to test and to check into $(VENV) ..."
+	$(PIP) install -c constraints.txt --no-build-isolation -e ".[train,view,bench,dev]"
 	@touch $@

@@ -12,7 +12,16 @@ from typing import Any
 
 __all__ = ["where_and_when"]
 
-_PACKAGES = ("numpy", "numba", "scipy", "gymnasium", "stable-baselines3", "torch")
+_PACKAGES = (
+    "numpy",
+    "numba",
+    "scipy",
+    "gymnasium",
+    "stable-baselines3",
+    "torch",
+    "mujoco",
+    "pyelastica",
+)
 
 
 def where_and_when() -> dict[str, Any]:

@@ -25,7 +25,7 @@ __all__ = ["draw_path", "draw_wave_search", "require_matplotlib", "save_figure"]
 #: Runs through colours that differ in lightness as well, from the beginning to the end of a run.
 TIME_COLOURS = "viridis"
 BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "#666666"
-_SMALL = 8
+SMALL = 8
 
 
 def require_matplotlib() -> None:
@@ -42,7 +42,8 @@ def require_matplotlib() -> None:
         )
 
 
-def _figure(width: float, height: float) -> Figure:
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure of that size (inches), 150 pixels an inch."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -100,7 +101,7 @@ def draw_path(trajectory: Trajectory, shapes: int = 6) -> Figure:
 
     instants = np.unique(np.linspace(0, trajectory.steps, shapes).round().astype(int))
     colours = colormaps[TIME_COLOURS](np.linspace(0.0, 0.88, len(instants)))
-    figure = _figure(8.0, 6.4)
+    figure = new_figure(8.0, 6.4)
     rows = figure.add_gridspec(2, 2, height_ratios=(1.0, 1.25))
     plane = figure.add_subplot(rows[0, :])
     _draw_in_plane(plane, trajectory, instants, colours)
@@ -121,10 +122,11 @@ def _title(trajectory: Trajectory) -> str:
     return text
 
 
-def _style(axes: Axes, x: str, y: str) -> None:
-    axes.set_xlabel(x, fontsize=_SMALL)
-    axes.set_ylabel(y, fontsize=_SMALL)
-    axes.tick_params(labelsize=_SMALL)
+def style_axes(axes: Axes, x: str, y: str) -> None:
+    """Label axes, in the size and with the frame that all pictures have."""
+    axes.set_xlabel(x, fontsize=SMALL)
+    axes.set_ylabel(y, fontsize=SMALL)
+    axes.tick_params(labelsize=SMALL)
     axes.spines[["top", "right"]].set_visible(False)
 
 
@@ -147,9 +149,9 @@ def _draw_in_plane(
     axes.plot(*trajectory.path.T, color=GREY, linewidth=0.8, label="mean centre", zorder=4)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.04, 0.15)
-    axes.legend(fontsize=_SMALL - 1, ncols=4, frameon=False, loc="lower right")
-    axes.set_title("centre line and normal directors (dot: head)", fontsize=_SMALL, loc="left")
-    _style(axes, "x (m)", "y (m)")
+    axes.legend(fontsize=SMALL - 1, ncols=4, frameon=False, loc="lower right")
+    axes.set_title("centre line and normal directors (dot: head)", fontsize=SMALL, loc="left")
+    style_axes(axes, "x (m)", "y (m)")
 
 
 def _draw_apart(
@@ -167,9 +169,9 @@ def _draw_apart(
     axes.axvline(start, color=GREY, linewidth=0.6, linestyle=":")
     axes.set_yticks(-step * np.arange(len(instants)), [f"{trajectory.time[n]:g}" for n in instants])
     axes.set_title(
-        "shapes moved apart, bending enlarged (dotted: start)", fontsize=_SMALL, loc="left"
+        "shapes moved apart, bending enlarged (dotted: start)", fontsize=SMALL, loc="left"
     )
-    _style(axes, "x (m)", "time (s)")
+    style_axes(axes, "x (m)", "time (s)")
 
 
 def _draw_displacement(axes: Axes, trajectory: Trajectory) -> None:
@@ -178,9 +180,9 @@ def _draw_displacement(axes: Axes, trajectory: Trajectory) -> None:
     axes.axhline(0.0, color=GREY, linewidth=0.5)
     axes.plot(trajectory.time, net[:, 0], color=BLUE, linewidth=1.2, label="along x")
     axes.plot(trajectory.time, net[:, 1], color=ORANGE, linewidth=1.2, label="along y")
-    axes.legend(fontsize=_SMALL, frameon=False)
-    axes.set_title("displacement of the mean centre", fontsize=_SMALL, loc="left")
-    _style(axes, "time (s)", "displacement (body lengths)")
+    axes.legend(fontsize=SMALL, frameon=False)
+    axes.set_title("displacement of the mean centre", fontsize=SMALL, loc="left")
+    style_axes(axes, "time (s)", "displacement (body lengths)")
 
 
 def draw_wave_search(record: dict[str, Any]) -> Figure:
@@ -204,7 +206,7 @@ def draw_wave_search(record: dict[str, Any]) -> Figure:
     require_matplotlib()
     grid = record["search"]["grid"]
     values = np.array(grid["net_displacement"])
-    figure = _figure(6.4, 4.2)
+    figure = new_figure(6.4, 4.2)
     axes = figure.add_subplot()
     largest = float(np.abs(values).max()) or 1.0
     image = axes.pcolormesh(
@@ -217,8 +219,8 @@ def draw_wave_search(record: dict[str, Any]) -> Figure:
         shading="nearest",
     )
     bar = figure.colorbar(image, ax=axes)
-    bar.set_label("net displacement along the heading (body lengths)", fontsize=_SMALL)
-    bar.ax.tick_params(labelsize=_SMALL)
+    bar.set_label("net displacement along the heading (body lengths)", fontsize=SMALL)
+    bar.ax.tick_params(labelsize=SMALL)
     wave = record["wave"]
     if wave is not None:
         axes.plot(
@@ -230,9 +232,9 @@ def draw_wave_search(record: dict[str, Any]) -> Figure:
             markerfacecolor="white",
             label=f"tuned wave, {record['net_displacement']:.2f} body lengths",
         )
-        axes.legend(fontsize=_SMALL, loc="lower left")
-    _style(axes, "wave number \u03ba (\u03c0 rad per body length)", "frequency (Hz)")
+        axes.legend(fontsize=SMALL, loc="lower left")
+    style_axes(axes, "wave number \u03ba (\u03c0 rad per body length)", "frequency (Hz)")
     axes.set_title(
-        f"{record['scene']}: a wave of full torque over one episode", fontsize=_SMALL, loc="left"
+        f"{record['scene']}: a wave of full torque over one episode", fontsize=SMALL, loc="left"
     )
     return figure

@@ -1,0 +1,296 @@
+"""The arithmetic that no step with exact panels can do without, as a kernel of its own.
+
+One assembly of the influence matrices G and P, one elimination of G, and the potentials of all
+unit motions, P G^-1 B. Every step has to weigh its new pose so; what a step takes beyond this floor
+is its own: Newton's method, the shape derivative, the rigid and elastic terms. The floor uses the
+logarithm and arc tangent of the kernels and the same blocks of four rows, but keeps nothing that a
+shape derivative would need.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.bodies import Bodies, aligned_zeros, minimal_start, scene_constants
+from swim_env.errors import SceneError
+from swim_env.physics._compile import entry_kernel, kernel, vector_kernel
+from swim_env.physics.dense import copy, invert_in_order, multiply
+from swim_env.physics.elementary import atan2, log
+from swim_env.physics.outline import (
+    CT,
+    CX,
+    CY,
+    LATERAL,
+    LENGTH,
+    ROTARY,
+    ST,
+    X,
+    Y,
+    padded,
+    panel_count,
+)
+from swim_env.scene import Scene
+
+__all__ = ["floor_calls", "potentials_of_motions"]
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+ELIMINATION, INVERSE = 0, 1
+
+
+@kernel
+def _assemble_row(
+    i: int, panels: Array, inverse_square: float, half_log: Array, normal: Array, potential: Array
+) -> None:
+    count = (panels.shape[1] >> 3) << 3
+    cx = panels[CX, i]
+    cy = panels[CY, i]
+    nx = panels[ST, i]
+    ny = -panels[CT, i]
+    for j in range(count):
+        dx = cx - panels[X, j]
+        dy = cy - panels[Y, j]
+        half_log[j] = 0.5 * log((dx * dx + dy * dy) * inverse_square)
+    half_log[count] = half_log[0]
+    for j in range(count):
+        ct = panels[CT, j]
+        st = panels[ST, j]
+        length = panels[LENGTH, j]
+        dx = cx - panels[X, j]
+        dy = cy - panels[Y, j]
+        along = dx * ct + dy * st
+        across = dy * ct - dx * st
+        angle = atan2(across * length, across * across + along * (along - length))
+        ratio = half_log[j] - half_log[j + 1]
+        normal[i, j] = nx * (ratio * ct - angle * st) + ny * (ratio * st + angle * ct)
+        potential[i, j] = (
+            along * half_log[j] - (along - length) * half_log[j + 1] - length + across * angle
+        )
+    normal[i, i] = np.pi
+    potential[i, i] = panels[LENGTH, i] * (half_log[i] - 1.0)
+
+
+@vector_kernel
+def _eliminate_four(matrix: Array, row: int, first: int) -> None:
+    """Subtract multiples of rows first ... first + 3 from four rows below, from `first` on."""
+    # Slices that begin at 0: an index that might be negative keeps a loop from being vectorised.
+    start = (first >> 3) << 3
+    p0 = matrix[first, start:]
+    p1 = matrix[first + 1, start:]
+    p2 = matrix[first + 2, start:]
+    p3 = matrix[first + 3, start:]
+    r0 = matrix[row, start:]
+    r1 = matrix[row + 1, start:]
+    r2 = matrix[row + 2, start:]
+    r3 = matrix[row + 3, start:]
+    c = first - start
+    a0, b0, c0, d0 = r0[c], r0[c + 1], r0[c + 2], r0[c + 3]
+    a1, b1, c1, d1 = r1[c], r1[c + 1], r1[c + 2], r1[c + 3]
+    a2, b2, c2, d2 = r2[c], r2[c + 1], r2[c + 2], r2[c + 3]
+    a3, b3, c3, d3 = r3[c], r3[c + 1], r3[c + 2], r3[c + 3]
+    for j in range((p0.size >> 3) << 3):
+        a = p0[j]
+        b = p1[j]
+        c = p2[j]
+        d = p3[j]
+        r0[j] -= a0 * a + b0 * b + c0 * c + d0 * d
+        r1[j] -= a1 * a + b1 * b + c1 * c + d1 * d
+        r2[j] -= a2 * a + b2 * b + c2 * c + d2 * d
+        r3[j] -= a3 * a + b3 * b + c3 * c + d3 * d
+
+
+@vector_kernel
+def _add_multiple_row(target: Array, source: Array, factor: float) -> None:
+    for j in range(target.size):
+        target[j] += factor * source[j]
+
+
+@kernel
+def _solve(matrix: Array, size: int) -> None:
+    """Solve for the right-hand sides that stand behind the first `size` columns, in place."""
+    # Pivot blocks are reduced to the identity, so that four rows below need their own entries
+    # alone as factors.
+    for first in range(0, size, 4):
+        for k in range(first, first + 4):
+            reciprocal = 1.0 / matrix[k, k]
+            for j in range(first, matrix.shape[1]):
+                matrix[k, j] *= reciprocal
+            for i in range(first, first + 4):
+                if i != k:
+                    _add_multiple_row(matrix[i, first:], matrix[k, first:], -matrix[i, k])
+        for row in range(first + 4, size, 4):
+            _eliminate_four(matrix, row, first)
+    for back in range(4, size + 1, 4):
+        first = size - back
+        for row in range(0, first, 4):
+            _substitute_four(matrix, row, first, size)
+
+
+@vector_kernel
+def _substitute_four(matrix: Array, row: int, first: int, start: int) -> None:
+    """Take known unknowns first ... first + 3 out of four rows above, right-hand sides only."""
+    p0 = matrix[first, start:]
+    p1 = matrix[first + 1, start:]
+    p2 = matrix[first + 2, start:]
+    p3 = matrix[first + 3, start:]
+    r0 = matrix[row, start:]
+    r1 = matrix[row + 1, start:]
+    r2 = matrix[row + 2, start:]
+    r3 = matrix[row + 3, start:]
+    a0, b0, c0, d0 = (
+        matrix[row, first],
+        matrix[row, first + 1],
+        matrix[row, first + 2],
+        matrix[row, first + 3],
+    )
+    a1, b1, c1, d1 = (
+        matrix[row + 1, first],
+        matrix[row + 1, first + 1],
+        matrix[row + 1, first + 2],
+        matrix[row + 1, first + 3],
+    )
+    a2, b2, c2, d2 = (
+        matrix[row + 2, first],
+        matrix[row + 2, first + 1],
+        matrix[row + 2, first + 2],
+        matrix[row + 2, first + 3],
+    )
+    a3, b3, c3, d3 = (
+        matrix[row + 3, first],
+        matrix[row + 3, first + 1],
+        matrix[row + 3, first + 2],
+        matrix[row + 3, first + 3],
+    )
+    for j in range((p0.size >> 3) << 3):
+        a = p0[j]
+        b = p1[j]
+        c = p2[j]
+        d = p3[j]
+        r0[j] -= a0 * a + b0 * b + c0 * c + d0 * d
+        r1[j] -= a1 * a + b1 * b + c1 * c + d1 * d
+        r2[j] -= a2 * a + b2 * b + c2 * c + d2 * d
+        r3[j] -= a3 * a + b3 * b + c3 * c + d3 * d
+
+
+@kernel
+def _by_elimination(motions: Array, augmented: Array, strengths: Array) -> None:
+    """Solve for the source strengths of all motions next to the elimination of G."""
+    size = augmented.shape[0]
+    for i in range(size):
+        copy(motions[i], augmented[i, size:])
+    _solve(augmented, size)
+    for i in range(size):
+        copy(augmented[i, size:], strengths[i])
+
+
+@kernel
+def _by_inverse(
+    count: int, motions: Array, element: Integers, inverse: Array, strengths: Array
+) -> None:
+    """Invert G and sum the columns of every motion: B has few entries a panel."""
+    invert_in_order(inverse, 0.0)
+    elements = element[count] + 1
+    strengths[:] = 0.0
+    for i in range(count):
+        for p in range(count):
+            k = element[p]
+            strengths[i, k] += inverse[i, p] * motions[p, k]
+            strengths[i, elements + k] += inverse[i, p] * motions[p, elements + k]
+
+
+@entry_kernel
+def potentials_of_motions(
+    times: int,
+    way: int,
+    panels: Array,
+    count: int,
+    element: Integers,
+    motions: Array,
+    half_log: Array,
+    augmented: Array,
+    inverse: Array,
+    potential: Array,
+    strengths: Array,
+    out: Array,
+) -> None:
+    """Evaluate P G^-1 B a number of times.
+
+    Parameters
+    ----------
+    times : int
+        How often.
+    way : int
+        ELIMINATION solves for the motions as G is eliminated, INVERSE inverts G and multiplies.
+        Which is faster depends on the size.
+    panels : (7 or more, M') array
+        A padded outline (`swim_env.physics.outline`).
+    count : int
+        M, the number of panels that are not padding.
+    element : (M + 1,) int array
+        Element of every panel; the last entry is N - 1.
+    motions : (M', K') array
+        B: normal velocity of every panel per unit motion.
+    half_log : (M' + 1,) array
+        Work space.
+    augmented, inverse : (M', M' + K'), (M', M') arrays
+        Work space.
+    potential : (M', M') array
+        Work space, zero at first.
+    strengths, out : (M', K') arrays
+        Overwritten: source strengths and potentials.
+    """
+    matrix = augmented if way == ELIMINATION else inverse
+    for _ in range(times):
+        for i in range(count):
+            _assemble_row(i, panels, 1.0, half_log, matrix, potential)
+        for i in range(count, panels.shape[1]):
+            matrix[i] = 0.0
+            matrix[i, i] = 1.0
+        if way == ELIMINATION:
+            _by_elimination(motions, augmented, strengths)
+        else:
+            _by_inverse(count, motions, element, inverse, strengths)
+        multiply(potential, strengths, out)
+
+
+def floor_calls(scene: Scene, times: int) -> dict[str, Callable[[], None]]:
+    """Return what evaluates the floor of a scene a number of times, in both ways.
+
+    The pose is the one that the scene starts from; the cost does not depend on it.
+
+    Raises
+    ------
+    SceneError
+        If the scene has no panels.
+    """
+    if scene.fluid is None or scene.fluid.model != "panels":
+        raise SceneError("the floor is that of fluid.model panels")
+    bodies = Bodies(scene)
+    bodies.start(0, *minimal_start(scene, scene.initial))
+    outline = bodies.views(0).fluid_work.outline
+    elements = scene.beam.elements
+    count = int(panel_count(scene_constants(scene)[1].geometry))
+    size, wide = outline.element.size, padded(2 * elements)
+    element = np.append(outline.element[:count], elements - 1)
+    motions = aligned_zeros(size, wide)
+    rows = np.arange(count)
+    motions[rows, element[:count]] = outline.panels[LATERAL, :count]
+    motions[rows, elements + element[:count]] = outline.panels[ROTARY, :count]
+    work = (
+        np.zeros(size + 1),
+        aligned_zeros(size, size + wide),
+        aligned_zeros(size, size),
+        aligned_zeros(size, size),
+        aligned_zeros(size, wide),
+        aligned_zeros(size, wide),
+    )
+    given = (outline.panels, count, element, motions, *work)
+    return {
+        name: partial(potentials_of_motions, times, way, *given)
+        for name, way in (("elimination", ELIMINATION), ("inverse", INVERSE))
+    }

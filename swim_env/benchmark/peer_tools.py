@@ -1,0 +1,182 @@
+"""What all peers need: their package, the wave that drives them, their largest stable step."""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.errors import SceneError, SwimError
+from swim_env.scene import Actuation, Scene
+
+__all__ = [
+    "PeerMissingError",
+    "StableStep",
+    "largest_stable_step",
+    "load_peer",
+    "wave_of",
+]
+
+Array = NDArray[np.float64]
+
+LARGEST_ANGLE = 1.0
+"""Joint angles beyond this count as blown up (rad); the paper's wave bends joints by 0.05 rad."""
+
+OVERSHOOT = 1.5
+"""How far the largest joint angle may exceed that of the run with a quarter of the step."""
+
+
+class PeerMissingError(SwimError, ImportError):
+    """A package that a peer needs is not installed."""
+
+
+def load_peer(module: str, name: str) -> ModuleType:
+    """Import a peer's package.
+
+    Parameters
+    ----------
+    module : str
+        What to import.
+    name : str
+        What people call it, for the message.
+
+    Raises
+    ------
+    PeerMissingError
+        If it is not installed. A package that is there but fails to import raises what it raises.
+    """
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name != module:
+            raise
+        raise PeerMissingError(
+            f"{name} is not measured: it is not installed (pip install 'swim-env[bench]')"
+        ) from None
+
+
+def wave_of(scene: Scene) -> Actuation:
+    """Return the scene's travelling wave of torque, which drives every peer.
+
+    Raises
+    ------
+    SceneError
+        If the scene prescribes none.
+    """
+    if scene.actuation is None:
+        raise SceneError("actuation is missing: its wave must be there to drive the peers")
+    return scene.actuation
+
+
+@dataclass(frozen=True)
+class StableStep:
+    """The largest stable time step of a peer.
+
+    Attributes
+    ----------
+    substeps : int
+        Steps in one control interval.
+    time_step : float
+        The step itself (s): the control interval divided by `substeps`.
+    unstable_time_step : float or None
+        The next larger step that was tried, which was unstable (s); None where one step for a
+        whole control interval is stable, as larger ones are not asked for.
+    deviation : float
+        Root mean square difference of the joint angles from the run with a quarter of the step,
+        over that of the angles there. Stable is not accurate: an undamped chain that rings drifts
+        out of phase at any step.
+    peak : float
+        Largest joint angle (rad).
+    """
+
+    substeps: int
+    time_step: float
+    unstable_time_step: float | None
+    deviation: float
+    peak: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields by name, for JSON."""
+        return asdict(self)
+
+
+def largest_stable_step(
+    run: Callable[[int], Array | None],
+    interval: float,
+    *,
+    most: int = 4000,
+    resolution: float = 0.03,
+) -> StableStep | None:
+    """Find the largest stable time step among the whole parts of a control interval.
+
+    A step is stable when the run stays finite and without complaint of the peer, when no joint
+    angle exceeds `LARGEST_ANGLE`, and when none exceeds `OVERSHOOT` times the largest of the run
+    with a quarter of the step, which must be stable too. The number of parts is doubled until it
+    is stable and then bisected, on the assumption that smaller steps are no less stable.
+
+    Parameters
+    ----------
+    run : callable
+        Returns the joint angles (T, J) (rad) of a run with that many steps in an interval, with
+        the same times at any number; None where the peer gave up.
+    interval : float
+        Control interval (s).
+    most : int
+        Largest number of steps in an interval to try, at least 1.
+    resolution : float
+        Relative accuracy of the result; the step is at most this much too small, or one part.
+
+    Returns
+    -------
+    StableStep or None
+        The step; None where not even `most` steps in an interval are stable.
+    """
+    angles: dict[int, Array | None] = {}
+    limit = LARGEST_ANGLE
+
+    def peak_of(count: int) -> float:
+        if count not in angles:
+            angles[count] = run(count)
+        found = angles[count]
+        # A NaN is no peak: only angles that compare as small are.
+        if found is None or not np.isfinite(found).all():
+            return math.inf
+        return float(np.abs(found).max())
+
+    unstable, stable = 0, 1
+    while stable <= most:
+        if peak_of(stable) > limit:
+            unstable, stable = stable, 2 * stable
+        elif stable - unstable > max(1.0, resolution * stable):
+            middle = (unstable + stable) // 2
+            if peak_of(middle) > limit:
+                unstable = middle
+            else:
+                stable = middle
+        else:
+            fine = peak_of(4 * stable)
+            if fine <= LARGEST_ANGLE and peak_of(stable) <= OVERSHOOT * fine:
+                return StableStep(
+                    substeps=stable,
+                    time_step=interval / stable,
+                    unstable_time_step=interval / unstable if unstable else None,
+                    deviation=_deviation(angles[stable], angles[4 * stable]),
+                    peak=peak_of(stable),
+                )
+            # Slow growth: bounded only for as long as the run lasts. The finer run knows better.
+            if fine <= LARGEST_ANGLE:
+                limit = OVERSHOOT * fine
+            unstable, stable = stable, 2 * stable
+    return None
+
+
+def _deviation(coarse: Array | None, fine: Array | None) -> float:
+    assert coarse is not None and fine is not None
+    scale = float(np.sqrt(np.mean(fine**2)))
+    return float(np.sqrt(np.mean((coarse - fine) ** 2))) / scale if scale else 0.0
