@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import math
 import os
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from swim_env.errors import SwimError
+from swim_env.folders import check_folder, write_folder
 from swim_env.scene import Scene
 from swim_env.simulator import Simulator
 from swim_env.trajectory import Trajectory
@@ -103,47 +103,20 @@ def write_results(
 ) -> None:
     """Write summary, trajectory, scene and picture into a folder, all of them or none.
 
-    The files are made in a hidden folder beside it, which then takes its place. A folder of
-    earlier results is replaced; one that holds anything else is left alone.
-
     Raises
     ------
     SwimError
         If the folder holds other files, or cannot be written.
     """
-    # A link to a folder keeps pointing there.
-    target = Path(os.path.realpath(folder))
-    check_result_folder(target)
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(
-            dir=target.parent, prefix=f".{target.name[:100]}.", ignore_cleanup_errors=True
-        ) as scratch:
-            ready = Path(scratch) / "new"
-            ready.mkdir()
-            text = json.dumps(summary, indent=2, allow_nan=False)
-            (ready / "summary.json").write_text(text + "\n", encoding="utf-8")
-            trajectory.save(ready / "trajectory.npz")
-            trajectory.scene.save(ready / "scene.yaml")
-            save_figure(draw_path(trajectory), ready / "path.png")
-            _exchange(ready, target, Path(scratch) / "old")
-    except OSError as error:
-        raise SwimError(
-            f"cannot write results: {error.strerror or error} ({os.fspath(folder)})"
-        ) from None
 
+    def write(ready: Path) -> None:
+        text = json.dumps(summary, indent=2, allow_nan=False)
+        (ready / "summary.json").write_text(text + "\n", encoding="utf-8")
+        trajectory.save(ready / "trajectory.npz")
+        trajectory.scene.save(ready / "scene.yaml")
+        save_figure(draw_path(trajectory), ready / "path.png")
 
-def _exchange(ready: Path, target: Path, old: Path) -> None:
-    """Put a finished folder in the place of another, or leave the other where it is."""
-    if not target.exists():
-        ready.rename(target)
-        return
-    target.rename(old)
-    try:
-        ready.rename(target)
-    except BaseException:
-        old.rename(target)
-        raise
+    write_folder(folder, RESULT_FILES, write)
 
 
 def check_result_folder(folder: str | os.PathLike[str]) -> None:
@@ -154,18 +127,4 @@ def check_result_folder(folder: str | os.PathLike[str]) -> None:
     SwimError
         If it does, or if the path is a file.
     """
-    name = os.fspath(folder)
-    target = Path(folder)
-    try:
-        if not target.exists():
-            return
-        if not target.is_dir():
-            raise SwimError(f"results go into a folder, this is a file ({name})")
-        others = sorted(entry.name for entry in target.iterdir() if entry.name not in RESULT_FILES)
-    except OSError as error:
-        raise SwimError(f"cannot use the folder: {error.strerror or error} ({name})") from None
-    if others:
-        raise SwimError(
-            f"the folder holds other files than earlier results, for example {others[0]}; name "
-            f"an empty or a new one ({name})"
-        )
+    check_folder(folder, RESULT_FILES)
