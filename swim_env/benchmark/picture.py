@@ -174,11 +174,14 @@ def _draw_parts(axes: Axes, cells: Sequence[Record]) -> None:
     """Draw the shares of the parts in a step, with the step's time above and the floor's share."""
     names = list(dict.fromkeys(part for cell in cells for part in cell["parts"]))
     places = range(len(cells))
-    totals = [sum(part["median"] for part in cell["parts"].values()) or 1.0 for cell in cells]
+    # A rest below zero is noise of the other parts, which are then shared out among themselves.
+    totals = [sum(max(0.0, part["median"]) for part in cell["parts"].values()) for cell in cells]
     bottom = [0.0] * len(cells)
     for index, name in enumerate(names):
         heights = [
-            100.0 * cell["parts"][name]["median"] / total if name in cell["parts"] else 0.0
+            100.0 * max(0.0, cell["parts"][name]["median"]) / total
+            if name in cell["parts"]
+            else 0.0
             for cell, total in zip(cells, totals, strict=True)
         ]
         axes.bar(

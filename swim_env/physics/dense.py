@@ -301,7 +301,10 @@ def invert_in_order(matrix: Array, smallest_pivot: float) -> bool:
 
 @kernel
 def lu_factor(matrix: Array, permutation: NDArray[np.int64]) -> bool:
-    """Factorise a square matrix (n, n) in place, rows exchanged; False at a zero pivot."""
+    """Factorise a square matrix (n, n) in place, rows exchanged; False at a zero pivot.
+
+    The diagonal is left with the pivots' reciprocals: a division takes as long as many products.
+    """
     n = matrix.shape[0]
     for k in range(n):
         if not _bring_up_pivot(matrix, k, permutation):
@@ -310,6 +313,7 @@ def lu_factor(matrix: Array, permutation: NDArray[np.int64]) -> bool:
         for i in range(k + 1, n):
             matrix[i, k] *= reciprocal
             _subtract_multiple(matrix[i, k + 1 :], matrix[k, k + 1 :], matrix[i, k])
+        matrix[k, k] = reciprocal
     return True
 
 
@@ -323,11 +327,17 @@ def lu_solve(factors: Array, permutation: NDArray[np.int64], vector: Array) -> N
             held = vector[k]
             vector[k] = vector[other]
             vector[other] = held
-    for i in range(1, n):
-        vector[i] -= dot(factors[i, :i], vector[:i])
+    # Column by column: what is taken off each row does not wait for the others.
+    for k in range(n):
+        known = vector[k]
+        for i in range(k + 1, n):
+            vector[i] -= factors[i, k] * known
     for back in range(n):
-        i = n - 1 - back
-        vector[i] = (vector[i] - dot(factors[i, i + 1 :], vector[i + 1 :])) / factors[i, i]
+        k = n - 1 - back
+        known = vector[k] * factors[k, k]
+        vector[k] = known
+        for i in range(k):
+            vector[i] -= factors[i, k] * known
 
 
 @kernel

@@ -70,15 +70,15 @@ def _say(message: str) -> None:
 def _compile_in_own_processes() -> None:
     """Fill the cache; where no process can be started, this one compiles as it calls.
 
-    Two processes first compile a half each of what a step calls, at the same time; what calls both
-    halves takes them from the cache.
+    Two processes compile at the same time: first a half each of what a step calls, then what calls
+    both halves, which takes them from the cache, and the rest.
     """
     if not sys.executable:
         return
     root = str(Path(__file__).parents[2])
     setup = f"import sys; sys.path.append({root!r}); from swim_env.physics import loading"
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache_folder().parent)}
-    for together in ((_compile_pose, _compile_motion), (_call_all,)):
+    for together in ((_compile_pose, _compile_motion), (_call_advance, _call_others)):
         started = []
         try:
             for function in together:
@@ -149,31 +149,38 @@ def _compile_motion() -> None:
 
 def _call_all() -> None:
     """Call every entry point."""
+    _call_advance()
+    _call_others()
+
+
+def _call_advance() -> None:
     one = _sample()
-    elements = one.beam.elements
-    unknowns = elements + 2
-    states, work = one.states, (one.floats, one.integers)
-    constants = one.constants
+    unknowns = one.beam.elements + 2
     trace = np.zeros((2, 1, 1, unknowns))
-    record = np.zeros((1, 1, len(RECORD_NAMES)))
     advance(
         np.zeros(1, dtype=np.int64),
-        states,
+        one.states,
         np.zeros((1, 1, 1)),
         1,
-        *constants,
-        work[0],
-        work[1],
+        *one.constants,
+        one.floats,
+        one.integers,
         trace[0],
         trace[1],
-        record,
+        np.zeros((1, 1, len(RECORD_NAMES))),
         np.zeros((1, unknowns)),
         np.zeros((1, 2), dtype=np.int64),
     )
-    state = states[0]
-    weigh(state, np.zeros(unknowns), False, *constants, work[0][0], work[1][0])
+
+
+def _call_others() -> None:
+    one = _sample()
+    elements = one.beam.elements
+    unknowns = elements + 2
+    state = one.states[0]
+    weigh(state, np.zeros(unknowns), False, *one.constants, one.floats[0], one.integers[0])
     centres(state[:unknowns], 0.5, np.zeros((elements, 2)))
-    centres_of_trajectory(trace[0, 0], 0.5, np.zeros((1, elements, 2)))
+    centres_of_trajectory(np.zeros((1, unknowns)), 0.5, np.zeros((1, elements, 2)))
     corners = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     following = np.roll(corners, -1, axis=1)
     edges = following - corners
