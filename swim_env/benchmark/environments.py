@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from swim_env.benchmark.timing import Spread, ratio, spread_of
 from swim_env.registration import FORWARD_ID
 from swim_env.scene import Scene, load_scene
+from swim_env.simulator import Simulator
 
 __all__ = [
     "BATCH_MEMBERS",
@@ -25,6 +26,7 @@ __all__ = [
     "batch_loop",
     "batched_workload",
     "random_actions",
+    "rollout_workload",
     "single_loop",
     "single_workload",
     "speed_ratio",
@@ -203,6 +205,29 @@ def batched_workload(
     )
 
 
+def rollout_workload(label: str, scene: Scene | str, steps: int) -> Workload:
+    """Return the prescribed torque of a scene played by the simulator, from the start in each call.
+
+    Parameters
+    ----------
+    label : str
+        What it is, for tables.
+    scene : Scene or str
+        What swims.
+    steps : int
+        Control intervals in a call.
+    """
+    simulator = Simulator(scene)
+    physics = steps * simulator.scene.steps_per_action
+    torques = simulator.prescribed_torques(physics)
+
+    def play() -> None:
+        simulator.reset()
+        simulator.rollout(torques)
+
+    return Workload(label, play, steps, physics * simulator.time_step, physics)
+
+
 def swim_workloads(
     cores: int, members: int = BATCH_MEMBERS, single_steps: int = 200, batch_steps: int = 10
 ) -> dict[str, Workload]:
@@ -223,13 +248,18 @@ def swim_workloads(
         ``swimmer`` and ``paper_i`` under random torques; ``paper_i_wave``, which is `paper_i` as
         the paper drives it: without damping, random torques feed its fast modes until an episode
         ends, and a step then costs several times what it costs in the paper's motion;
-        ``batch_1_thread`` and ``batch_all_cores`` of `swimmer`.
+        ``paper_i_rollout``, the same motion in the simulator, all steps in one kernel call, which
+        is what chains and rods of other packages compare with; ``batch_1_thread`` and
+        ``batch_all_cores`` of `swimmer`.
     """
     workloads = {
         "swimmer": single_workload("swimmer, random torques", "swimmer", single_steps),
         "paper_i": single_workload("paper_i, random torques", "paper_i", single_steps),
         "paper_i_wave": single_workload(
             "paper_i, the paper's wave", "paper_i", single_steps, wave=True
+        ),
+        "paper_i_rollout": rollout_workload(
+            "paper_i, the paper's wave, physics alone", "paper_i", single_steps
         ),
     }
     batches = {"batch_1_thread": 1}

@@ -20,6 +20,9 @@ REPORT_FILES = ("benchmark.json", "benchmark.md", "benchmark.png")
 
 Record = Mapping[str, Any]
 
+#: The workload that chains and rods of other packages are compared with.
+_OURS = "paper_i_rollout"
+
 
 def report_tables(record: Record) -> str:
     """Return what was measured as tables in Markdown that read well as plain text.
@@ -184,6 +187,7 @@ def _speed_tables(speeds: Record, ratios: Record) -> list[str]:
         heads = ["environment", "steps per second", "us per step", "simulated s per s"]
         tables.append(_table("Environment steps", heads, rows))
         tables += _stable_step_table(speeds)
+        tables += _standing(speeds)
     if ratios:
         rows = [
             [
@@ -207,6 +211,41 @@ def _stable_step_table(speeds: Record) -> list[str]:
     ]
     heads = ["peer", "step (ms)", "deviation from a quarter of the step"]
     return [_table("Largest stable steps, which need not be accurate", heads, rows)] if rows else []
+
+
+def _standing(speeds: Record) -> list[str]:
+    """Say which peers are ahead of this package and which are behind, on the same beam."""
+    ours = speeds.get(_OURS)
+    peers = [
+        speed for name, speed in speeds.items() if name.startswith(("mujoco_chain", "elastica_rod"))
+    ]
+    if ours is None or not peers:
+        return []
+
+    def simulated(speed: Record) -> float:
+        return float(speed["simulated_seconds_per_second"]["median"])
+
+    def physics_steps(speed: Record) -> float:
+        return float(speed["steps_per_second"]["median"] * speed["physics_steps_per_step"])
+
+    def listed(some: Sequence[Record]) -> str:
+        ranked = sorted(some, key=simulated, reverse=True)
+        lines = [
+            f"- {_number(simulated(one) / simulated(ours))} times: {one['label']}" for one in ranked
+        ]
+        return "\n".join(lines) if lines else "- none"
+
+    ahead = [one for one in peers if simulated(one) > simulated(ours)]
+    behind = [one for one in peers if simulated(one) <= simulated(ours)]
+    fastest = max(peers, key=physics_steps)
+    return [
+        f"## Who is ahead, in simulated seconds per wall second on the same beam\n\n"
+        f"{ours['label']}: {_number(simulated(ours))} simulated seconds per second. No peer "
+        f"computes the added mass of\nthe surrounding flow. Ahead of this package:\n\n"
+        f"{listed(ahead)}\n\nBehind it:\n\n{listed(behind)}\n\n"
+        f"In plain steps per second peers are ahead: {_number(physics_steps(fastest))} of "
+        f"{fastest['label']},\n{_number(physics_steps(ours))} here."
+    ]
 
 
 def _memory_table(memory: Record | None) -> list[str]:

@@ -393,6 +393,31 @@ def test_the_picture_shows_floor_parts_and_peers():
     assert "(s/s)" in speeds.get_xlabel() and "\u00b5s" in growth.get_ylabel()
 
 
+def test_the_page_says_which_peers_are_ahead():
+    record = stored()
+    record["speeds"] |= {
+        "paper_i_rollout": {**speed("physics alone", 100.0, False), "physics_steps_per_step": 2},
+        "mujoco_chain/a": {**speed("chain a", 250.0, True), "physics_steps_per_step": 1},
+        "mujoco_chain/b": {**speed("chain b", 50.0, True), "physics_steps_per_step": 80},
+        "elastica_rod/1": {**speed("rod", 1.0, True), "physics_steps_per_step": 1000},
+    }
+    text = report_tables(record)
+    ahead = text[text.index("Ahead of this package") : text.index("Behind it")]
+    behind = text[text.index("Behind it") : text.index("In plain steps per second")]
+    assert "2.5 times: chain a" in ahead and "chain b" not in ahead
+    assert behind.index("0.5 times: chain b") < behind.index("0.01 times: rod")
+    assert "4,000 of chain b" in text and "200 here" in text
+    assert "Who is ahead" not in report_tables(stored())
+
+
+def test_negative_rests_do_not_stretch_the_picture():
+    record = stored()
+    record["kernel"][1]["parts"]["rest"] = spread(-5.0)
+    parts = draw_benchmark(record).axes[1]
+    tops = [bar.get_y() + bar.get_height() for bar in parts.patches]
+    assert max(tops) == pytest.approx(100.0)
+
+
 def test_the_picture_shows_each_peer_once_in_its_fastest_way():
     record = stored()
     record["speeds"] |= {
