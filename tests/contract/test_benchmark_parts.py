@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from swim_env import SceneError, Simulator, load_scene
+from swim_env.benchmark import parts
 from swim_env.benchmark.floor import floor_calls
 from swim_env.benchmark.parts import PARTS, measure_parts
 from swim_env.bodies import Bodies, minimal_start
@@ -40,21 +41,44 @@ def test_there_is_no_floor_without_panels() -> None:
         floor_calls(load_scene("paper_i").replace("fluid.model", "none"), 1)
 
 
+def test_parts_add_up_to_the_step() -> None:
+    """What parts do not account for is the rest, round by round."""
+    microseconds = {
+        "step": 40.0, "outline": 0.5, "influence": 6.0, "factorisation": 5.0, "added mass": 16.0,
+        "pose": 20.0, "jacobian": 2.0, "held": 0.5, "whole": 4.0, "shape": 3.5,
+    }  # fmt: skip
+    keys = ("step", *(str(code) for code in range(9)))
+    drift = np.array([1.0, 2.0, 1.5])
+    each = {key: value * drift for key, value in zip(keys, microseconds.values(), strict=True)}
+    shares = parts._parts(each, corrections=7.0, evaluations=2.0, poses=1.0, with_panels=True)
+    medians = {name: spread.median / 1.5 for name, spread in shares.items()}
+    assert medians == pytest.approx(
+        {
+            "outline": 0.5,
+            "influence assembly": 6.0,
+            "factorisation": 5.0,
+            "added mass": 4.5,
+            "mass matrix": 4.0,
+            "Newton iterations": 2.0 + 8 * 0.5 + 2 * 0.5,
+            "shape gradient": 7.0,
+            "rest": 6.0,
+        }
+    )
+    assert tuple(shares) == PARTS
+
+
 @pytest.mark.parametrize("model", ["panels", "none"])
-def test_parts_add_up_to_the_step(model: str) -> None:
+def test_the_parts_of_a_scene(model: str) -> None:
     scene = load_scene("paper_i").replace("fluid.model", model)
-    cell = measure_parts(scene, 5)
+    cell = measure_parts(scene, 3)
     assert tuple(cell["parts"]) == PARTS
     medians = {name: part["median"] for name, part in cell["parts"].items()}
-    step = cell["step"]["median"]
-    assert abs(sum(medians.values()) - step) < 0.5 * step  # medians of separate lists, noisy
-    assert abs(medians["rest"]) < 0.5 * step
-    assert cell["real_time"] == pytest.approx(1e6 * 0.01 / step)
+    assert cell["real_time"] == pytest.approx(1e6 * 0.01 / cell["step"]["median"])
     assert cell["fluid_model"] == model and cell["elements"] == 9
     if model == "panels":
-        assert all(medians[name] > 0.0 for name in PARTS[:-1])
+        assert medians["influence assembly"] > 0.0 and medians["shape gradient"] > 0.0
         assert cell["panels_per_element"] == 4
-        assert 1.0 < cell["step_to_floor"]["median"] < 10.0
+        assert cell["step_to_floor"]["median"] > 1.0
         assert 1.0 <= cell["iterations"]["evaluations"] <= 5.0
     else:
         assert medians["influence assembly"] == medians["added mass"] == 0.0
