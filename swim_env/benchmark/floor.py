@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,12 +36,14 @@ from swim_env.physics.outline import (
 )
 from swim_env.scene import Scene
 
-__all__ = ["floor_calls", "potentials_of_motions"]
+__all__ = ["FLOOR_WAYS", "FloorArrays", "floor_arrays", "floor_calls", "potentials_of_motions"]
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 ELIMINATION, INVERSE = 0, 1
+#: The ways by name.
+FLOOR_WAYS = {"elimination": ELIMINATION, "inverse": INVERSE}
 
 
 @kernel
@@ -258,10 +261,23 @@ def potentials_of_motions(
         multiply(potential, strengths, out)
 
 
-def floor_calls(scene: Scene, times: int) -> dict[str, Callable[[], None]]:
-    """Return what evaluates the floor of a scene a number of times, in both ways.
+class FloorArrays(NamedTuple):
+    """What `potentials_of_motions` takes of a scene, in its order."""
 
-    The pose is the one that the scene starts from; the cost does not depend on it.
+    panels: Array
+    panel_number: int
+    element: Integers
+    motions: Array
+    half_log: Array
+    augmented: Array
+    inverse: Array
+    potential: Array
+    strengths: Array
+    out: Array
+
+
+def floor_arrays(scene: Scene) -> FloorArrays:
+    """Return the outline, the motions and work space for the pose that a scene starts from.
 
     Raises
     ------
@@ -276,12 +292,15 @@ def floor_calls(scene: Scene, times: int) -> dict[str, Callable[[], None]]:
     elements = scene.beam.elements
     count = int(panel_count(scene_constants(scene)[1].geometry))
     size, wide = outline.element.size, padded(2 * elements)
-    element = np.append(outline.element[:count], elements - 1)
     motions = aligned_zeros(size, wide)
     rows = np.arange(count)
-    motions[rows, element[:count]] = outline.panels[LATERAL, :count]
-    motions[rows, elements + element[:count]] = outline.panels[ROTARY, :count]
-    work = (
+    motions[rows, outline.element[:count]] = outline.panels[LATERAL, :count]
+    motions[rows, elements + outline.element[:count]] = outline.panels[ROTARY, :count]
+    return FloorArrays(
+        outline.panels,
+        count,
+        np.append(outline.element[:count], elements - 1),
+        motions,
         np.zeros(size + 1),
         aligned_zeros(size, size + wide),
         aligned_zeros(size, size),
@@ -289,8 +308,19 @@ def floor_calls(scene: Scene, times: int) -> dict[str, Callable[[], None]]:
         aligned_zeros(size, wide),
         aligned_zeros(size, wide),
     )
-    given = (outline.panels, count, element, motions, *work)
-    return {
-        name: partial(potentials_of_motions, times, way, *given)
-        for name, way in (("elimination", ELIMINATION), ("inverse", INVERSE))
-    }
+
+
+def floor_calls(scene: Scene) -> dict[str, Callable[[int], None]]:
+    """Return what evaluates the floor of a scene a given number of times, in both ways.
+
+    Raises
+    ------
+    SceneError
+        If the scene has no panels.
+    """
+    arrays = floor_arrays(scene)
+
+    def call(way: int, times: int) -> None:
+        potentials_of_motions(times, way, *arrays)
+
+    return {name: partial(call, way) for name, way in FLOOR_WAYS.items()}

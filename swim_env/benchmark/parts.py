@@ -66,7 +66,7 @@ _ALWAYS = (_POSE, _JACOBIAN, _HELD_STEP, _WHOLE_STEP)
 #: Length of one timed call of a part (s), and of the run whose steps are timed (s, steps).
 _CALL_SECONDS = 2e-3
 _RUN_SECONDS = 0.2
-_FEWEST_STEPS, _MOST_STEPS = 5, 100
+_FEWEST_STEPS, _MOST_STEPS = 20, 100
 #: Steps before, in which the body bends and the extrapolation gets its history.
 _STEPS_BEFORE = 40
 
@@ -183,9 +183,7 @@ def measure_parts(scene: Scene, rounds: int) -> dict[str, Any]:
     for part in _ALWAYS + (_WITH_PANELS if with_panels else ()):
         calls[str(part)] = _calibrated(partial(repeat, part))
     if with_panels:
-        _, often = _calibrated(lambda times: floor_calls(scene, times)["inverse"]())
-        for name, call in floor_calls(scene, often).items():
-            calls[name] = (call, often)
+        calls.update({way: _calibrated(call) for way, call in floor_calls(scene).items()})
     seconds = time_in_turn({name: call for name, (call, _) in calls.items()}, rounds=rounds)
     each = {name: 1e6 * seconds[name] / times for name, (_, times) in calls.items()}
     each["step"] /= count
@@ -231,10 +229,10 @@ def _parts(
 
     fluid = of(_ADDED_MASS)
     panels = of(_OUTLINE) + of(_INFLUENCE) + of(_FACTORISATION)
-    # The last evaluation is followed by one more correction, which is not counted among them.
+    # The last evaluation of every part is followed by a correction that is not counted.
     newton = (
         of(_JACOBIAN)
-        + (corrections + 1.0) * of(_HELD_STEP)
+        + (corrections + poses) * of(_HELD_STEP)
         + evaluations * (of(_WHOLE_STEP) - of(_SHAPE_FORCE))
     )
     amounts = [

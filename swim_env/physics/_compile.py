@@ -48,6 +48,7 @@ def _fingerprint() -> str:
         platform.machine(),
         llvmlite.binding.get_host_cpu_name(),
         llvmlite.binding.get_host_cpu_features().flatten(),
+        numba_config.BOUNDSCHECK,
     ):
         digest.update(str(part).encode())
     return digest.hexdigest()[:16]

@@ -108,7 +108,8 @@ class FluidConstants(NamedTuple):
 class FluidWork(NamedTuple):
     """Arrays that `added_mass` leaves behind for `shape_force`, and their scratch space.
 
-    The numbers M of panels and K of motions are padded to multiples of LANES with zeros.
+    The numbers M of panels and K of motions are padded to multiples of LANES, with zeros in
+    whatever is multiplied by something that is not.
 
     Attributes
     ----------
@@ -287,7 +288,7 @@ def _panel_added_mass(
             return INFLUENCE_SINGULAR
     _collect_motions(fluid, work)
     motions = motion_count(fluid)
-    multiply(work.loads[:motions], work.strengths, work.product)
+    multiply(work.loads, work.strengths, work.product[:motions])
     half = -0.5 * fluid.density
     for a in range(motions):
         for b in range(a + 1):

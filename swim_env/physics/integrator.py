@@ -381,14 +381,15 @@ def _newton_in_passes(
         report[0] = norm
         enough = 0.0
         if norm <= solver.tolerance:
-            # With the right shape force, one more correction is cheap; what it leaves is below
-            # what was just measured.
-            copy(u[RESIDUAL], direction)
-            lu_solve(w.jacobian, m.permutation, direction)
-            for i in range(z.size):
-                z[i] += direction[i]
-            evaluate_held_step(m.p, torques, z, h, beam, fluid, w)
-            return not _turns_beyond(z, TRUSTED_TURN)
+            # With the right shape force one more correction is cheap, and leaves less than was
+            # just measured. With a tolerance next to round-off it could leave more.
+            if solver.tolerance > ROUND_OFF_MARGIN * round_off_floor(w):
+                copy(u[RESIDUAL], direction)
+                lu_solve(w.jacobian, m.permutation, direction)
+                for i in range(z.size):
+                    z[i] += direction[i]
+                evaluate_held_step(m.p, torques, z, h, beam, fluid, w)
+            return not _turns_beyond(z, LARGEST_TURN)
     return False
 
 

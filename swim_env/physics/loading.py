@@ -55,10 +55,14 @@ def load_kernels() -> None:
     if not marker.exists():
         start = time.perf_counter()
         _say("compiling the physics kernels, once for this version and machine (half a minute)")
-        _compile_in_own_processes()
+        filled = _compile_in_own_processes()
         _call_all()
-        marker.touch()
-        _say(f"compiled in {time.perf_counter() - start:.0f} s, kept in the kernel cache")
+        if filled:
+            marker.touch()
+            _say(f"compiled in {time.perf_counter() - start:.0f} s, kept in the kernel cache")
+        else:
+            # Results may then differ in the last bit from those of processes that load the cache.
+            _say("a process that compiled kernels was lost; the next start tries again")
     else:
         _call_all()
 
@@ -67,14 +71,17 @@ def _say(message: str) -> None:
     print(f"swim_env: {message}", file=sys.stderr, flush=True)
 
 
-def _compile_in_own_processes() -> None:
-    """Fill the cache; where no process can be started, this one compiles as it calls.
+def _compile_in_own_processes() -> bool:
+    """Fill the cache; tells whether that went well.
+
+    Where no process can be started, this one compiles as it calls.
 
     Two processes compile at the same time: first a half each of what a step calls, then what calls
     both halves, which takes them from the cache, and the rest.
     """
     if not sys.executable:
-        return
+        return True
+    well = True
     root = str(Path(__file__).parents[2])
     setup = f"import sys; sys.path.append({root!r}); from swim_env.physics import loading"
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache_folder().parent)}
@@ -88,13 +95,13 @@ def _compile_in_own_processes() -> None:
         except OSError:
             pass
         try:
-            for process in started:
-                process.wait()
+            well = all([process.wait() == 0 for process in started]) and well
         except BaseException:
             for process in started:
                 process.kill()
                 process.wait()
             raise
+    return well
 
 
 class _Sample(NamedTuple):

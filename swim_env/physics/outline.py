@@ -117,7 +117,7 @@ def padded(count: int) -> int:
     return (count + LANES - 1) // LANES * LANES
 
 
-@kernel
+@shared
 def first_panel(geometry: FluidGeometry, element: int, side: int) -> int:
     """Return the index of the first panel of an element's side, BELOW or ABOVE (0-based)."""
     if side == ABOVE:
@@ -129,7 +129,7 @@ def first_panel(geometry: FluidGeometry, element: int, side: int) -> int:
     return element * geometry.side_panels
 
 
-@kernel
+@shared
 def first_end_panel(geometry: FluidGeometry, end: int) -> int:
     """Return the index of the first panel of an end, HEAD or TAIL (0-based)."""
     if end == HEAD:

@@ -99,7 +99,8 @@ def influence(
         Work space.
     layers : (LAYERS, M', M') array
         The first M rows are overwritten with the influence matrices, see the layer names of this
-        module; columns beyond M become zero but for 1/z, where they repeat column 0.
+        module; columns beyond M become zero, the potential's up to rounding, but for 1/z, where
+        they repeat column 0.
     """
     inverse_square = 1.0 / (reference_length * reference_length)
     for i in range(count):

@@ -7,7 +7,7 @@ import pytest
 
 from swim_env import SceneError, Simulator, load_scene
 from swim_env.benchmark import parts
-from swim_env.benchmark.floor import floor_calls
+from swim_env.benchmark.floor import FLOOR_WAYS, floor_arrays, floor_calls, potentials_of_motions
 from swim_env.benchmark.parts import PARTS, measure_parts
 from swim_env.bodies import Bodies, minimal_start
 from swim_env.physics.outline import LENGTH
@@ -23,22 +23,22 @@ def test_the_floor_gives_the_added_mass_either_way(elements: int) -> None:
     bodies.start(0, *minimal_start(scene, scene.initial))
     body = bodies.views(0)
     wanted = body.step.added_mass[: 2 * elements, : 2 * elements]
-    for call in floor_calls(scene, 1).values():
-        call()
-        panels, motions, potentials = call.args[2], call.args[5], call.args[-1]
-        weighted = motions * panels[LENGTH][:, None]
-        mass = -scene.fluid.density * weighted.T @ potentials
+    for way in FLOOR_WAYS.values():
+        floor = floor_arrays(scene)
+        potentials_of_motions(1, way, *floor)
+        weighted = floor.motions * floor.panels[LENGTH][:, None]
+        mass = -scene.fluid.density * weighted.T @ floor.out
         mass = 0.5 * (mass + mass.T)[: 2 * elements, : 2 * elements]
         np.testing.assert_allclose(mass, wanted, atol=1e-12 * np.abs(wanted).max())
         # A second call finds its work space used, and gives the same.
-        before = potentials.copy()
-        call()
-        np.testing.assert_array_equal(potentials, before)
+        before = floor.out.copy()
+        potentials_of_motions(1, way, *floor)
+        np.testing.assert_array_equal(floor.out, before)
 
 
 def test_there_is_no_floor_without_panels() -> None:
     with pytest.raises(SceneError, match="floor is that of fluid.model panels"):
-        floor_calls(load_scene("paper_i").replace("fluid.model", "none"), 1)
+        floor_calls(load_scene("paper_i").replace("fluid.model", "none"))
 
 
 def test_parts_add_up_to_the_step() -> None:
