@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 from swim_env.bodies import Bodies, aligned_zeros, minimal_start, scene_constants
 from swim_env.errors import SceneError
 from swim_env.physics._compile import entry_kernel, kernel, vector_kernel
-from swim_env.physics.dense import copy, invert_in_order, multiply
+from swim_env.physics.dense import add_multiple, copy, invert_in_order, multiply
 from swim_env.physics.elementary import atan2, log
 from swim_env.physics.outline import (
     CT,
     CX,
     CY,
+    LANES,
     LATERAL,
     LENGTH,
     ROTARY,
@@ -78,65 +79,33 @@ def _assemble_row(
     potential[i, i] = panels[LENGTH, i] * (half_log[i] - 1.0)
 
 
-@vector_kernel
-def _eliminate_four(matrix: Array, row: int, first: int) -> None:
-    """Subtract multiples of rows first ... first + 3 from four rows below, from `first` on."""
-    # Slices that begin at 0: an index that might be negative keeps a loop from being vectorised.
-    start = (first >> 3) << 3
-    p0 = matrix[first, start:]
-    p1 = matrix[first + 1, start:]
-    p2 = matrix[first + 2, start:]
-    p3 = matrix[first + 3, start:]
-    r0 = matrix[row, start:]
-    r1 = matrix[row + 1, start:]
-    r2 = matrix[row + 2, start:]
-    r3 = matrix[row + 3, start:]
-    c = first - start
-    a0, b0, c0, d0 = r0[c], r0[c + 1], r0[c + 2], r0[c + 3]
-    a1, b1, c1, d1 = r1[c], r1[c + 1], r1[c + 2], r1[c + 3]
-    a2, b2, c2, d2 = r2[c], r2[c + 1], r2[c + 2], r2[c + 3]
-    a3, b3, c3, d3 = r3[c], r3[c + 1], r3[c + 2], r3[c + 3]
-    for j in range((p0.size >> 3) << 3):
-        a = p0[j]
-        b = p1[j]
-        c = p2[j]
-        d = p3[j]
-        r0[j] -= a0 * a + b0 * b + c0 * c + d0 * d
-        r1[j] -= a1 * a + b1 * b + c1 * c + d1 * d
-        r2[j] -= a2 * a + b2 * b + c2 * c + d2 * d
-        r3[j] -= a3 * a + b3 * b + c3 * c + d3 * d
-
-
-@vector_kernel
-def _add_multiple_row(target: Array, source: Array, factor: float) -> None:
-    for j in range(target.size):
-        target[j] += factor * source[j]
-
-
 @kernel
 def _solve(matrix: Array, size: int) -> None:
     """Solve for the right-hand sides that stand behind the first `size` columns, in place."""
     # Pivot blocks are reduced to the identity, so that four rows below need their own entries
     # alone as factors.
     for first in range(0, size, 4):
+        # Columns before this are done with; it is a multiple of LANES.
+        start = first // LANES * LANES
         for k in range(first, first + 4):
             reciprocal = 1.0 / matrix[k, k]
             for j in range(first, matrix.shape[1]):
                 matrix[k, j] *= reciprocal
             for i in range(first, first + 4):
                 if i != k:
-                    _add_multiple_row(matrix[i, first:], matrix[k, first:], -matrix[i, k])
+                    add_multiple(matrix[i, start:], matrix[k, start:], -matrix[i, k])
         for row in range(first + 4, size, 4):
-            _eliminate_four(matrix, row, first)
+            _subtract_four(matrix, row, first, start)
     for back in range(4, size + 1, 4):
         first = size - back
         for row in range(0, first, 4):
-            _substitute_four(matrix, row, first, size)
+            _subtract_four(matrix, row, first, size)
 
 
 @vector_kernel
-def _substitute_four(matrix: Array, row: int, first: int, start: int) -> None:
-    """Take known unknowns first ... first + 3 out of four rows above, right-hand sides only."""
+def _subtract_four(matrix: Array, row: int, first: int, start: int) -> None:
+    """Subtract multiples of rows first ... first + 3 from four others, from a column on."""
+    # Slices that begin at 0: an index that might be negative keeps a loop from being vectorised.
     p0 = matrix[first, start:]
     p1 = matrix[first + 1, start:]
     p2 = matrix[first + 2, start:]
