@@ -1,6 +1,9 @@
-"""Finding a policy by its name."""
+"""Finding a policy by its name, or by where it was saved."""
 
 from __future__ import annotations
+
+import os
+from pathlib import Path
 
 from agents.baselines import (
     POLICY_NAMES,
@@ -12,29 +15,51 @@ from agents.baselines import (
 )
 from swim_env.env_interface import SceneLike
 from swim_env.errors import OptionError
-from swim_env.scene import load_scene
+from swim_env.scene import Scene, load_scene
 from swim_env.scene_checks import nearest
 
-__all__ = ["load_policy"]
+__all__ = ["PRETRAINED_FOLDER", "load_policy", "policy_names", "pretrained_names"]
+
+#: Where the trained agents that ship are kept, a folder each.
+PRETRAINED_FOLDER = Path(__file__).with_name("pretrained")
+
+
+def pretrained_names() -> tuple[str, ...]:
+    """Return the names of the trained agents that ship, sorted."""
+    return tuple(sorted(path.parent.name for path in PRETRAINED_FOLDER.glob("*/agent.json")))
+
+
+def policy_names() -> tuple[str, ...]:
+    """Return all names that `load_policy` knows."""
+    return (*POLICY_NAMES, *pretrained_names())
 
 
 def load_policy(
-    policy: str,
+    policy: str | os.PathLike[str],
     scene: SceneLike = "swimmer",
     seed: int | None = None,
+    task: str | None = None,
+    trust: bool = False,
 ) -> Policy:
     """Return a policy for a scene.
 
     Parameters
     ----------
-    policy : str
+    policy : str or os.PathLike
         ``paper_wave``: the scene's prescribed wave, no torque where it has none. ``tuned_wave``:
         the wave that was found to swim farthest on scene swimmer. ``zero``: no torque. ``random``:
-        uniform torques.
+        uniform torques. A trained agent that ships, see `pretrained_names`. Or a path: an agent's
+        folder, the folder of a training run (its best agent), or a model file (.zip) of
+        stable-baselines3.
     scene : Scene, str or os.PathLike
         The scene that it is to play.
     seed : int, optional
         Seed of a random policy.
+    task : str, optional
+        ``forward`` or ``target``, to refuse an agent that was trained for the other one.
+    trust : bool
+        Whether to unpickle a model file that comes without an ``agent.json``, which runs its code.
+        Agents with that file are read without running any.
 
     Returns
     -------
@@ -45,11 +70,13 @@ def load_policy(
     ------
     OptionError
         If there is no such policy.
+    AgentError
+        If a saved agent cannot be read, or was trained on another body or for another task.
     SceneError
         If there is no such scene.
     """
     found = load_scene(scene)
-    name = str(policy)
+    name = os.fspath(policy)
     if name == "paper_wave":
         return paper_wave(found)
     if name == "tuned_wave":
@@ -58,5 +85,38 @@ def load_policy(
         return ZeroPolicy(found)
     if name == "random":
         return RandomPolicy(found, seed)
-    hint = nearest(name, POLICY_NAMES)
-    raise OptionError(f"unknown policy {policy!r}{hint}; policies: {', '.join(POLICY_NAMES)}")
+    if name in pretrained_names():
+        return _load_agent(PRETRAINED_FOLDER / name, found, task)
+    path = Path(name)
+    if path.is_dir():
+        inside = path / "agent"
+        return _load_agent(inside if inside.is_dir() else path, found, task)
+    if path.suffix == ".zip" or path.is_file():
+        return _load_file(path, found, task, trust)
+    names = policy_names()
+    hint = nearest(name, names)
+    raise OptionError(
+        f"unknown policy {name!r}{hint}; policies: {', '.join(names)}, or the path of an agent"
+    )
+
+
+def _load_agent(folder: Path, scene: Scene, task: str | None) -> Policy:
+    """Read an agent's folder; what it takes is imported only here."""
+    from agents.learning.saved import load_agent
+
+    agent = load_agent(folder)
+    agent.check(scene, task)
+    return agent
+
+
+def _load_file(path: Path, scene: Scene, task: str | None, trust: bool) -> Policy:
+    """Read a model file, by its description where there is one."""
+    from agents.learning.saved import AgentError, load_bare_model
+
+    if not path.exists():
+        raise AgentError(f"no such model file: {path}")
+    if path.name == "model.zip" and (path.parent / "agent.json").is_file():
+        return _load_agent(path.parent, scene, task)
+    agent = load_bare_model(path, scene, trust)
+    agent.check(scene, task)
+    return agent

@@ -28,6 +28,7 @@ __all__ = [
     "ANGLE_SCALE",
     "END_CODE",
     "FIGURES",
+    "OBSERVATION_LAYOUT",
     "OBSERVATION_LIMIT",
     "RATE_SCALE",
     "REACHED",
@@ -48,6 +49,9 @@ Indices = NDArray[np.int64]
 #: lengths per second), turning rate (rad/s). Random actions on scene swimmer give root mean squares
 #: of 0.23, 1.0, 0.3 and 0.8; the tuned wave, at the first resonance, 1.3, 0.9, 2.1 and 0.5.
 ANGLE_SCALE, RATE_SCALE, VELOCITY_SCALE, TURNING_SCALE = 0.1, 5.0, 0.1, 1.0
+#: Version of the observation's layout, docs/environments.md; what was trained on one cannot use
+#: another.
+OBSERVATION_LAYOUT = 1
 #: Observations are clipped to this, so that the space is finite; sine and cosine have their own.
 OBSERVATION_LIMIT = 100.0
 

@@ -13,7 +13,7 @@ from tqdm import tqdm
 from swim_env.errors import SwimError
 from swim_env.scene import Scene, load_scene, scene_names
 
-__all__ = ["add_scene_arguments", "progress_bar", "run", "scene_of"]
+__all__ = ["add_scene_arguments", "progress_bar", "run", "scene_of", "training_bar"]
 
 #: Exit codes: the machine failed, bad input, interrupted by the user.
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
@@ -50,6 +50,20 @@ def progress_bar(total: int, unit: str, label: str) -> Iterator[Callable[[int], 
     """Show a progress bar on stderr, once a second has passed; yields its update function."""
     with tqdm(total=total, unit=unit, desc=label, delay=1.0, file=sys.stderr, leave=False) as bar:
         yield bar.update
+
+
+@contextlib.contextmanager
+def training_bar(total: int, label: str) -> Iterator[Callable[[int, str], object]]:
+    """Show a progress bar with a text behind it; yields a function of steps and that text."""
+    with tqdm(
+        total=total, unit="step", unit_scale=True, desc=label, file=sys.stderr, mininterval=0.5
+    ) as bar:
+
+        def update(steps: int, text: str) -> None:
+            bar.set_postfix_str(text, refresh=False)
+            bar.update(steps)
+
+        yield update
 
 
 def run(main: Callable[[list[str] | None], int], arguments: list[str] | None = None) -> int:

@@ -21,9 +21,12 @@ from swim_env.errors import OptionError, SceneError
 from swim_env.scene import Initial, Scene
 from swim_env.scene_checks import check_pair, check_real, check_reals, got, nearest
 
-__all__ = ["ForwardTask", "Start", "StartPlan", "TargetTask", "Task"]
+__all__ = ["TASK_NAMES", "ForwardTask", "Start", "StartPlan", "TargetTask", "Task"]
 
 Array = NDArray[np.float64]
+
+#: What the tasks are called where one is chosen by name.
+TASK_NAMES = ("forward", "target")
 
 #: Where a target is drawn unless told otherwise: distance (BL), bearing (rad), radius (BL).
 TARGET_DISTANCE, TARGET_BEARING, TARGET_RADIUS = (0.5, 1.5), 0.5 * math.pi, 0.1

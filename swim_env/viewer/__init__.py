@@ -1,5 +1,14 @@
 """Looking at runs: still pictures for people who read."""
 
+from swim_env.viewer.gaits import draw_gaits, draw_paths, draw_scores
 from swim_env.viewer.stills import draw_path, draw_wave_search, require_matplotlib, save_figure
 
-__all__ = ["draw_path", "draw_wave_search", "require_matplotlib", "save_figure"]
+__all__ = [
+    "draw_gaits",
+    "draw_path",
+    "draw_paths",
+    "draw_scores",
+    "draw_wave_search",
+    "require_matplotlib",
+    "save_figure",
+]

@@ -1,0 +1,353 @@
+"""Policies on the same scene and the same starts, with every score checked."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+
+from agents.baselines import Policy
+from agents.comparison.performance import Performance, measure_performance
+from agents.evaluation import play_episodes
+from agents.policies import load_policy
+from agents.rollout import Rollout
+from agents.verification import TOLERANCE, fine_scene, verify_rollout
+from swim_env import __version__
+from swim_env.errors import OptionError
+from swim_env.provenance import where_and_when
+from swim_env.scene import Scene
+from swim_env.threads import usable_threads
+from swim_env.trajectory import Trajectory
+from swim_env.vector_env import SwimTargetVectorEnv, SwimVectorEnv
+
+__all__ = ["REFERENCES", "Contest", "Entry", "entries_of", "hold_contest", "steps_to_play"]
+
+#: What every score is put beside.
+REFERENCES = ("paper_wave", "tuned_wave")
+
+#: Figures of a `Performance` that are summed up by their medians.
+_FIGURES = (
+    "net_displacement",
+    "fine_displacement",
+    "speed",
+    "displacement_per_cycle",
+    "positive_work",
+    "cost_of_transport",
+    "torque_squared",
+    "heading_change",
+    "energy_drift",
+)
+_GAIT_FIGURES = (
+    "frequency",
+    "torque_frequency",
+    "wave_number",
+    "travelling_share",
+    "mode_share",
+    "torque_travelling_share",
+)
+_WAVE_FIGURES = ("amplitude", "frequency", "wave_number", "phase", "explained")
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """One policy in a contest.
+
+    Attributes
+    ----------
+    name : str
+        What it is called in the tables.
+    group : str
+        The same for agents that differ in nothing but their training seed.
+    policy : Policy
+        Who plays.
+    about : dict
+        For an agent what ``agent.json`` says of its training, else empty.
+    """
+
+    name: str
+    group: str
+    policy: Policy
+    about: dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Contest:
+    """What came of a contest.
+
+    Attributes
+    ----------
+    scene : Scene
+        What swam.
+    task : str
+        ``forward`` or ``target``.
+    seeds : tuple of int
+        Of the starts.
+    performances : dict of str to list of Performance
+        For each entry one for each seed.
+    rollouts, trajectories : dict of str to list
+        For each entry its first episodes, as many as were to be kept.
+    record : dict
+        All figures as plain values; see `hold_contest`.
+    """
+
+    scene: Scene
+    task: str
+    seeds: tuple[int, ...]
+    performances: dict[str, list[Performance]]
+    rollouts: dict[str, list[Rollout]]
+    trajectories: dict[str, list[Trajectory]]
+    record: dict[str, Any]
+
+
+def entries_of(
+    names: Sequence[str], scene: Scene, task: str = "forward", trust: bool = False
+) -> list[Entry]:
+    """Load the policies of a contest.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names and paths for `load_policy`. A folder with runs ``seed_0``, ``seed_1`` ... stands for
+        all of them, which are then summed up as one group. The REFERENCES are added in front.
+    scene : Scene
+        What they are to play.
+    task : str
+        ``forward`` or ``target``.
+    trust : bool
+        See `load_policy`.
+
+    Raises
+    ------
+    OptionError, AgentError
+        If a policy cannot be found, read, or used on the scene.
+    """
+    found: list[Entry] = []
+    for name in dict.fromkeys([*REFERENCES, *names]):
+        runs = sorted(
+            (path for path in Path(name).glob("seed_*") if (path / "agent").is_dir()),
+            key=lambda path: (len(path.name), path.name),
+        )
+        places: list[Path | None] = [*runs] if runs else [None]
+        for path in places:
+            policy = load_policy(name if path is None else path, scene, 0, task, trust)
+            about = dict(getattr(policy, "description", {}))
+            label, group = _labels(name, path)
+            while any(entry.name == label for entry in found):
+                label += "'"
+            found.append(Entry(label, group, policy, dict(about.get("training", {}))))
+    return found
+
+
+def _labels(name: str, run: Path | None) -> tuple[str, str]:
+    """Return what a policy and its group are called: an agent's folder by its last names."""
+    place = Path(name)
+    if run is not None:
+        return f"{place.name}/{run.name}", place.name
+    if os.sep not in name.rstrip(os.sep):
+        return name, name
+    inside = place.parent if place.name in ("agent", "final_agent") else place
+    label = inside.name
+    if inside.name.startswith("seed_"):
+        label = f"{inside.parent.name}/{inside.name}"
+    return label, label
+
+
+def steps_to_play(scene: Scene, entries: int, seeds: int) -> tuple[int, int]:
+    """Return what `hold_contest` reports progress of: actions of batches, and fine time steps."""
+    fine = fine_scene(scene)
+    steps = fine.actions_per_episode * fine.steps_per_action
+    return entries * scene.actions_per_episode, entries * seeds * steps
+
+
+def hold_contest(
+    scene: Scene,
+    entries: Sequence[Entry],
+    seeds: Sequence[int],
+    task: str = "forward",
+    noise: float = 1.0,
+    keep: int = 1,
+    threads: int | None = None,
+    played: Callable[[int], object] | None = None,
+    checked: Callable[[int], object] | None = None,
+) -> Contest:
+    """Let policies play the same starts, and check every score.
+
+    Parameters
+    ----------
+    scene : Scene
+        What swims; its episode says for how long.
+    entries : sequence of Entry
+        Who plays; the REFERENCES must be among them.
+    seeds : sequence of int
+        Of the starts and, in the target task, of the targets.
+    task : str
+        ``forward`` or ``target``.
+    noise : float
+        Factor on the start's noise.
+    keep : int
+        Episodes of each entry that are kept for pictures.
+    threads : int, optional
+        As many as numba is told to use unless given.
+    played, checked : callable, optional
+        Called with the number of actions of the batch, and of fine time steps.
+
+    Returns
+    -------
+    Contest
+        Its record holds ``scene``, ``task``, ``seeds``, ``duration``, ``tolerance``; in
+        ``policies`` for each entry lists over seeds (``net_displacement``, ``fine_displacement``,
+        ``verified`` and the other figures), medians under ``median``, ``ratio_to_paper_wave`` and
+        ``ratio_to_tuned_wave`` of the medians with the same from the finer computation under
+        ``fine_ratio_to_...``, ``success_rate`` and the ``training``; ``net_displacement`` and
+        ``ratios`` again by entry; in ``groups`` the spread over training seeds; version, machine,
+        commit.
+
+    Raises
+    ------
+    OptionError
+        If there are no seeds, or some are equal or negative.
+    """
+    count = len(seeds)
+    if not seeds or len(set(seeds)) < count or min(seeds) < 0:
+        raise OptionError(f"seeds must be different whole numbers of at least 0, got {list(seeds)}")
+    workers = threads or usable_threads()
+    made = SwimTargetVectorEnv if task == "target" else SwimVectorEnv
+    performances: dict[str, list[Performance]] = {}
+    kept: dict[str, list[Rollout]] = {}
+    trajectories: dict[str, list[Trajectory]] = {}
+
+    def judge(rollout: Rollout) -> tuple[Performance, Trajectory]:
+        trajectory = rollout.simulate()
+        verification = verify_rollout(rollout, progress=checked)
+        return measure_performance(rollout, trajectory, verification), trajectory
+
+    for entry in entries:
+        env = made(count, scene, autoreset_mode=AutoresetMode.NEXT_STEP, num_threads=workers)
+        rollouts = play_episodes(env, entry.policy, seeds, {"noise": noise}, progress=played)
+        env.close()
+        # The kernels release the interpreter's lock.
+        with ThreadPoolExecutor(workers) as pool:
+            judged = list(pool.map(judge, rollouts))
+        performances[entry.name] = [performance for performance, _ in judged]
+        kept[entry.name] = rollouts[:keep]
+        trajectories[entry.name] = [trajectory for _, trajectory in judged[:keep]]
+    record = _record(scene, entries, seeds, task, noise, performances)
+    return Contest(scene, task, tuple(seeds), performances, kept, trajectories, record)
+
+
+def _record(
+    scene: Scene,
+    entries: Sequence[Entry],
+    seeds: Sequence[int],
+    task: str,
+    noise: float,
+    performances: dict[str, list[Performance]],
+) -> dict[str, Any]:
+    policies = {
+        entry.name: {**_summary(performances[entry.name]), "training": entry.about}
+        for entry in entries
+    }
+    for kind in ("net_displacement", "fine_displacement"):
+        prefix = "" if kind == "net_displacement" else "fine_"
+        for reference in REFERENCES:
+            base = policies[reference]["median"][kind]
+            for one in policies.values():
+                one[f"{prefix}ratio_to_{reference}"] = _ratio(one["median"][kind], base)
+    return {
+        "scene": scene.name,
+        "task": task,
+        "duration": scene.episode.duration,
+        "noise": noise,
+        "seeds": list(seeds),
+        "tolerance": TOLERANCE,
+        "net_displacement": {name: one["net_displacement"] for name, one in policies.items()},
+        "ratios": {
+            name: {reference: one[f"ratio_to_{reference}"] for reference in REFERENCES}
+            for name, one in policies.items()
+        },
+        "policies": policies,
+        "groups": _groups(entries, policies),
+        "version": __version__,
+        **where_and_when(),
+        "scene_fields": scene.to_dict(),
+    }
+
+
+def _ratio(value: float | None, base: float | None) -> float | None:
+    """Return a ratio; None where there is nothing to divide by."""
+    if value is None or base is None or abs(base) < 1e-9:
+        return None
+    return value / base
+
+
+def _median(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.median(known)) if known else None
+
+
+def _summary(performances: Sequence[Performance]) -> dict[str, Any]:
+    """Return lists over seeds, and their medians."""
+    rows = [performance.to_dict() for performance in performances]
+    gaits = [row.pop("gait") for row in rows]
+    data: dict[str, Any] = {name: [row[name] for row in rows] for name in rows[0]}
+    data["gait"] = gaits
+    data["median"] = {name: _median(data[name]) for name in _FIGURES}
+    known = [gait for gait in gaits if gait is not None]
+    data["median"]["gait"] = {
+        name: _median([gait[name] for gait in known]) for name in _GAIT_FIGURES
+    }
+    # Medians of phases mean nothing; the wave is that of the episode in the middle.
+    data["median"]["wave"] = _middle_wave(rows, gaits)
+    data["verified_share"] = float(np.mean(data["verified"]))
+    successes = [row["success"] for row in rows]
+    data["success_rate"] = None if successes[0] is None else float(np.mean(successes))
+    return data
+
+
+def _middle_wave(
+    rows: Sequence[dict[str, Any]], gaits: Sequence[dict[str, Any] | None]
+) -> dict[str, float] | None:
+    """Return the wave of the episode whose net displacement is the (lower) median."""
+    known = sorted(
+        (i for i, gait in enumerate(gaits) if gait is not None),
+        key=lambda i: rows[i]["net_displacement"],
+    )
+    if not known:
+        return None
+    gait = gaits[known[(len(known) - 1) // 2]]
+    assert gait is not None
+    return {name: gait["wave"][name] for name in _WAVE_FIGURES}
+
+
+def _groups(entries: Sequence[Entry], policies: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Return the spread over training seeds of groups with more than one member."""
+    groups: dict[str, Any] = {}
+    for group in dict.fromkeys(entry.group for entry in entries):
+        members = [entry.name for entry in entries if entry.group == group]
+        if len(members) < 2:
+            continue
+        found: dict[str, Any] = {"members": members}
+        names = ["median net_displacement", "median fine_displacement", "verified_share"]
+        names += [f"ratio_to_{reference}" for reference in REFERENCES]
+        names += [f"fine_ratio_to_{reference}" for reference in REFERENCES]
+        names += ["success_rate"]
+        for name in names:
+            inside = name.startswith("median ")
+            key = name.removeprefix("median ")
+            values = [policies[m]["median"][key] if inside else policies[m][key] for m in members]
+            known = [value for value in values if value is not None]
+            if known and all(map(math.isfinite, known)):
+                found[key] = {
+                    "median": float(np.median(known)),
+                    "min": min(known),
+                    "max": max(known),
+                }
+        groups[group] = found
+    return groups

@@ -1,0 +1,355 @@
+"""What a gait is like: its frequency, how it runs along the body, and how much of it is a wave."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from swim_env.errors import OptionError
+
+__all__ = [
+    "Gait",
+    "OrthogonalModes",
+    "WaveFit",
+    "analyse_gait",
+    "dominant_frequency",
+    "fit_wave",
+    "orthogonal_modes",
+    "phase_lags",
+]
+
+Array = NDArray[np.float64]
+
+#: Frequencies (Hz) that a gait is looked for in begin here, or at one period in the record.
+_LOWEST_HZ = 0.2
+#: Wave numbers (rad per body length) that a fit tries, and grid points per frequency's resolution.
+_LARGEST_WAVE_NUMBER, _FINER = 8.0 * math.pi, 4
+
+
+@dataclass(frozen=True)
+class WaveFit:
+    """The travelling wave A cos(f t - kappa s/l + phase) that is nearest to signals.
+
+    Attributes
+    ----------
+    amplitude : float
+        A, in the signals' unit, at least 0.
+    frequency : float
+        f (rad/s), above 0.
+    wave_number : float
+        kappa (rad per body length); positive runs from head to tail.
+    phase : float
+        rad, in [0, 2 pi), at time 0 and s = 0.
+    explained : float
+        Share of the signals' mean square that the wave stands for: 1 minus the mean square of
+        what is left over the mean square of all.
+    """
+
+    amplitude: float
+    frequency: float
+    wave_number: float
+    phase: float
+    explained: float
+
+
+@dataclass(frozen=True)
+class OrthogonalModes:
+    """The complex orthogonal decomposition of signals along the body (Feeny 2008).
+
+    Attributes
+    ----------
+    modes : (J, J) complex array
+        Orthonormal columns, the strongest first.
+    shares : (J,) array
+        Their shares of the signals' mean square.
+    travelling_share : float
+        Travelling index of the strongest mode, 0 for a standing wave and 1 for one that only
+        travels: the smaller over the larger singular value of its real and imaginary part.
+    """
+
+    modes: NDArray[np.complex128]
+    shares: Array
+    travelling_share: float
+
+
+@dataclass(frozen=True)
+class Gait:
+    """A gait in figures.
+
+    Attributes
+    ----------
+    frequency : float
+        Dominant frequency of the bending (Hz).
+    torque_frequency : float
+        Dominant frequency of the torques (Hz).
+    bending_amplitude : (J,) tuple of float
+        Amplitudes of the joint angles at the bending's frequency (rad).
+    phase_lags : (J,) tuple of float
+        By how much each joint's bending comes after the first joint's (rad), unwrapped along the
+        body.
+    wave_number : float
+        Slope of the phase lags (rad per body length), weighted with the squared amplitudes.
+    travelling_share : float
+        Travelling index of the bending's strongest orthogonal mode, see `OrthogonalModes`.
+    mode_share : float
+        Share of the bending's mean square in that mode.
+    torque_travelling_share : float
+        The same index of the torques.
+    wave : WaveFit
+        The travelling wave nearest to the torques (N m).
+    """
+
+    frequency: float
+    torque_frequency: float
+    bending_amplitude: tuple[float, ...]
+    phase_lags: tuple[float, ...]
+    wave_number: float
+    travelling_share: float
+    mode_share: float
+    torque_travelling_share: float
+    wave: WaveFit
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers and lists, for JSON."""
+        return {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in asdict(self).items()
+        }
+
+
+def analyse_gait(
+    times: ArrayLike,
+    bending: ArrayLike,
+    torques: ArrayLike,
+    places: ArrayLike,
+) -> Gait:
+    """Describe a gait.
+
+    Parameters
+    ----------
+    times : (T,) array_like
+        Equidistant instants (s).
+    bending : (T, J) array_like
+        Joint angles at these (rad).
+    torques : (T, J) array_like
+        Joint torques held from these on (N m).
+    places : (J,) array_like
+        The joints' s/l.
+
+    Raises
+    ------
+    OptionError
+        If shapes do not fit together, or there are fewer than 8 instants.
+    """
+    moments, angles, at = _checked(times, bending, places)
+    _, pushes, _ = _checked(times, torques, places)
+    frequency = dominant_frequency(moments, angles)
+    lags, amplitudes = phase_lags(moments, angles, frequency)
+    modes, torque_modes = orthogonal_modes(angles), orthogonal_modes(pushes)
+    return Gait(
+        frequency=frequency,
+        torque_frequency=dominant_frequency(moments, pushes),
+        bending_amplitude=tuple(amplitudes.tolist()),
+        phase_lags=tuple(lags.tolist()),
+        wave_number=_slope(at, lags, amplitudes**2),
+        travelling_share=modes.travelling_share,
+        mode_share=float(modes.shares[0]),
+        torque_travelling_share=torque_modes.travelling_share,
+        wave=fit_wave(moments, pushes, at),
+    )
+
+
+def dominant_frequency(times: ArrayLike, signals: ArrayLike) -> float:
+    """Return the frequency (Hz) with the largest power, summed over signals.
+
+    Parameters
+    ----------
+    times : (T,) array_like
+        Equidistant instants (s).
+    signals : (T, J) array_like
+        Signals; their means do not count.
+
+    Returns
+    -------
+    float
+        The maximum of a cosine sum that is evaluated between the lines of the discrete spectrum
+        too; 0 where the signals are constant.
+    """
+    moments, values, _ = _checked(times, signals)
+    values = values - values.mean(axis=0)
+    if not np.any(values):
+        return 0.0
+    window = np.hanning(len(values) + 2)[1:-1, None]
+    interval = float(moments[1] - moments[0])
+    size = 8 * len(values)
+    power = (np.abs(np.fft.rfft(values * window, size, axis=0)) ** 2).sum(axis=1)
+    lines = np.fft.rfftfreq(size, interval)
+    power[lines < min(_LOWEST_HZ, 1.0 / (interval * len(values)))] = 0.0
+    best = int(power.argmax())
+    if 0 < best < len(power) - 1 and power[best - 1] > 0.0:
+        # A parabola through the logarithms: exact for a Gaussian, near enough for this window.
+        left, middle, right = np.log(power[best - 1 : best + 2])
+        curvature = left - 2.0 * middle + right
+        shift = 0.5 * (left - right) / curvature if curvature else 0.0
+        return float(lines[best] + shift * (lines[1] - lines[0]))
+    return float(lines[best])
+
+
+def phase_lags(times: ArrayLike, signals: ArrayLike, frequency: float) -> tuple[Array, Array]:
+    """Return by how much signals lag behind the first one at a frequency, and their amplitudes.
+
+    Parameters
+    ----------
+    times : (T,) array_like
+        Instants (s).
+    signals : (T, J) array_like
+        Signals from head to tail.
+    frequency : float
+        Hz.
+
+    Returns
+    -------
+    lags : (J,) array
+        rad, unwrapped from signal to signal; the first is 0.
+    amplitudes : (J,) array
+        Of the least-squares cosine of each signal.
+    """
+    moments, values, _ = _checked(times, signals)
+    angle = 2.0 * math.pi * frequency * moments
+    basis = np.stack([np.cos(angle), np.sin(angle), np.ones_like(angle)], axis=1)
+    (a, b, _), *_ = np.linalg.lstsq(basis, values, rcond=None)
+    # a cos + b sin = r cos(angle - lag)
+    lags = np.unwrap(np.arctan2(b, a))
+    return lags - lags[0], np.hypot(a, b)
+
+
+def orthogonal_modes(signals: ArrayLike) -> OrthogonalModes:
+    """Decompose signals into complex orthogonal modes.
+
+    Parameters
+    ----------
+    signals : (T, J) array_like
+        Equidistant in time; their means do not count.
+
+    Returns
+    -------
+    OrthogonalModes
+        Eigenvectors of the covariance of the analytic signals.
+    """
+    from scipy.signal import hilbert
+
+    values = np.asarray(signals, dtype=np.float64)
+    values = values - values.mean(axis=0)
+    joints = values.shape[1]
+    if not np.any(values):
+        return OrthogonalModes(np.eye(joints, dtype=np.complex128), np.zeros(joints), 0.0)
+    analytic = hilbert(values, axis=0)
+    # The transform takes the record for periodic; its ends are left out.
+    edge = len(analytic) // 20
+    analytic = analytic[edge : len(analytic) - edge]
+    covariance = analytic.T @ analytic.conj() / len(analytic)
+    powers, modes = np.linalg.eigh(covariance)
+    powers, modes = powers[::-1].clip(0.0), modes[:, ::-1]
+    strongest = modes[:, 0]
+    singular = np.linalg.svd(np.stack([strongest.real, strongest.imag], axis=1), compute_uv=False)
+    index = float(singular[-1] / singular[0]) if joints > 1 else 0.0
+    return OrthogonalModes(modes, powers / powers.sum(), index)
+
+
+def fit_wave(times: ArrayLike, signals: ArrayLike, places: ArrayLike) -> WaveFit:
+    """Fit a travelling wave A cos(f t - kappa s/l + phase) to signals, in the least squares.
+
+    A grid over frequency and wave number finds the neighbourhood of the best wave, a local search
+    the wave itself; amplitude and phase follow from a linear problem.
+
+    Parameters
+    ----------
+    times : (T,) array_like
+        Equidistant instants (s).
+    signals : (T, J) array_like
+        Signals.
+    places : (J,) array_like
+        Their s/l.
+    """
+    from scipy.optimize import minimize
+
+    moments, values, at = _checked(times, signals, places)
+    total = float((values**2).mean())
+    if total == 0.0:
+        return WaveFit(0.0, 0.0, 0.0, 0.0, 0.0)
+    interval = float(moments[1] - moments[0])
+    size = _FINER * len(values)
+    spectrum = np.fft.rfft(values, size, axis=0)
+    frequencies = 2.0 * math.pi * np.fft.rfftfreq(size, interval)
+    numbers = np.linspace(-_LARGEST_WAVE_NUMBER, _LARGEST_WAVE_NUMBER, 129)
+    # Sum over joints of the spectrum, each turned back by the wave's phase at its place.
+    power = np.abs(spectrum @ np.exp(1j * np.outer(at, numbers))) ** 2
+    power[frequencies < 2.0 * math.pi * min(_LOWEST_HZ, 1.0 / (interval * len(values)))] = 0.0
+    row, column = np.unravel_index(int(power.argmax()), power.shape)
+    step = float(frequencies[1]), float(numbers[1] - numbers[0])
+
+    def left_over(shift: Array) -> float:
+        f = float(frequencies[row]) + shift[0] * step[0]
+        kappa = float(numbers[column]) + shift[1] * step[1]
+        return _wave_at(moments, values, at, f, kappa)[2] / total
+
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    found = minimize(
+        left_over,
+        corners[0],
+        method="Nelder-Mead",
+        options={"initial_simplex": corners, "xatol": 1e-7, "fatol": 1e-14, "maxiter": 2000},
+    )
+    frequency = float(frequencies[row]) + float(found.x[0]) * step[0]
+    wave_number = float(numbers[column]) + float(found.x[1]) * step[1]
+    amplitude, phase, rest = _wave_at(moments, values, at, frequency, wave_number)
+    return WaveFit(amplitude, frequency, wave_number, phase, 1.0 - rest / total)
+
+
+def _wave_at(
+    moments: Array, values: Array, at: Array, frequency: float, wave_number: float
+) -> tuple[float, float, float]:
+    """Return amplitude and phase of the best wave of a kind, and the mean square that it leaves."""
+    angle = frequency * moments[:, None] - wave_number * at
+    cosine, sine = np.cos(angle), np.sin(angle)
+    cc, ss, cs = (cosine**2).sum(), (sine**2).sum(), (cosine * sine).sum()
+    determinant = cc * ss - cs**2
+    c, s = (values * cosine).sum(), (values * sine).sum()
+    if determinant <= 1e-12 * cc * max(ss, 1.0):
+        a, b = (c / cc if cc else 0.0), 0.0
+    else:
+        a, b = (c * ss - s * cs) / determinant, (s * cc - c * cs) / determinant
+    rest = values - a * cosine - b * sine
+    # a cos + b sin = A cos(angle + phase)
+    phase = math.atan2(-b, a) % (2.0 * math.pi)
+    return math.hypot(a, b), phase, float((rest**2).mean())
+
+
+def _slope(x: Array, y: Array, weights: Array) -> float:
+    """Return the slope of a weighted straight line."""
+    if len(x) < 2 or weights.sum() == 0.0:
+        return 0.0
+    x0, y0 = (float(np.average(one, weights=weights)) for one in (x, y))
+    return float((weights * (x - x0) * (y - y0)).sum() / (weights * (x - x0) ** 2).sum())
+
+
+def _checked(
+    times: ArrayLike, signals: ArrayLike, places: ArrayLike | None = None
+) -> tuple[Array, Array, Array]:
+    moments = np.asarray(times, dtype=np.float64)
+    values = np.asarray(signals, dtype=np.float64)
+    at = np.zeros(0) if places is None else np.asarray(places, dtype=np.float64)
+    if values.ndim != 2 or moments.shape != values.shape[:1] or len(moments) < 8:
+        raise OptionError(
+            "signals must have shape (T, J) and times (T,) with at least 8 instants, got "
+            f"{values.shape} and {moments.shape}"
+        )
+    if places is not None and at.shape != values.shape[1:]:
+        raise OptionError(f"places must have shape ({values.shape[1]},), got {at.shape}")
+    if not (np.isfinite(values).all() and np.isfinite(moments).all()):
+        raise OptionError("times and signals must be finite")
+    return moments, values, at

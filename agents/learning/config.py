@@ -1,0 +1,635 @@
+"""A training run's configuration: one YAML file, one dataclass, everything that decides the run."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+from swim_env.errors import SceneError, SwimError
+from swim_env.files import write_atomically
+from swim_env.scene import Scene, load_scene
+from swim_env.scene_checks import (
+    check_fields,
+    check_integer,
+    check_name,
+    check_real,
+    check_text,
+    got,
+    listed,
+    nearest,
+)
+from swim_env.scene_yaml import dump_yaml, parse_overrides, parse_yaml, read_text
+from swim_env.task import ForwardTask, TargetTask, Task
+
+__all__ = [
+    "ACTIVATIONS",
+    "ALGORITHMS",
+    "TASKS",
+    "ConfigError",
+    "Evaluations",
+    "Network",
+    "PPOSettings",
+    "SACSettings",
+    "TrainingConfig",
+    "config_names",
+    "load_config",
+]
+
+ALGORITHMS = ("PPO", "SAC")
+ACTIVATIONS = ("tanh", "relu", "elu")
+
+#: The task of each name.
+TASKS: dict[str, type[Task]] = {"forward": ForwardTask, "target": TargetTask}
+_TASK_OPTIONS = {
+    "forward": ("effort_weight", "heading_weight"),
+    "target": (
+        "effort_weight",
+        "heading_weight",
+        "target_bearing",
+        "target_distance",
+        "target_radius",
+    ),
+}
+_MOST = 10**12
+
+
+class ConfigError(SwimError, ValueError):
+    """A training configuration cannot be used.
+
+    Parameters
+    ----------
+    problem : str
+        What is wrong, in which field, and what would be right.
+    source : str, optional
+        Where the configuration came from.
+    """
+
+    def __init__(self, problem: str, source: str | None = None) -> None:
+        super().__init__(problem, source)
+        self.problem, self.source = problem, source
+
+    def __str__(self) -> str:
+        """Return the message, with the source in brackets where known."""
+        return self.problem if self.source is None else f"{self.problem} ({self.source})"
+
+
+def _set(block: object, **values: object) -> None:
+    """Store checked values in a frozen dataclass; only for use in ``__post_init__``."""
+    for name, value in values.items():
+        object.__setattr__(block, name, value)
+
+
+@dataclass(frozen=True)
+class Network:
+    """The policy's network; the critic has one of the same shape.
+
+    Attributes
+    ----------
+    layers : tuple of int
+        Widths of the hidden layers.
+    activation : str
+        One of ACTIVATIONS.
+    log_std : float
+        Logarithm of the exploration's standard deviation at the start.
+    """
+
+    layers: tuple[int, ...] = (64, 64)
+    activation: str = "tanh"
+    log_std: float = -1.0
+
+    def __post_init__(self) -> None:
+        """Check every field and store it in its final form."""
+        widths = listed(self.layers)
+        if not widths:
+            raise SceneError(
+                f"network.layers must be a list of widths such as [64, 64], got {got(self.layers)}"
+            )
+        _set(
+            self,
+            layers=tuple(
+                check_integer(width, f"network.layers[{i}]", 1, 65536)
+                for i, width in enumerate(widths)
+            ),
+            activation=check_name(self.activation, "network.activation", ACTIVATIONS),
+            log_std=check_real(self.log_std, "network.log_std", at_least=-20.0, at_most=2.0),
+        )
+
+
+@dataclass(frozen=True)
+class PPOSettings:
+    """What proximal policy optimisation (Schulman et al. 2017) has of its own.
+
+    Attributes
+    ----------
+    rollout : int
+        Actions that each member plays between updates.
+    minibatch : int
+        Samples of one gradient step; divides ``members * rollout``.
+    epochs : int
+        Passes over the samples of an update.
+    gae_lambda : float
+        Of the generalised advantage estimate, in [0, 1].
+    clip_range : float
+        Bound on the change of the probability ratio.
+    entropy_coefficient, value_coefficient : float
+        Weights in the loss.
+    max_gradient_norm : float
+        Gradients are shortened to it.
+    target_kl : float or None
+        An update ends early beyond 1.5 times this divergence.
+    """
+
+    rollout: int = 128
+    minibatch: int = 2048
+    epochs: int = 5
+    gae_lambda: float = 0.95
+    clip_range: float = 0.2
+    entropy_coefficient: float = 0.0
+    value_coefficient: float = 0.5
+    max_gradient_norm: float = 0.5
+    target_kl: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check every field and store it in its final form."""
+        kl = self.target_kl
+        _set(
+            self,
+            rollout=check_integer(self.rollout, "ppo.rollout", 2, _MOST),
+            minibatch=check_integer(self.minibatch, "ppo.minibatch", 2, _MOST),
+            epochs=check_integer(self.epochs, "ppo.epochs", 1, 10_000),
+            gae_lambda=check_real(self.gae_lambda, "ppo.gae_lambda", at_least=0.0, at_most=1.0),
+            clip_range=check_real(self.clip_range, "ppo.clip_range", above=0.0, at_most=10.0),
+            entropy_coefficient=check_real(
+                self.entropy_coefficient, "ppo.entropy_coefficient", at_least=0.0
+            ),
+            value_coefficient=check_real(
+                self.value_coefficient, "ppo.value_coefficient", at_least=0.0
+            ),
+            max_gradient_norm=check_real(
+                self.max_gradient_norm, "ppo.max_gradient_norm", above=0.0
+            ),
+            target_kl=None if kl is None else check_real(kl, "ppo.target_kl", above=0.0),
+        )
+
+
+@dataclass(frozen=True)
+class SACSettings:
+    """What soft actor-critic (Haarnoja et al. 2018) has of its own.
+
+    Attributes
+    ----------
+    buffer : int
+        Transitions that the replay buffer holds.
+    minibatch : int
+        Transitions of one update.
+    rollout : int
+        Actions that each member plays between updates; exploration that depends on the state is
+        drawn anew at their start at the latest.
+    updates : int
+        Updates after each of these.
+    learning_starts : int
+        Steps with random actions before the first update.
+    tau : float
+        Share by which the target critic follows, in (0, 1].
+    return_steps : int
+        Rewards that a target of the critic sums before it relies on the critic (n-step returns).
+    temperature : float
+        Weight of the entropy at the start, which is then tuned. Rewards of a swimmer are small: the
+        usual 1 keeps it from learning anything else for long.
+    target_entropy : float or None
+        Entropy that the temperature is tuned for; minus the number of joints where None.
+    """
+
+    buffer: int = 300_000
+    minibatch: int = 256
+    rollout: int = 4
+    updates: int = 16
+    learning_starts: int = 10_000
+    tau: float = 0.01
+    return_steps: int = 3
+    temperature: float = 0.01
+    target_entropy: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check every field and store it in its final form."""
+        entropy = self.target_entropy
+        _set(
+            self,
+            buffer=check_integer(self.buffer, "sac.buffer", 1, _MOST),
+            minibatch=check_integer(self.minibatch, "sac.minibatch", 1, _MOST),
+            rollout=check_integer(self.rollout, "sac.rollout", 1, _MOST),
+            updates=check_integer(self.updates, "sac.updates", 1, 100_000),
+            learning_starts=check_integer(self.learning_starts, "sac.learning_starts", 0, _MOST),
+            tau=check_real(self.tau, "sac.tau", above=0.0, at_most=1.0),
+            return_steps=check_integer(self.return_steps, "sac.return_steps", 1, 10_000),
+            temperature=check_real(self.temperature, "sac.temperature", above=0.0),
+            target_entropy=None if entropy is None else check_real(entropy, "sac.target_entropy"),
+        )
+
+
+@dataclass(frozen=True)
+class Evaluations:
+    """The periodic evaluation: the same starts every time, without exploration.
+
+    Attributes
+    ----------
+    every : int
+        Environment steps between two.
+    episodes : int
+        Episodes of each, with the seeds `seed`, `seed` + 1, ...
+    seed : int
+        The first seed; training uses others.
+    """
+
+    every: int = 250_000
+    episodes: int = 16
+    seed: int = 1_000_000
+
+    def __post_init__(self) -> None:
+        """Check every field and store it in its final form."""
+        _set(
+            self,
+            every=check_integer(self.every, "evaluation.every", 1, _MOST),
+            episodes=check_integer(self.episodes, "evaluation.episodes", 1, 10_000),
+            seed=check_integer(self.seed, "evaluation.seed", 0, 2**62),
+        )
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """Everything that decides a training run but its seed.
+
+    Attributes
+    ----------
+    name : str
+        Of the agent.
+    description : str
+        What it is for, and why the settings are what they are.
+    algorithm : str
+        One of ALGORITHMS.
+    task : str
+        A key of TASKS.
+    scene : Scene
+        What swims.
+    environment : dict
+        Arguments of the task, such as ``effort_weight`` or ``target_distance``.
+    members : int
+        Episodes that are played side by side.
+    steps : int
+        Environment steps (actions) in all.
+    discount : float
+        gamma, in (0, 1).
+    learning_rate, final_learning_rate : float
+        Of Adam, at the start and at the end, linear in between; constant where the final one is
+        not given.
+    reward_scale : float
+        What the learner sees is the reward times this.
+    state_dependent_noise, noise_hold : bool, int
+        Whether exploration is a random function of the state (gSDE, Raffin et al. 2022), drawn anew
+        every `noise_hold` actions, instead of independent noise at every joint and action.
+    network : Network
+        Of policy and critic.
+    ppo : PPOSettings or None
+        With algorithm PPO, and with it alone.
+    sac : SACSettings or None
+        With algorithm SAC, and with it alone.
+    evaluation : Evaluations
+        The periodic evaluation.
+    checkpoint_every : int
+        Environment steps between checkpoints.
+    torch_threads : int
+        Threads of PyTorch. One is fastest for networks of this size, and only a fixed number gives
+        the same run twice.
+    """
+
+    name: str = "agent"
+    description: str = ""
+    algorithm: str = "PPO"
+    task: str = "forward"
+    scene: Scene = field(default_factory=lambda: load_scene("swimmer"))
+    environment: dict[str, Any] = field(default_factory=dict)
+    members: int = 64
+    steps: int = 1_000_000
+    discount: float = 0.998
+    learning_rate: float = 3e-4
+    final_learning_rate: float | None = None
+    reward_scale: float = 1.0
+    state_dependent_noise: bool = True
+    noise_hold: int = 4
+    network: Network = field(default_factory=Network)
+    ppo: PPOSettings | None = None
+    sac: SACSettings | None = None
+    evaluation: Evaluations = field(default_factory=Evaluations)
+    checkpoint_every: int = 250_000
+    torch_threads: int = 1
+
+    def __post_init__(self) -> None:
+        """Check every field, and that they fit together."""
+        try:
+            self._check()
+        except SceneError as error:
+            raise ConfigError(error.problem) from None
+
+    def _check(self) -> None:
+        name = check_text(self.name, "name")
+        if not name or not name.isprintable() or any(sign in name for sign in "/\\\0"):
+            raise ConfigError(f"name must be a short text without slashes, got {name!r}")
+        if not isinstance(self.state_dependent_noise, bool):
+            raise ConfigError(
+                "state_dependent_noise must be true or false, got "
+                + got(self.state_dependent_noise)
+            )
+        final = self.final_learning_rate
+        _set(
+            self,
+            description=check_text(self.description, "description"),
+            algorithm=check_name(self.algorithm, "algorithm", ALGORITHMS),
+            task=check_name(self.task, "task", tuple(TASKS)),
+            members=check_integer(self.members, "members", 1, 100_000),
+            steps=check_integer(self.steps, "steps", 1, _MOST),
+            discount=_discount(self.discount),
+            learning_rate=check_real(self.learning_rate, "learning_rate", above=0.0, at_most=1.0),
+            final_learning_rate=None
+            if final is None
+            else check_real(final, "final_learning_rate", at_least=0.0, at_most=1.0),
+            reward_scale=check_real(self.reward_scale, "reward_scale", above=0.0),
+            noise_hold=check_integer(self.noise_hold, "noise_hold", 1, 1_000_000),
+            checkpoint_every=check_integer(self.checkpoint_every, "checkpoint_every", 1, _MOST),
+            torch_threads=check_integer(self.torch_threads, "torch_threads", 1, 1024),
+        )
+        self._check_algorithm()
+        self._check_task()
+
+    def _check_algorithm(self) -> None:
+        own, other = ("ppo", "sac") if self.algorithm == "PPO" else ("sac", "ppo")
+        if getattr(self, other) is not None:
+            raise ConfigError(f"a block {other} has no meaning with algorithm {self.algorithm}")
+        if getattr(self, own) is None:
+            _set(self, **{own: PPOSettings() if own == "ppo" else SACSettings()})
+        if self.ppo is not None:
+            samples = self.members * self.ppo.rollout
+            if samples % self.ppo.minibatch:
+                raise ConfigError(
+                    f"ppo.minibatch must divide members * ppo.rollout = {samples}, "
+                    f"got {self.ppo.minibatch}"
+                )
+        if self.sac is not None and self.sac.buffer < self.members:
+            raise ConfigError(
+                f"sac.buffer must be at least members = {self.members}, got {self.sac.buffer}"
+            )
+
+    def _check_task(self) -> None:
+        known = _TASK_OPTIONS[self.task]
+        if not isinstance(self.environment, Mapping):
+            raise ConfigError(
+                f"environment must be a mapping of arguments, got {got(self.environment)}"
+            )
+        for name in self.environment:
+            if name not in known:
+                raise ConfigError(
+                    f"unknown field environment.{name}{nearest(str(name), known)}; known fields "
+                    f"with task {self.task}: {', '.join(known)}"
+                )
+        _set(self, environment=dict(self.environment))
+        try:
+            self.make_task()
+        except SwimError as error:
+            raise ConfigError(f"environment: {error}") from None
+
+    # ---- what follows from it ------------------------------------------------------------------
+
+    def make_task(self) -> Task:
+        """Return the task, with the arguments in `environment`."""
+        short = {name.removeprefix("target_"): value for name, value in self.environment.items()}
+        return TASKS[self.task](self.scene, **short)
+
+    @property
+    def round_steps(self) -> int:
+        """Environment steps of one round, a rollout of all members and the updates after it."""
+        settings = self.ppo or self.sac
+        assert settings is not None
+        return self.members * settings.rollout
+
+    def learning_rate_at(self, steps: int) -> float:
+        """Return the learning rate after a number of environment steps."""
+        if self.final_learning_rate is None:
+            return self.learning_rate
+        done = min(1.0, steps / self.steps)
+        return self.learning_rate + done * (self.final_learning_rate - self.learning_rate)
+
+    # ---- to and from YAML ----------------------------------------------------------------------
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, the scene in full, from which `from_dict` makes the same again."""
+        data: dict[str, Any] = {}
+        for spec in fields(self):
+            value = getattr(self, spec.name)
+            if spec.name == "scene":
+                data["scene"] = value.to_dict()
+            elif isinstance(value, (Network, PPOSettings, SACSettings, Evaluations)):
+                data[spec.name] = {
+                    part.name: _plain(getattr(value, part.name)) for part in fields(value)
+                }
+            elif value is not None or spec.name == "final_learning_rate":
+                data[spec.name] = _plain(value)
+        return data
+
+    def to_yaml(self) -> str:
+        """Return the resolved configuration as YAML."""
+        return dump_yaml(self.to_dict())
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the resolved configuration as YAML, whole or not at all.
+
+        Raises
+        ------
+        OSError
+            If the file cannot be written.
+        """
+        text = self.to_yaml().encode("utf-8")
+        write_atomically(path, lambda file: file.write(text))
+
+    @classmethod
+    def from_dict(cls, mapping: Mapping[str, Any], source: str | None = None) -> TrainingConfig:
+        """Make a configuration from plain values.
+
+        Parameters
+        ----------
+        mapping : mapping
+            The fields. ``scene`` is a shipped name, a path, or the scene's own fields; beside it
+            there may be ``overrides``, changes to the scene by dotted path.
+        source : str, optional
+            Where the mapping came from, for messages.
+
+        Raises
+        ------
+        ConfigError
+            If a field is unknown (the nearest known one is named), of the wrong type, out of range,
+            or if fields do not fit together.
+        """
+        known = [spec.name for spec in fields(cls)]
+        try:
+            given = _checked_fields(mapping, "", [*known, "overrides"])
+            given["scene"] = _scene(given.pop("scene", "swimmer"), given.pop("overrides", None))
+            for name, block in _BLOCKS.items():
+                if given.get(name) is not None:
+                    given[name] = _build(name, block, given[name])
+                else:
+                    given.pop(name, None)
+            return cls(**given)
+        except ConfigError as error:
+            raise ConfigError(error.problem, error.source or source) from None
+        except SceneError as error:
+            raise ConfigError(error.problem, error.source or source) from None
+
+    def change(self, changes: Mapping[str, Any]) -> TrainingConfig:
+        """Return a configuration with fields changed.
+
+        Parameters
+        ----------
+        changes : mapping
+            New values by name or dotted path: ``steps``, ``ppo.epochs``,
+            ``scene.beam.elements``.
+
+        Raises
+        ------
+        ConfigError
+            If a path is unknown or the changed configuration is not valid.
+        """
+        data = self.to_dict()
+        scene = self.scene
+        for path, value in changes.items():
+            block, _, rest = str(path).partition(".")
+            if block == "scene" and rest:
+                try:
+                    scene = scene.replace(rest, value)
+                except SceneError as error:
+                    raise ConfigError(f"scene: {error.problem}") from None
+                data["scene"] = scene.to_dict()
+            elif rest and (block in _BLOCKS or block == "environment"):
+                data[block] = {**(data.get(block) or {}), rest: value}
+            else:
+                data[path] = value
+        return TrainingConfig.from_dict(data)
+
+    def scaled(self, steps: int) -> TrainingConfig:
+        """Return the same with another number of steps."""
+        return replace(self, steps=steps)
+
+
+_BLOCKS: dict[str, type] = {
+    "network": Network,
+    "ppo": PPOSettings,
+    "sac": SACSettings,
+    "evaluation": Evaluations,
+}
+
+
+def _plain(value: object) -> Any:
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    return value
+
+
+def _discount(value: object) -> float:
+    number = check_real(value, "discount", above=0.0)
+    if not number < 1.0:
+        raise ConfigError(f"discount must be below 1, got {number:g}")
+    return number
+
+
+def _checked_fields(mapping: object, path: str, known: list[str]) -> dict[str, Any]:
+    if not isinstance(mapping, Mapping) and not path:
+        raise ConfigError(f"a configuration must be a mapping of fields, got {got(mapping)}")
+    return check_fields(mapping, path, known)
+
+
+def _build(name: str, block: type, value: object) -> object:
+    if isinstance(value, block):
+        return value
+    known = [spec.name for spec in fields(block)]
+    return block(**_checked_fields(value, name, known))
+
+
+def _scene(scene: object, overrides: object) -> Scene:
+    """Return the scene that a configuration names or holds, with its overrides."""
+    if isinstance(scene, Mapping):
+        scene = Scene.from_dict(scene, "the configuration's scene")
+    changes: Any = overrides
+    if overrides is not None and not isinstance(overrides, (Mapping, list)):
+        raise ConfigError(f"overrides must be a mapping or a list, got {got(overrides)}")
+    return load_scene(scene, changes)  # type: ignore[arg-type]
+
+
+# ---- finding configurations --------------------------------------------------------------------
+
+
+def _config_folder() -> Path:
+    """Return the folder of the shipped configurations: in the wheel, or beside the package."""
+    here = Path(__file__).parents[1]
+    for base in (here.parent / "swim_env", here.parent):
+        folder = base / "configs" / "agents"
+        if folder.is_dir():
+            return folder
+    return here.parent / "configs" / "agents"
+
+
+def config_names() -> tuple[str, ...]:
+    """Return the names of the shipped configurations, sorted."""
+    return tuple(sorted(path.stem for path in _config_folder().glob("*.yaml")))
+
+
+def load_config(
+    config: str | os.PathLike[str], overrides: list[str] | Mapping[str, Any] | None = None
+) -> TrainingConfig:
+    """Read a configuration and change fields of it.
+
+    Parameters
+    ----------
+    config : str or os.PathLike
+        A shipped name (see `config_names`) or the path of a YAML file.
+    overrides : list of str or mapping, optional
+        Changes such as ``"steps=100000"`` or ``"ppo.epochs=10"``, the values read as YAML.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such file, or it or an override cannot be used.
+
+    Examples
+    --------
+    >>> load_config("ppo_forward", ["steps=1000000"]).steps
+    1000000
+    """
+    given = os.fspath(config)
+    path, source = Path(given), given
+    if given in config_names():
+        path, source = _config_folder() / f"{given}.yaml", f"configs/agents/{given}.yaml"
+    if not path.exists():
+        names = config_names()
+        raise ConfigError(
+            f"no such configuration: {given}{nearest(path.stem, names)}; shipped: "
+            f"{', '.join(names) or 'none'}"
+        )
+    try:
+        text = read_text(path, source)
+        data: Any = parse_yaml(text, source)
+    except SceneError as error:
+        problem = error.problem.replace("the scene file", "the configuration")
+        raise ConfigError(problem, error.source) from None
+    if data is None:
+        raise ConfigError("the file is empty, must hold a training configuration", source)
+    if isinstance(data, dict):
+        data = {"name": path.stem, **data}
+    found = TrainingConfig.from_dict(data, source)
+    if not overrides:
+        return found
+    try:
+        return found.change(parse_overrides(overrides))
+    except SceneError as error:
+        raise ConfigError(error.problem, f"{source} with overrides") from None
+    except ConfigError as error:
+        raise ConfigError(error.problem, f"{source} with overrides") from None

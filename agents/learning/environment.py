@@ -1,0 +1,108 @@
+"""The batch that a training run plays in."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from agents.learning.config import TrainingConfig
+from agents.vec_env import SwimVecEnv
+from swim_env.env_interface import EnvSnapshot
+from swim_env.episodes import EpisodesSnapshot
+from swim_env.vector_env import SwimTargetVectorEnv, SwimVectorEnv
+
+# After agents.vec_env, which says in one line what is missing where this is not installed.
+from stable_baselines3.common.vec_env import VecEnvWrapper, VecMonitor  # isort: skip
+
+__all__ = ["TrainingEnv", "make_batch", "make_training_env"]
+
+
+def make_batch(
+    config: TrainingConfig,
+    members: int,
+    threads: int | None = None,
+    mode: AutoresetMode = AutoresetMode.SAME_STEP,
+) -> SwimVectorEnv:
+    """Make a batch of a configuration's scene and task."""
+    made = SwimTargetVectorEnv if config.task == "target" else SwimVectorEnv
+    return made(
+        members, config.scene, autoreset_mode=mode, num_threads=threads, **config.environment
+    )
+
+
+class TrainingEnv(VecEnvWrapper):  # type: ignore[misc]
+    """A batch whose rewards are scaled for the learner, and whose state can be kept.
+
+    Episode statistics in the infos are those of the rewards as they are.
+
+    Parameters
+    ----------
+    venv : VecMonitor
+        Around a `SwimVecEnv`.
+    reward_scale : float
+        What rewards are multiplied by.
+    """
+
+    def __init__(self, venv: VecMonitor, reward_scale: float = 1.0) -> None:
+        super().__init__(venv)
+        self.reward_scale = reward_scale
+
+    @property
+    def batch(self) -> SwimVectorEnv:
+        """The batched environment inside."""
+        env: SwimVectorEnv = self.venv.venv.env
+        return env
+
+    def reset(self) -> NDArray[np.float32]:
+        """Start all members; returns observations, (M, n)."""
+        observations: NDArray[np.float32] = self.venv.reset()
+        return observations
+
+    def step_wait(
+        self,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Return what the batch returns, the rewards scaled."""
+        observations, rewards, dones, infos = self.venv.step_wait()
+        return observations, rewards * np.float32(self.reward_scale), dones, infos
+
+    def state(self) -> dict[str, Any]:
+        """Return all that decides how the episodes go on, as arrays and plain values."""
+        episodes = self.batch.snapshot().episodes
+        return {
+            "arrays": episodes.arrays,
+            "randoms": episodes.randoms,
+            "returns": self.venv.episode_returns.copy(),
+            "lengths": self.venv.episode_lengths.copy(),
+            "count": self.venv.episode_count,
+        }
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Go on from what `state` returned."""
+        self.venv.reset()  # gives every member a generator, whose state is then replaced
+        task = self.batch.episodes.task.identity
+        snapshot = EpisodesSnapshot(task, state["arrays"], state["randoms"])
+        self.batch.restore(EnvSnapshot(snapshot, True))
+        self.venv.episode_returns = state["returns"].copy()
+        self.venv.episode_lengths = state["lengths"].copy()
+        self.venv.episode_count = state["count"]
+
+
+def make_training_env(config: TrainingConfig, seed: int, threads: int | None = None) -> TrainingEnv:
+    """Make the batch that a training run plays in.
+
+    Parameters
+    ----------
+    config : TrainingConfig
+        The run.
+    seed : int
+        Member i is seeded with ``seed * members + i``, so runs with different seeds share no start.
+    threads : int, optional
+        Threads of the batch; as many as numba is told to use unless given. The results do not
+        depend on it.
+    """
+    venv = SwimVecEnv(make_batch(config, config.members, threads))
+    venv.seed(seed * config.members)
+    return TrainingEnv(VecMonitor(venv), config.reward_scale)

@@ -1,0 +1,98 @@
+#!/usr/bin/env python
+"""Let agents and baselines swim from the same starts, check every score, and compare the gaits."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+
+from agents.comparison.contest import entries_of, hold_contest, steps_to_play
+from agents.comparison.files import check_contest_folder, write_contest
+from agents.comparison.report import as_text
+from agents.policies import policy_names
+from swim_env.assessment import load_assessment
+from swim_env.command_line import add_scene_arguments, progress_bar, run, scene_of
+from swim_env.errors import SwimError
+from swim_env.task import TASK_NAMES
+from swim_env.viewer import require_matplotlib
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument(
+        "--policies",
+        nargs="+",
+        metavar="POLICY",
+        default=["ppo_forward", "sac_forward"],
+        help=f"names ({', '.join(policy_names())}) or paths: an agent's folder, a training run, "
+        "several runs (a folder with seed_0, seed_1 ...), a model file; ppo_forward sac_forward "
+        "unless given. paper_wave and tuned_wave always take part",
+    )
+    add_scene_arguments(parser, default="swimmer")
+    parser.add_argument("--task", default="forward", help="forward (the default) or target")
+    parser.add_argument(
+        "--duration", type=float, metavar="S", help="of an episode; the scene's unless given"
+    )
+    parser.add_argument(
+        "--seeds",
+        type=int,
+        nargs="+",
+        default=list(range(10)),
+        metavar="N",
+        help="of the starts; 0 to 9 unless given",
+    )
+    parser.add_argument(
+        "--noise", type=float, default=1.0, metavar="X", help="factor on the start's noise"
+    )
+    parser.add_argument(
+        "--trust",
+        action="store_true",
+        help="unpickle model files that come without an agent.json, which runs code in them",
+    )
+    parser.add_argument(
+        "--output",
+        metavar="FOLDER",
+        help="write comparison.json, .csv, .md and pictures into this folder",
+    )
+    parser.add_argument("--json", action="store_true", help="end with the figures as one JSON line")
+    return parser
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command."""
+    options = _parser().parse_args(arguments)
+    if options.task not in TASK_NAMES:
+        raise SwimError(f"unknown task {options.task!r}; tasks: {', '.join(TASK_NAMES)}")
+    scene = scene_of(options)
+    if options.duration is not None:
+        scene = scene.replace("episode.duration", options.duration)
+    if options.output is not None:
+        require_matplotlib()
+        check_contest_folder(options.output)
+    entries = entries_of(options.policies, scene, options.task, options.trust)
+    load_assessment()
+    actions, steps = steps_to_play(scene, len(entries), len(options.seeds))
+    with (
+        progress_bar(actions, "action", "play") as played,
+        progress_bar(steps, "step", "check") as checked,
+    ):
+        contest = hold_contest(
+            scene,
+            entries,
+            options.seeds,
+            options.task,
+            options.noise,
+            played=played,
+            checked=checked,
+        )
+    if options.output is not None:
+        write_contest(contest, options.output)
+    print(json.dumps(contest.record, allow_nan=False) if options.json else as_text(contest.record))
+    if options.output is not None:
+        print(f"results are in {options.output}", file=sys.stderr)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(run(main))

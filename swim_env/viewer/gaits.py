@@ -1,0 +1,239 @@
+"""Pictures that put gaits side by side: scores, paths with shapes, torques and bending."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.trajectory import Trajectory
+from swim_env.viewer.stills import BLUE, GREY, ORANGE, SMALL, TIME_COLOURS, new_figure, style_axes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["draw_gaits", "draw_paths", "draw_scores"]
+
+#: A colour for each policy, those of Okabe & Ito, who made them to be told apart by everybody.
+COLOURS = (GREY, ORANGE, BLUE, "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+_MOST_ROWS = 6
+
+
+def draw_scores(record: Mapping[str, Any]) -> Figure:
+    """Draw the net displacement of every start, and its check, for each policy.
+
+    Parameters
+    ----------
+    record : mapping
+        Of `agents.comparison.contest.Contest`.
+    """
+    policies = record["policies"]
+    figure = new_figure(7.2, 1.3 + 0.42 * len(policies))
+    axes = figure.add_subplot()
+    for row, one in enumerate(policies.values()):
+        colour = COLOURS[row % len(COLOURS)]
+        reached = np.array(one["net_displacement"])
+        fine = np.array(one["fine_displacement"])
+        trusted = np.array(one["verified"], dtype=bool)
+        axes.barh(row, one["median"]["net_displacement"], height=0.6, color=colour, alpha=0.35)
+        spread = np.linspace(-0.2, 0.2, len(reached)) if len(reached) > 1 else np.zeros(1)
+        axes.plot(reached, row + spread, "o", color=colour, markersize=3)
+        axes.plot(fine[trusted], (row + spread)[trusted], "|", color="black", markersize=6)
+        axes.plot(fine[~trusted], (row + spread)[~trusted], "x", color="black", markersize=5)
+        ratio = one["ratio_to_tuned_wave"]
+        if ratio is not None:
+            axes.annotate(
+                f"{one['median']['net_displacement']:.2f} BL, {ratio:.2f} of the tuned wave",
+                (max(float(reached.max()), float(fine.max()), 0.0), row),
+                xytext=(8, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=SMALL - 1,
+            )
+    axes.axvline(0.0, color=GREY, linewidth=0.6)
+    axes.set_yticks(range(len(policies)), list(policies))
+    axes.invert_yaxis()
+    axes.margins(x=0.02)
+    right = axes.get_xlim()[1]
+    axes.set_xlim(right=right * 1.45 if right > 0 else None)
+    style_axes(axes, f"net displacement in {record['duration']:g} s (body lengths)", "")
+    axes.set_title(
+        f"{record['scene']}: bar median, dots starts, | the same torques computed finer, "
+        "x where the two disagree",
+        fontsize=SMALL,
+        loc="left",
+    )
+    return figure
+
+
+def draw_paths(
+    trajectories: Mapping[str, Trajectory], goals: Mapping[str, Any] | None = None
+) -> Figure:
+    """Draw where policies went, in one plane, and the shapes they took in one period.
+
+    Parameters
+    ----------
+    trajectories : mapping of str to Trajectory
+        One of each policy, from the same start.
+    goals : mapping of str to (2,) array, optional
+        Targets (m).
+    """
+    from matplotlib import colormaps
+
+    names = list(trajectories)
+    shown = names[:_MOST_ROWS]
+    figure = new_figure(7.2, 3.0 + 0.95 * len(shown))
+    rows = figure.add_gridspec(2, 1, height_ratios=(2.6, 0.95 * len(shown)))
+    plane = figure.add_subplot(rows[0])
+    for row, name in enumerate(names):
+        run, colour = trajectories[name], COLOURS[row % len(COLOURS)]
+        length = run.scene.beam.length
+        path = (run.path - run.path[0]) / length
+        plane.plot(*path.T, color=colour, linewidth=1.2, label=name)
+        shape = (run.nodes[-1] - run.path[0]) / length
+        plane.plot(*shape.T, color=colour, linewidth=2.4, alpha=0.6, solid_capstyle="round")
+        plane.plot(*shape[0], "o", color=colour, markersize=4)
+        if goals and name in goals:
+            spot = (np.asarray(goals[name]) - run.path[0]) / length
+            plane.plot(*spot, "*", color="black", markersize=9, zorder=5)
+    plane.set_aspect("equal", adjustable="datalim")
+    plane.margins(0.03, 0.1)
+    plane.legend(fontsize=SMALL - 1, frameon=False, ncols=min(4, len(names)), loc="best")
+    plane.set_title(
+        "path of the mean centre from the same start, body at the end (dot: head)",
+        fontsize=SMALL,
+        loc="left",
+    )
+    style_axes(plane, "x (body lengths)", "y (body lengths)")
+
+    colours = colormaps[TIME_COLOURS](np.linspace(0.0, 0.88, 8))
+    strip = rows[1].subgridspec(len(shown), 1, hspace=0.1)
+    for row, name in enumerate(shown):
+        axes = figure.add_subplot(strip[row])
+        _draw_shapes(axes, trajectories[name], name, colours, last=row == len(shown) - 1)
+        if row == 0:
+            axes.set_title(
+                "shapes over 0.2 s near the end, in the body's own frame, bending twice enlarged"
+                " (dark to light: time)",
+                fontsize=SMALL,
+                loc="left",
+            )
+    return figure
+
+
+def _draw_shapes(axes: Axes, run: Trajectory, name: str, colours: Any, last: bool) -> None:
+    """Draw shapes at intervals of a short time, turned and moved on top of each other."""
+    length, step = run.scene.beam.length, run.scene.integrator.time_step
+    instants = (run.steps - np.linspace(0.2 / step, 0.0, len(colours))).round().astype(int)
+    for colour, n in zip(colours, np.unique(instants.clip(0)), strict=False):
+        heading = float(run.angles[n].mean())
+        turn = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
+        shape = (run.nodes[n] - run.path[n]) @ turn.T / length
+        axes.plot(shape[:, 0], 2.0 * shape[:, 1], color=colour, linewidth=1.1)
+    axes.set_ylim(-0.4, 0.4)
+    axes.set_xlim(-0.56, 0.56)
+    style_axes(axes, "along the body (body lengths, head left)" if last else "", "")
+    axes.set_ylabel(name, fontsize=SMALL - 1, rotation=0, ha="right", va="center")
+    axes.set_yticks([])
+    if not last:
+        axes.set_xticklabels([])
+
+
+def draw_gaits(
+    trajectories: Mapping[str, Trajectory], gaits: Mapping[str, Any], seconds: float = 1.0
+) -> Figure:
+    """Draw torques and bending along the body over a second, and the phase along the body.
+
+    Parameters
+    ----------
+    trajectories : mapping of str to Trajectory
+        One of each policy.
+    gaits : mapping of str to dict or None
+        `Gait.to_dict` of each.
+    seconds : float
+        Time that is shown, the last of each run (s).
+    """
+    names = list(trajectories)[:_MOST_ROWS]
+    figure = new_figure(7.2, 0.9 + 1.15 * len(names))
+    grid = figure.add_gridspec(len(names), 3, width_ratios=(1.25, 1.25, 0.8))
+    bends: Sequence[NDArray[np.float64]] = [
+        _tail(np.diff(trajectories[name].angles, axis=1), trajectories[name], seconds)
+        for name in names
+    ]
+    for row, name in enumerate(names):
+        run = trajectories[name]
+        torques = _tail(run.torques, run, seconds)
+        last = row == len(names) - 1
+        for column, values in enumerate((torques, bends[row])):
+            axes = figure.add_subplot(grid[row, column])
+            limit = run.scene.torque_limit if column == 0 else float(np.abs(values).max()) or 1.0
+            image = axes.imshow(
+                values.T,
+                aspect="auto",
+                origin="upper",
+                interpolation="nearest",
+                cmap="PuOr_r" if column == 0 else "RdBu_r",
+                vmin=-limit,
+                vmax=limit,
+                extent=(
+                    run.duration - len(values) * run.scene.integrator.time_step,
+                    run.duration,
+                    len(values.T) + 0.5,
+                    0.5,
+                ),
+            )
+            bar = figure.colorbar(image, ax=axes, fraction=0.06, pad=0.02)
+            bar.ax.tick_params(labelsize=SMALL - 2)
+            style_axes(axes, "time (s)" if last else "", "joint" if column == 0 else "")
+            axes.tick_params(labelsize=SMALL - 1)
+            if not last:
+                axes.set_xticklabels([])
+            if column == 1:
+                axes.set_yticklabels([])
+            if row == 0:
+                title = "torque (N m)" if column == 0 else "joint angle (rad)"
+                axes.set_title(title, fontsize=SMALL, loc="left")
+            if column == 0:
+                axes.annotate(
+                    name,
+                    (-0.36, 0.5),
+                    xycoords="axes fraction",
+                    rotation=90,
+                    va="center",
+                    ha="center",
+                    fontsize=SMALL - 1,
+                )
+        _draw_phase(figure.add_subplot(grid[row, 2]), run, gaits.get(name), row == 0, last)
+    return figure
+
+
+def _tail(values: NDArray[np.float64], run: Trajectory, seconds: float) -> NDArray[np.float64]:
+    count = max(2, round(seconds / run.scene.integrator.time_step))
+    return values[: run.steps][-count:]
+
+
+def _draw_phase(axes: Axes, run: Trajectory, gait: Any, first: bool, last: bool) -> None:
+    """Draw by how much the bending lags behind the first joint."""
+    if gait is not None:
+        places = run.scene.beam.joint_fractions
+        axes.plot(places, gait["phase_lags"], "o-", color=BLUE, markersize=2.5, linewidth=1.0)
+        axes.annotate(
+            f"{gait['frequency']:.2f} Hz\ntravelling {gait['travelling_share']:.2f}",
+            (0.04, 0.96),
+            xycoords="axes fraction",
+            va="top",
+            fontsize=SMALL - 2,
+        )
+        low, high = axes.get_ylim()
+        axes.set_ylim(min(low, -1.0), max(high, 1.0) + 0.45 * max(high - low, 2.0))
+    axes.axhline(0.0, color=GREY, linewidth=0.5)
+    style_axes(axes, "s/l" if last else "", "")
+    axes.tick_params(labelsize=SMALL - 1)
+    axes.set_xlim(0.0, 1.0)
+    if not last:
+        axes.set_xticklabels([])
+    if first:
+        axes.set_title("bending: lag (rad)", fontsize=SMALL, loc="left")
