@@ -271,7 +271,7 @@ def _description(path: Path) -> dict[str, Any]:
 
 
 def _weights(path: Path) -> Any:
-    """Return the policy's weights out of a file of stable-baselines3, reading nothing else of it."""
+    """Return the policy's weights out of a file of stable-baselines3, reading only them."""
     import torch
 
     try:

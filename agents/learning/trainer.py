@@ -13,8 +13,8 @@ A run is one folder:
 ============================  ======================================================================
 
 A run that was killed goes on from its last checkpoint and gives bit for bit what it would have
-given without the kill: the checkpoint has the networks and their optimisers, the replay buffer, every
-generator of random numbers and the state of every episode.
+given without the kill: the checkpoint has the networks and their optimisers, the replay buffer,
+every generator of random numbers and the state of every episode.
 """
 
 from __future__ import annotations
