@@ -24,6 +24,7 @@ CHECKED := $(wildcard swim_env agents scripts)
 STAMP_VENV := $(VENV)/.stamp-venv
 STAMP_BUILD := $(VENV)/.stamp-build
 STAMP_VIEW := $(VENV)/.stamp-view
+STAMP_TRAIN := $(VENV)/.stamp-train
 STAMP_DEV := $(VENV)/.stamp-dev
 # An editable install knows the top packages that were there when it was made.
 SOURCES := pyproject.toml setup.py constraints.txt $(wildcard agents/__init__.py)
@@ -35,8 +36,11 @@ help: ## show this list
 
 venv: $(STAMP_DEV) ## set up .venv with what training, the tests and the checks need
 
-demo: $(STAMP_VIEW) ## set up and play the paper's travelling wave for 20 s into results/demo
-	$(BIN)/python scripts/replay.py --scene paper_i --duration 20 --output results/demo
+demo: $(STAMP_TRAIN) ## set up, play the paper's wave, train an agent, compare them into results/demo
+	$(BIN)/python scripts/replay.py --scene paper_i --duration 20 --output results/demo/replay
+	$(BIN)/python scripts/train.py demo --output results/demo/train --resume
+	$(BIN)/python scripts/compare.py --policies results/demo/train/seed_0 --seeds 0 1 2 \
+		--output results/demo/comparison
 
 benchmark: $(STAMP_DEV) ## set up and measure all costs into docs/benchmark (leave the machine alone)
 	$(BIN)/python scripts/benchmark.py --output docs/benchmark
@@ -81,7 +85,12 @@ $(STAMP_VIEW): $(STAMP_BUILD) $(SOURCES)
 	$(PIP) install -c constraints.txt --no-build-isolation -e ".[view]"
 	@touch $@
 
-$(STAMP_DEV): $(STAMP_VIEW) $(SOURCES)
-	@echo "Installing the packages to train, to compare, to test and to check into $(VENV) ..."
+$(STAMP_TRAIN): $(STAMP_VIEW) $(SOURCES)
+	@echo "Installing the packages to train into $(VENV) (PyTorch is large) ..."
+	$(PIP) install -c constraints.txt --no-build-isolation -e ".[train,view]"
+	@touch $@
+
+$(STAMP_DEV): $(STAMP_TRAIN) $(SOURCES)
+	@echo "Installing the packages to compare, to test and to check into $(VENV) ..."
 	$(PIP) install -c constraints.txt --no-build-isolation -e ".[train,view,bench,dev]"
 	@touch $@

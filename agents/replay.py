@@ -42,7 +42,7 @@ def replay_episode(
     scene : Scene
         What swims; its episode says for how long, and how often the policy acts.
     policy : str
-        A name that `load_policy` knows.
+        A name or a path that `load_policy` knows.
     task : str
         A key of TASKS.
     seed : int
@@ -75,10 +75,10 @@ def replay_episode(
         raise SwimError(f"unknown task {task!r}; tasks: {', '.join(TASKS)}")
     if seed < 0:
         raise SwimError(f"the seed must be a whole number of at least 0, got {seed!r}")
-    chosen = load_policy(policy, scene, seed)
+    chosen = load_policy(policy, scene, seed, task)
     video = None
     if video_folder is not None:
-        video = Path(video_folder) / f"{scene.name}-{task}-{policy}-{seed}.mp4"
+        video = Path(video_folder) / f"{scene.name}-{task}-{Path(policy).name}-{seed}.mp4"
         _make_folder(video)
     with tempfile.TemporaryDirectory() as scratch:
         mode = None if video_folder is None else "rgb_array"

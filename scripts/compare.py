@@ -72,19 +72,10 @@ def main(arguments: list[str] | None = None) -> int:
         check_contest_folder(options.output)
     entries = entries_of(options.policies, scene, options.task, options.trust)
     load_assessment()
-    actions, steps = steps_to_play(scene, len(entries), len(options.seeds))
-    with (
-        progress_bar(actions, "action", "play") as played,
-        progress_bar(steps, "step", "check") as checked,
-    ):
+    total = steps_to_play(scene, len(entries), len(options.seeds))
+    with progress_bar(total, "s", "simulated") as progress:
         contest = hold_contest(
-            scene,
-            entries,
-            options.seeds,
-            options.task,
-            options.noise,
-            played=played,
-            checked=checked,
+            scene, entries, options.seeds, options.task, options.noise, progress=progress
         )
     if options.output is not None:
         write_contest(contest, options.output)

@@ -8,7 +8,7 @@ import json
 import sys
 from typing import Any
 
-from agents.baselines import POLICY_NAMES
+from agents.policies import policy_names
 from agents.replay import TASKS, replay_episode
 from swim_env.assessment import load_assessment
 from swim_env.command_line import add_scene_arguments, progress_bar, run, scene_of
@@ -45,7 +45,8 @@ def _parser() -> argparse.ArgumentParser:
     episode.add_argument(
         "--policy",
         metavar="NAME",
-        help=f"who plays ({', '.join(POLICY_NAMES)}); paper_wave unless given",
+        help=f"who plays: {', '.join(policy_names())}, or the path of an agent; paper_wave unless "
+        "given",
     )
     episode.add_argument("--task", help=f"{' or '.join(TASKS)}; forward unless given")
     episode.add_argument(

@@ -46,10 +46,20 @@ def scene_of(arguments: argparse.Namespace) -> Scene:
 
 
 @contextlib.contextmanager
-def progress_bar(total: int, unit: str, label: str) -> Iterator[Callable[[int], object]]:
-    """Show a progress bar on stderr, once a second has passed; yields its update function."""
+def progress_bar(total: int, unit: str, label: str) -> Iterator[Callable[[float], object]]:
+    """Show a progress bar on stderr, once a second has passed; yields its update function.
+
+    Parts of a unit count once they are whole.
+    """
     with tqdm(total=total, unit=unit, desc=label, delay=1.0, file=sys.stderr, leave=False) as bar:
-        yield bar.update
+        done = 0.0
+
+        def update(steps: float) -> None:
+            nonlocal done
+            before, done = int(done + 1e-6), done + steps
+            bar.update(int(done + 1e-6) - before)
+
+        yield update
 
 
 @contextlib.contextmanager

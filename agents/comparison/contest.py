@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -159,11 +160,9 @@ def _labels(name: str, run: Path | None) -> tuple[str, str]:
     return label, label
 
 
-def steps_to_play(scene: Scene, entries: int, seeds: int) -> tuple[int, int]:
-    """Return what `hold_contest` reports progress of: actions of batches, and fine time steps."""
-    fine = fine_scene(scene)
-    steps = fine.actions_per_episode * fine.steps_per_action
-    return entries * scene.actions_per_episode, entries * seeds * steps
+def steps_to_play(scene: Scene, entries: int, seeds: int) -> int:
+    """Return what `hold_contest` reports progress of: simulated seconds, played and checked."""
+    return 2 * entries * seeds * max(1, round(scene.episode.duration))
 
 
 def hold_contest(
@@ -174,8 +173,7 @@ def hold_contest(
     noise: float = 1.0,
     keep: int = 1,
     threads: int | None = None,
-    played: Callable[[int], object] | None = None,
-    checked: Callable[[int], object] | None = None,
+    progress: Callable[[float], object] | None = None,
 ) -> Contest:
     """Let policies play the same starts, and check every score.
 
@@ -195,8 +193,8 @@ def hold_contest(
         Episodes of each entry that are kept for pictures.
     threads : int, optional
         As many as numba is told to use unless given.
-    played, checked : callable, optional
-        Called with the number of actions of the batch, and of fine time steps.
+    progress : callable, optional
+        Called with the simulated seconds that were played or checked since the last call.
 
     Returns
     -------
@@ -222,6 +220,22 @@ def hold_contest(
     performances: dict[str, list[Performance]] = {}
     kept: dict[str, list[Rollout]] = {}
     trajectories: dict[str, list[Trajectory]] = {}
+
+    interval = scene.episode.control_interval * count
+    fine_step = fine_scene(scene).integrator.time_step
+
+    lock = threading.Lock()
+
+    def told(seconds: float) -> None:
+        if progress is not None:
+            with lock:
+                progress(seconds)
+
+    def played(actions: int) -> None:
+        told(actions * interval)
+
+    def checked(steps: int) -> None:
+        told(steps * fine_step)
 
     def judge(rollout: Rollout) -> tuple[Performance, Trajectory]:
         trajectory = rollout.simulate()

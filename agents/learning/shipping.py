@@ -1,0 +1,100 @@
+"""Turning a training run into an agent that ships: its files, its curve, its scores."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from agents.learning.logs import read_log
+from agents.learning.saved import load_agent
+from agents.learning.trainer import run_status
+from swim_env.errors import SwimError
+from swim_env.folders import write_folder
+from swim_env.viewer import draw_training, save_figure
+
+__all__ = ["SHIPPED_FILES", "scores_of", "ship_agent"]
+
+#: What the folder of an agent that ships holds.
+SHIPPED_FILES = (
+    "agent.json",
+    "model.zip",
+    "config.yaml",
+    "evaluations.csv",
+    "progress.csv",
+    "training.png",
+    "scores.json",
+)
+
+
+def scores_of(record: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Return an agent's part of a contest's record, without the gait of every single start."""
+    one = {key: value for key, value in record["policies"][name].items() if key != "training"}
+    one.pop("gait", None)
+    about = (
+        "scene",
+        "task",
+        "duration",
+        "noise",
+        "seeds",
+        "tolerance",
+        "commit",
+        "machine",
+        "versions",
+        "date",
+    )
+    return {**{key: record[key] for key in about}, **one}
+
+
+def ship_agent(
+    run: str | os.PathLike[str],
+    folder: str | os.PathLike[str],
+    scores: Mapping[str, Any],
+    command: str,
+) -> None:
+    """Write the folder of an agent that ships, whole or not at all.
+
+    Parameters
+    ----------
+    run : str or os.PathLike
+        The folder of a finished training run, whose best agent is taken.
+    folder : str or os.PathLike
+        Where the agent goes.
+    scores : mapping
+        From `scores_of`.
+    command : str
+        The command that trains it anew.
+
+    Raises
+    ------
+    SwimError
+        If the run is not finished or a file cannot be read or written.
+    """
+    place = Path(run)
+    status = run_status(place)
+    if status is None or not status["finished"]:
+        raise SwimError(f"only a finished training run can ship ({place})")
+    agent = load_agent(place / "agent")
+    description = dict(agent.description)
+    description["training"] = {
+        **description["training"],
+        "command": command,
+        "run_steps": status["steps"],
+        "run_seconds": status["seconds"],
+    }
+    curve = read_log(place / "evaluations.csv")
+
+    def write(ready: Path) -> None:
+        for name in ("config.yaml", "evaluations.csv", "progress.csv"):
+            shutil.copyfile(place / name, ready / name)
+        shutil.copyfile(place / "agent" / "model.zip", ready / "model.zip")
+        for name, content in (("agent.json", description), ("scores.json", dict(scores))):
+            text = json.dumps(content, indent=1, allow_nan=False)
+            (ready / name).write_text(text + "\n", encoding="utf-8")
+        figure = draw_training({str(status["name"]): [curve]}, description["task"])
+        save_figure(figure, ready / "training.png")
+
+    write_folder(folder, SHIPPED_FILES, write)

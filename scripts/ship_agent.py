@@ -1,0 +1,72 @@
+#!/usr/bin/env python
+"""Score the best agent of a training run on unseen starts, and put it among those that ship."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from agents.comparison.contest import entries_of, hold_contest, steps_to_play
+from agents.learning.saved import load_agent
+from agents.learning.shipping import SHIPPED_FILES, scores_of, ship_agent
+from agents.policies import PRETRAINED_FOLDER
+from swim_env.assessment import load_assessment
+from swim_env.command_line import progress_bar, run
+from swim_env.errors import SwimError
+from swim_env.folders import check_folder
+from swim_env.scene import Scene
+from swim_env.viewer import require_matplotlib
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("run", metavar="RUN", help="folder of a finished training run")
+    parser.add_argument("--name", help="of the agent; the run's own unless given")
+    parser.add_argument(
+        "--starts", type=int, default=20, metavar="N", help="starts to score it on, seeds 0 to N-1"
+    )
+    parser.add_argument(
+        "--output",
+        metavar="FOLDER",
+        help="where the agent's folder goes; agents/pretrained unless given",
+    )
+    parser.add_argument("--json", action="store_true", help="end with the scores as one JSON line")
+    return parser
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command."""
+    options = _parser().parse_args(arguments)
+    require_matplotlib()
+    if options.starts < 1:
+        raise SwimError(f"--starts must be at least 1, got {options.starts}")
+    about = load_agent(Path(options.run) / "agent").description
+    name = options.name or str(about["name"])
+    folder = Path(options.output or PRETRAINED_FOLDER) / name
+    check_folder(folder, SHIPPED_FILES)
+    scene, task = Scene.from_dict(about["scene"]), str(about["task"])
+    entries = entries_of([options.run], scene, task)
+    load_assessment()
+    total = steps_to_play(scene, len(entries), options.starts)
+    with progress_bar(total, "s", "score") as progress:
+        contest = hold_contest(scene, entries, range(options.starts), task, progress=progress)
+    scores = scores_of(contest.record, entries[-1].name)
+    command = f"python scripts/train.py {about['name']} --seeds {about['training']['seed']}"
+    ship_agent(options.run, folder, scores, command)
+    if options.json:
+        print(json.dumps(scores, allow_nan=False))
+    else:
+        middle = scores["median"]
+        far, fine = middle["net_displacement"], middle["fine_displacement"]
+        text = f"{name}: {far:.3f} BL (finer {fine:.3f}), {sum(scores['verified'])} verified"
+        if scores["success_rate"] is not None:
+            text += f", {scores['success_rate']:.0%} of the targets reached"
+        print(f"{text}, {options.starts} starts")
+    print(f"the agent is in {folder}", file=sys.stderr)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(run(main))
