@@ -126,16 +126,15 @@ def _measure_startup(extent: Extent) -> dict[str, Any]:
 
 
 def _measure_training(extent: Extent) -> dict[str, Any]:
-    from agents.training_cost import ALGORITHMS, measure_training
+    from agents.learning.config import load_config
+    from agents.training_cost import CONFIGS, measure_training
 
     runs = {}
-    for algorithm in ALGORITHMS:
-        with progress_bar(int(extent.training_seconds), "s", f"training, {algorithm}") as progress:
-            runs[algorithm] = measure_training(
-                algorithm,
-                seconds=extent.training_seconds,
-                settings=extent.training.get(algorithm),
-                progress=progress,
+    for name in CONFIGS:
+        config = load_config(name, extent.training.get(name))
+        with progress_bar(int(extent.training_seconds), "s", f"training, {name}") as progress:
+            runs[config.algorithm] = measure_training(
+                config, seconds=extent.training_seconds, progress=progress
             )
     return {"training": runs}
 

@@ -58,7 +58,7 @@ class Extent(NamedTuple):
     training_seconds : float
         Length of each training run.
     training : dict of str to dict
-        Changes to the algorithms' arguments, by algorithm.
+        Changes to the shipped training configurations, by name.
     chain_variants, chain_ways, softenings : tuple
         What of the peers is prepared, see `swim_env.benchmark.peers.peer_workloads`.
     """
@@ -104,7 +104,10 @@ QUICK = Extent(
     starts=2,
     cold_start=False,
     training_seconds=2.0,
-    training={"PPO": {"n_steps": 32}, "SAC": {"learning_starts": 256}},
+    training={
+        "ppo_forward": {"ppo.rollout": 32},
+        "sac_forward": {"sac.learning_starts": 256},
+    },
     chain_variants=(ChainVariant("implicitfast", "ellipsoid", "rod"),),
     chain_ways=("held",),
     softenings=(),  # PyElastica compiles for half a minute

@@ -14,8 +14,9 @@ import gymnasium
 import numpy as np
 import pytest
 
+from agents.learning.config import load_config
 from agents.training_cost import PARTS, Timers, measure_training
-from swim_env import FLUID_MODELS, OptionError, SwimError, load_scene
+from swim_env import FLUID_MODELS, SwimError, load_scene
 from swim_env.benchmark import report
 from swim_env.benchmark.environments import (
     Workload,
@@ -319,19 +320,18 @@ def test_timers_count_nothing_twice():
 
 def test_shares_of_training_sum_to_one():
     run = measure_training(
-        "PPO",
+        load_config(
+            "ppo_forward",
+            {"members": 4, "ppo.rollout": 16, "ppo.minibatch": 32, "ppo.epochs": 2},
+        ),
         seconds=0.0,
-        members=4,
         threads=1,
-        settings={"n_steps": 16, "batch_size": 32, "n_epochs": 2},
     )
     assert tuple(run["shares"]) == PARTS
     assert sum(run["shares"].values()) == pytest.approx(1.0, abs=1e-12)
     assert min(run["shares"].values()) > 0.0
     assert (run["rounds"], run["steps"], run["torch_threads"]) == (2, 128, 1)
     assert run["steps_per_second"]["median"] > 0.0
-    with pytest.raises(OptionError, match="unknown algorithm 'DDPG'"):
-        measure_training("DDPG")
 
 
 def test_a_failed_process_is_one_error_with_its_last_words():
