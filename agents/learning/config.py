@@ -285,8 +285,9 @@ class TrainingConfig:
     learning_rate, final_learning_rate : float
         Of Adam, at the start and at the end, linear in between; constant where the final one is
         not given.
-    reward_scale : float
-        What the learner sees is the reward times this.
+    reward_scale : float or None
+        What the learner sees is the reward times this; where None, the reward over the running
+        standard deviation of the discounted return, as stable-baselines3's `VecNormalize` has it.
     state_dependent_noise, noise_hold : bool, int
         Whether exploration is a random function of the state (gSDE, Raffin et al. 2022), drawn anew
         every `noise_hold` actions, instead of independent noise at every joint and action.
@@ -316,7 +317,7 @@ class TrainingConfig:
     discount: float = 0.998
     learning_rate: float = 3e-4
     final_learning_rate: float | None = None
-    reward_scale: float = 1.0
+    reward_scale: float | None = None
     state_dependent_noise: bool = True
     noise_hold: int = 4
     network: Network = field(default_factory=Network)
@@ -355,7 +356,9 @@ class TrainingConfig:
             final_learning_rate=None
             if final is None
             else check_real(final, "final_learning_rate", at_least=0.0, at_most=1.0),
-            reward_scale=check_real(self.reward_scale, "reward_scale", above=0.0),
+            reward_scale=None
+            if self.reward_scale is None
+            else check_real(self.reward_scale, "reward_scale", above=0.0),
             noise_hold=check_integer(self.noise_hold, "noise_hold", 1, 1_000_000),
             checkpoint_every=check_integer(self.checkpoint_every, "checkpoint_every", 1, _MOST),
             torch_threads=check_integer(self.torch_threads, "torch_threads", 1, 1024),
@@ -433,7 +436,7 @@ class TrainingConfig:
                 data[spec.name] = {
                     part.name: _plain(getattr(value, part.name)) for part in fields(value)
                 }
-            elif value is not None or spec.name == "final_learning_rate":
+            elif value is not None or spec.name in ("final_learning_rate", "reward_scale"):
                 data[spec.name] = _plain(value)
         return data
 
