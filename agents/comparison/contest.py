@@ -24,6 +24,7 @@ from swim_env import __version__
 from swim_env.errors import OptionError
 from swim_env.provenance import where_and_when
 from swim_env.scene import Scene
+from swim_env.task import TASK_NAMES
 from swim_env.threads import usable_threads
 from swim_env.trajectory import Trajectory
 from swim_env.vector_env import SwimTargetVectorEnv, SwimVectorEnv
@@ -70,12 +71,15 @@ class Entry:
         Who plays.
     about : dict
         For an agent what ``agent.json`` says of its training, else empty.
+    source : str
+        What it was asked for by.
     """
 
     name: str
     group: str
     policy: Policy
     about: dict[str, Any]
+    source: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,9 +144,9 @@ def entries_of(
             policy = load_policy(name if path is None else path, scene, 0, task, trust)
             about = dict(getattr(policy, "description", {}))
             label, group = _labels(name, path)
-            while any(entry.name == label for entry in found):
-                label += "'"
-            found.append(Entry(label, group, policy, dict(about.get("training", {}))))
+            while any(entry.group == group for entry in found if entry.source != name):
+                label, group = label.replace(group, f"{group}'", 1), f"{group}'"
+            found.append(Entry(label, group, policy, dict(about.get("training", {})), name))
     return found
 
 
@@ -162,7 +166,7 @@ def _labels(name: str, run: Path | None) -> tuple[str, str]:
 
 def steps_to_play(scene: Scene, entries: int, seeds: int) -> int:
     """Return what `hold_contest` reports progress of: simulated seconds, played and checked."""
-    return 2 * entries * seeds * max(1, round(scene.episode.duration))
+    return math.ceil(2 * entries * seeds * scene.episode.duration)
 
 
 def hold_contest(
@@ -210,11 +214,19 @@ def hold_contest(
     Raises
     ------
     OptionError
-        If there are no seeds, or some are equal or negative.
+        If there are no seeds, or some are equal or negative; if there is no such task, or one of
+        the REFERENCES does not take part.
     """
     count = len(seeds)
     if not seeds or len(set(seeds)) < count or min(seeds) < 0:
         raise OptionError(f"seeds must be different whole numbers of at least 0, got {list(seeds)}")
+    if task not in TASK_NAMES:
+        raise OptionError(f"unknown task {task!r}; tasks: {', '.join(TASK_NAMES)}")
+    missing = [name for name in REFERENCES if name not in [entry.name for entry in entries]]
+    if missing:
+        raise OptionError(
+            f"every contest needs {' and '.join(REFERENCES)}, {missing[0]} is missing"
+        )
     workers = threads or usable_threads()
     made = SwimTargetVectorEnv if task == "target" else SwimVectorEnv
     performances: dict[str, list[Performance]] = {}
@@ -301,9 +313,12 @@ def _ratio(value: float | None, base: float | None) -> float | None:
     return value / base
 
 
-def _median(values: Sequence[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return float(np.median(known)) if known else None
+def _median(values: Sequence[float | None], missing: float | None = None) -> float | None:
+    """Return the median of what is known; None where that is nothing or infinite."""
+    known = [missing if value is None else value for value in values]
+    numbers = [value for value in known if value is not None]
+    median = float(np.median(numbers)) if numbers else math.inf
+    return median if math.isfinite(median) else None
 
 
 def _summary(performances: Sequence[Performance]) -> dict[str, Any]:
@@ -312,7 +327,9 @@ def _summary(performances: Sequence[Performance]) -> dict[str, Any]:
     gaits = [row.pop("gait") for row in rows]
     data: dict[str, Any] = {name: [row[name] for row in rows] for name in rows[0]}
     data["gait"] = gaits
-    data["median"] = {name: _median(data[name]) for name in _FIGURES}
+    # A start that gets nowhere has an infinite cost, which counts.
+    missing = {"cost_of_transport": math.inf}
+    data["median"] = {name: _median(data[name], missing.get(name)) for name in _FIGURES}
     known = [gait for gait in gaits if gait is not None]
     data["median"]["gait"] = {
         name: _median([gait[name] for gait in known]) for name in _GAIT_FIGURES

@@ -28,6 +28,10 @@ Array = NDArray[np.float64]
 _LOWEST_HZ = 0.2
 #: Wave numbers (rad per body length) that a fit tries, and grid points per frequency's resolution.
 _LARGEST_WAVE_NUMBER, _FINER = 8.0 * math.pi, 4
+#: Peaks of that grid from which a local search starts.
+_MOST_PEAKS = 12
+#: Joints that bend less than this share of the largest have no phase to speak of.
+_STILL = 0.01
 
 
 @dataclass(frozen=True)
@@ -180,7 +184,7 @@ def dominant_frequency(times: ArrayLike, signals: ArrayLike) -> float:
         too; 0 where the signals are constant.
     """
     moments, values, _ = _checked(times, signals)
-    values = values - values.mean(axis=0)
+    values = _swing(values)
     if not np.any(values):
         return 0.0
     window = np.hanning(len(values) + 2)[1:-1, None]
@@ -214,7 +218,8 @@ def phase_lags(times: ArrayLike, signals: ArrayLike, frequency: float) -> tuple[
     Returns
     -------
     lags : (J,) array
-        rad, unwrapped from signal to signal; the first is 0.
+        rad, unwrapped from signal to signal; 0 for the first one that moves, and for those that
+        hardly do.
     amplitudes : (J,) array
         Of the least-squares cosine of each signal.
     """
@@ -223,8 +228,11 @@ def phase_lags(times: ArrayLike, signals: ArrayLike, frequency: float) -> tuple[
     basis = np.stack([np.cos(angle), np.sin(angle), np.ones_like(angle)], axis=1)
     (a, b, _), *_ = np.linalg.lstsq(basis, values, rcond=None)
     # a cos + b sin = r cos(angle - lag)
-    lags = np.unwrap(np.arctan2(b, a))
-    return lags - lags[0], np.hypot(a, b)
+    lags, amplitudes = np.arctan2(b, a), np.hypot(a, b)
+    moving = amplitudes > _STILL * amplitudes.max(initial=0.0)
+    lags[moving] = np.unwrap(lags[moving])
+    first = lags[moving][0] if moving.any() else 0.0
+    return np.where(moving, lags - first, 0.0), amplitudes
 
 
 def orthogonal_modes(signals: ArrayLike) -> OrthogonalModes:
@@ -242,8 +250,8 @@ def orthogonal_modes(signals: ArrayLike) -> OrthogonalModes:
     """
     from scipy.signal import hilbert
 
-    values = np.asarray(signals, dtype=np.float64)
-    values = values - values.mean(axis=0)
+    _, values, _ = _checked(np.arange(np.shape(signals)[0] if np.ndim(signals) else 0), signals)
+    values = _swing(values)
     joints = values.shape[1]
     if not np.any(values):
         return OrthogonalModes(np.eye(joints, dtype=np.complex128), np.zeros(joints), 0.0)
@@ -285,29 +293,59 @@ def fit_wave(times: ArrayLike, signals: ArrayLike, places: ArrayLike) -> WaveFit
     size = _FINER * len(values)
     spectrum = np.fft.rfft(values, size, axis=0)
     frequencies = 2.0 * math.pi * np.fft.rfftfreq(size, interval)
-    numbers = np.linspace(-_LARGEST_WAVE_NUMBER, _LARGEST_WAVE_NUMBER, 129)
+    # Joints cannot tell wave numbers that differ by a turn from joint to joint.
+    spacing = float(np.abs(np.diff(at)).min()) if len(at) > 1 else math.inf
+    most = min(_LARGEST_WAVE_NUMBER, math.pi / spacing)
+    numbers = np.linspace(-most, most, 129)
+    lowest = 2.0 * math.pi * min(_LOWEST_HZ, 1.0 / (interval * len(values)))
+    highest = math.pi / interval
     # Sum over joints of the spectrum, each turned back by the wave's phase at its place.
     power = np.abs(spectrum @ np.exp(1j * np.outer(at, numbers))) ** 2
-    power[frequencies < 2.0 * math.pi * min(_LOWEST_HZ, 1.0 / (interval * len(values)))] = 0.0
-    row, column = np.unravel_index(int(power.argmax()), power.shape)
-    step = float(frequencies[1]), float(numbers[1] - numbers[0])
+    power[frequencies < lowest] = 0.0
+    step = float(frequencies[1]), float(numbers[1] - numbers[0]) or 1.0
 
-    def left_over(shift: Array) -> float:
-        f = float(frequencies[row]) + shift[0] * step[0]
-        kappa = float(numbers[column]) + shift[1] * step[1]
+    def left_over(point: Array) -> float:
+        f, kappa = point[0] * step[0], point[1] * step[1]
+        if not (lowest <= f <= highest and -most <= kappa <= most):
+            return 2.0
         return _wave_at(moments, values, at, f, kappa)[2] / total
 
-    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    found = minimize(
-        left_over,
-        corners[0],
-        method="Nelder-Mead",
-        options={"initial_simplex": corners, "xatol": 1e-7, "fatol": 1e-14, "maxiter": 2000},
-    )
-    frequency = float(frequencies[row]) + float(found.x[0]) * step[0]
-    wave_number = float(numbers[column]) + float(found.x[1]) * step[1]
+    least, where = math.inf, np.zeros(2)
+    for row, column in _peaks(power):
+        centre = np.array([float(row), float(numbers[column]) / step[1]])
+        corners = centre + np.array([[0.0, 0.0], [0.5, 0.0], [0.0, 0.5]])
+        corners[1, 0] -= 1.0 if corners[1, 0] * step[0] > highest else 0.0
+        corners[2, 1] -= 1.0 if corners[2, 1] * step[1] > most else 0.0
+        found = minimize(
+            left_over,
+            centre,
+            method="Nelder-Mead",
+            options={"initial_simplex": corners, "xatol": 1e-7, "fatol": 1e-14, "maxiter": 2000},
+        )
+        if found.fun < least:
+            least, where = float(found.fun), found.x
+        if least < 1e-12:
+            break
+    frequency, wave_number = float(where[0]) * step[0], float(where[1]) * step[1]
     amplitude, phase, rest = _wave_at(moments, values, at, frequency, wave_number)
     return WaveFit(amplitude, frequency, wave_number, phase, 1.0 - rest / total)
+
+
+def _peaks(power: Array) -> list[tuple[int, int]]:
+    """Return where a grid has its highest local maxima, the highest first.
+
+    Between the grid's points a peak may be higher than another one that looks higher.
+    """
+    rim = np.pad(power, 1)
+    peak = power >= 0.6 * power.max()
+    for i in range(3):
+        for j in range(3):
+            peak &= power >= rim[i : i + power.shape[0], j : j + power.shape[1]]
+    rows, columns = np.nonzero(peak)
+    order = np.argsort(-power[rows, columns])[:_MOST_PEAKS]
+    return [
+        (int(row), int(column)) for row, column in zip(rows[order], columns[order], strict=True)
+    ]
 
 
 def _wave_at(
@@ -326,6 +364,8 @@ def _wave_at(
     rest = values - a * cosine - b * sine
     # a cos + b sin = A cos(angle + phase)
     phase = math.atan2(-b, a) % (2.0 * math.pi)
+    if phase == 2.0 * math.pi:  # what a tiny negative angle rounds to
+        phase = 0.0
     return math.hypot(a, b), phase, float((rest**2).mean())
 
 
@@ -348,8 +388,16 @@ def _checked(
             "signals must have shape (T, J) and times (T,) with at least 8 instants, got "
             f"{values.shape} and {moments.shape}"
         )
+    steps = np.diff(moments)
     if places is not None and at.shape != values.shape[1:]:
         raise OptionError(f"places must have shape ({values.shape[1]},), got {at.shape}")
-    if not (np.isfinite(values).all() and np.isfinite(moments).all()):
+    if not all(np.isfinite(one).all() for one in (values, moments, at)):
         raise OptionError("times and signals must be finite")
+    if not (steps[0] > 0.0 and np.allclose(steps, steps[0], rtol=1e-6, atol=0.0)):
+        raise OptionError("times must be equidistant and rising")
     return moments, values, at
+
+
+def _swing(values: Array) -> Array:
+    """Return signals without their means, exactly 0 where they are constant."""
+    return np.where(np.ptp(values, axis=0) > 0.0, values - values.mean(axis=0), 0.0)

@@ -1,0 +1,509 @@
+"""Contests: the same episodes as one by one, figures of all seeds, ratios, groups, verdicts."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+from agents import Rollout, WavePolicy, load_policy, play_episode, verify_rollout
+from agents.baselines import Policy
+from agents.comparison.contest import (
+    REFERENCES,
+    Contest,
+    Entry,
+    entries_of,
+    hold_contest,
+    steps_to_play,
+)
+from agents.comparison.performance import measure_performance
+from agents.evaluation import play_episodes
+from swim_env import (
+    OptionError,
+    Scene,
+    SwimEnv,
+    SwimError,
+    SwimTargetEnv,
+    SwimTargetVectorEnv,
+    SwimVectorEnv,
+    load_scene,
+)
+from swim_env.scene import Actuation
+
+SECOND = ("episode.duration=1.0",)
+#: Starts that differ enough to tell one from another.
+LIVELY = (*SECOND, "episode.velocity_noise=0.05", "episode.bend_noise=0.05")
+SEEDS = (4, 0, 11)
+
+
+def short(*overrides: str) -> Scene:
+    return load_scene("swimmer", [*SECOND, *overrides])
+
+
+def same_rollouts(one: Rollout, other: Rollout) -> None:
+    """Assert that two episodes are the same to the bit."""
+    for name in ("coordinates", "velocity", "goal", "torques", "rewards", "path"):
+        first, second = getattr(one, name), getattr(other, name)
+        assert first.dtype == second.dtype, name
+        assert first.shape == second.shape, name
+        assert first.tobytes() == second.tobytes(), name
+    for name in ("scene", "seed", "goal_is_point", "steps", "terminated", "truncated"):
+        assert getattr(one, name) == getattr(other, name), name
+    assert one.info.keys() == other.info.keys()
+    for name, value in one.info.items():
+        assert np.array_equal(value, other.info[name]), name
+
+
+def plain(contest: Contest) -> dict[str, Any]:
+    """Return a contest's record as it comes back from a file."""
+    data: dict[str, Any] = json.loads(json.dumps(contest.record, allow_nan=False))
+    return data
+
+
+# ---- episodes side by side ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", REFERENCES)
+@pytest.mark.parametrize("threads", [1, 2])
+def test_episodes_side_by_side_are_those_one_by_one_bit_for_bit(name: str, threads: int) -> None:
+    scene = load_scene("swimmer", list(LIVELY))
+    batch = SwimVectorEnv(len(SEEDS), scene, num_threads=threads)
+    policy = load_policy(name, scene)
+    calls: list[int] = []
+    together = play_episodes(batch, policy, SEEDS, {"noise": 1.0}, progress=calls.append)
+    assert calls == [1] * 50
+    single = SwimEnv(scene)
+    for seed, rollout in zip(SEEDS, together, strict=True):
+        same_rollouts(rollout, play_episode(single, policy, seed, {"noise": 1.0}))
+    assert len({rollout.path.tobytes() for rollout in together}) == len(SEEDS)
+
+
+@pytest.mark.parametrize("name", [*REFERENCES, "zero"])
+def test_members_that_reach_their_targets_at_different_times_are_bit_for_bit(name: str) -> None:
+    # The body glides ahead, to within 0.1 BL of targets that are not far.
+    scene = short("initial.velocity=[-0.4, 0.0]")
+    near: dict[str, Any] = {"target_distance": (0.105, 0.3), "target_bearing": 0.5}
+    seeds = tuple(range(9))
+    policy = load_policy(name, scene)
+    together = play_episodes(SwimTargetVectorEnv(9, scene, **near), policy, seeds)
+    single = SwimTargetEnv(scene, **near)
+    for seed, rollout in zip(seeds, together, strict=True):
+        same_rollouts(rollout, play_episode(single, policy, seed))
+        assert rollout.goal_is_point
+        assert rollout.terminated != rollout.truncated
+        assert rollout.info["success"] == rollout.terminated
+    lengths = {len(rollout.torques) for rollout in together}
+    assert len(lengths) >= 3
+    assert max(lengths) == 50
+    assert len({rollout.goal.tobytes() for rollout in together}) == 9
+
+
+def test_members_that_break_at_different_times_are_bit_for_bit() -> None:
+    scene = load_scene("swimmer", ["episode.duration=2.0", "beam.bending_stiffness=0.05"])
+    policy = load_policy("paper_wave", scene)
+    seeds = (0, 1, 2, 3)
+    together = play_episodes(SwimVectorEnv(4, scene), policy, seeds, {"noise": 20.0})
+    single = SwimEnv(scene)
+    for seed, rollout in zip(seeds, together, strict=True):
+        same_rollouts(rollout, play_episode(single, policy, seed, {"noise": 20.0}))
+        assert rollout.info["termination_reason"] not in ("", "target_reached")
+    assert len({rollout.steps for rollout in together}) >= 2
+
+
+def test_a_batch_of_another_size_or_mode_is_refused() -> None:
+    scene = short()
+    policy = load_policy("zero", scene)
+    with pytest.raises(OptionError, match=r"a batch of 3 members in mode NextStep, got 2 in"):
+        play_episodes(SwimVectorEnv(2, scene), policy, SEEDS)
+    batch = SwimVectorEnv(3, scene, autoreset_mode=AutoresetMode.SAME_STEP)
+    with pytest.raises(OptionError, match=r"got 3 in mode SameStep"):
+        play_episodes(batch, policy, SEEDS)
+
+
+# ---- figures of a contest ----------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def contest() -> Contest:
+    scene = load_scene("swimmer", list(LIVELY))
+    return hold_contest(scene, entries_of(["random", "zero"], scene), SEEDS, threads=2, keep=2)
+
+
+def test_the_references_take_part_in_front_of_the_others(contest: Contest) -> None:
+    scene = short()
+    assert [entry.name for entry in entries_of([], scene)] == list(REFERENCES)
+    names = ["zero", "tuned_wave", "zero", "random"]
+    found = [entry.name for entry in entries_of(names, scene)]
+    assert found == ["paper_wave", "tuned_wave", "zero", "random"]
+    assert list(contest.record["policies"]) == ["paper_wave", "tuned_wave", "random", "zero"]
+
+
+def test_every_list_has_one_entry_for_each_seed(contest: Contest) -> None:
+    record = plain(contest)
+    assert record["seeds"] == list(SEEDS) == list(contest.seeds)
+    assert record["scene"] == "swimmer"
+    assert record["task"] == "forward"
+    assert record["duration"] == 1.0
+    assert record["tolerance"] == 0.1
+    for one in record["policies"].values():
+        lists = {name: value for name, value in one.items() if isinstance(value, list)}
+        assert {"net_displacement", "fine_displacement", "verified", "gait"} <= lists.keys()
+        assert {len(value) for value in lists.values()} == {len(SEEDS)}
+        assert one["seed"] == list(SEEDS)
+
+
+def test_the_lists_hold_the_figures_of_the_episodes_one_by_one(contest: Contest) -> None:
+    env = SwimEnv(contest.scene)
+    for name in REFERENCES:
+        one = contest.record["policies"][name]
+        for i, seed in enumerate(SEEDS):
+            rollout = play_episode(env, load_policy(name, contest.scene), seed)
+            checked = verify_rollout(rollout)
+            expected = measure_performance(rollout, rollout.simulate(), checked).to_dict()
+            for figure, value in expected.items():
+                assert one[figure][i] == value, figure
+            assert contest.record["net_displacement"][name][i] == rollout.net_displacement
+            assert one["fine_displacement"][i] == checked.fine_displacement
+
+
+def test_ratios_are_quotients_of_the_medians(contest: Contest) -> None:
+    record = contest.record
+    for kind, prefix in (("net_displacement", ""), ("fine_displacement", "fine_")):
+        middle = {name: np.median(one[kind]) for name, one in record["policies"].items()}
+        for name, one in record["policies"].items():
+            assert one["median"][kind] == pytest.approx(middle[name], rel=1e-12)
+            for reference in REFERENCES:
+                ratio = middle[name] / middle[reference]
+                assert one[f"{prefix}ratio_to_{reference}"] == pytest.approx(ratio, rel=1e-12)
+    for name, ratios in record["ratios"].items():
+        assert ratios == {
+            reference: record["policies"][name][f"ratio_to_{reference}"] for reference in REFERENCES
+        }
+    for reference in REFERENCES:
+        assert record["ratios"][reference][reference] == 1.0
+
+
+def test_a_cost_that_is_infinite_counts_in_the_median() -> None:
+    # A start that happens to drift forward must not make a cost of those that drift backwards.
+    scene = short()
+    record = hold_contest(scene, entries_of(["zero"], scene), [0, 1], threads=1).record
+    mixed = record["policies"]["zero"]
+    assert mixed["cost_of_transport"] == [None, 0.0]
+    assert min(mixed["net_displacement"]) < 0.0 < max(mixed["net_displacement"])
+    for one in record["policies"].values():
+        costs = [np.inf if cost is None else cost for cost in one["cost_of_transport"]]
+        middle = float(np.median(costs))
+        assert one["median"]["cost_of_transport"] == (middle if np.isfinite(middle) else None)
+
+
+def test_the_wave_in_the_table_is_that_of_the_median_episode(contest: Contest) -> None:
+    for one in contest.record["policies"].values():
+        order = np.argsort(one["net_displacement"])
+        assert one["median"]["wave"] == one["gait"][order[1]]["wave"]
+        frequencies = [gait["frequency"] for gait in one["gait"]]
+        assert one["median"]["gait"]["frequency"] == pytest.approx(np.median(frequencies))
+
+
+def test_episodes_are_kept_as_asked_for(contest: Contest) -> None:
+    for name in contest.record["policies"]:
+        assert [rollout.seed for rollout in contest.rollouts[name]] == [4, 0]
+        assert len(contest.trajectories[name]) == 2
+        for rollout, run in zip(contest.rollouts[name], contest.trajectories[name], strict=True):
+            assert np.abs(run.path[-1] - rollout.path[-1]).max() < 1e-12
+        assert len(contest.performances[name]) == 3
+
+
+def test_one_thread_and_several_give_the_same_record(contest: Contest) -> None:
+    alone = hold_contest(
+        contest.scene, entries_of(["random", "zero"], contest.scene), SEEDS, threads=1, keep=2
+    )
+    one, other = plain(alone), plain(contest)
+    assert one.keys() == other.keys()
+    for name in one.keys() - {"commit", "date", "machine"}:
+        assert one[name] == other[name], name
+    for name in contest.rollouts:
+        for first, second in zip(alone.rollouts[name], contest.rollouts[name], strict=True):
+            same_rollouts(first, second)
+
+
+def test_progress_adds_up_to_what_is_announced() -> None:
+    scene = short()
+    seconds: list[float] = []
+    hold_contest(scene, entries_of(["zero"], scene), [0, 1], threads=2, progress=seconds.append)
+    assert min(seconds) > 0.0
+    # 3 policies and 2 starts, each of a second played and checked.
+    assert sum(seconds) == pytest.approx(12.0, abs=1e-9)
+    assert steps_to_play(scene, 3, 2) == 12
+
+
+def test_without_noise_all_starts_are_the_same() -> None:
+    scene = short()
+    record = hold_contest(scene, entries_of(["zero"], scene), [1, 2], noise=0.0, threads=1).record
+    for name in REFERENCES:
+        first, second = record["net_displacement"][name]
+        assert first == second != 0.0
+    assert record["net_displacement"]["zero"] == [0.0, 0.0]
+    assert record["noise"] == 0.0
+    zero = record["policies"]["zero"]
+    assert zero["gait"] == [None, None]
+    assert zero["median"]["wave"] is None
+    assert zero["median"]["cost_of_transport"] is None
+    assert zero["ratio_to_tuned_wave"] == 0.0
+    assert zero["verified"] == [True, True]
+    json.dumps(record, allow_nan=False)
+
+
+def test_nothing_is_divided_by_a_reference_that_stays_where_it_is() -> None:
+    # A scene that prescribes no torque: its own wave is none.
+    scene = short("actuation=null")
+    record = hold_contest(scene, entries_of([], scene), [0], noise=0.0, threads=1).record
+    assert record["net_displacement"]["paper_wave"] == [0.0]
+    assert record["ratios"]["tuned_wave"]["paper_wave"] is None
+    assert record["ratios"]["paper_wave"]["paper_wave"] is None
+    assert record["ratios"]["tuned_wave"]["tuned_wave"] == 1.0
+    json.dumps(record, allow_nan=False)
+
+
+def test_targets_are_the_same_for_all_and_their_successes_are_counted() -> None:
+    scene = short()
+    entries = entries_of(["zero"], scene, "target")
+    contest = hold_contest(scene, entries, [0, 1], task="target", threads=2, keep=2)
+    record = plain(contest)
+    assert record["task"] == "target"
+    for one in record["policies"].values():
+        assert one["success"] == [False, False]
+        assert one["success_rate"] == 0.0
+    goals = {name: [r.goal.tolist() for r in kept] for name, kept in contest.rollouts.items()}
+    assert goals["zero"] == goals["paper_wave"] == goals["tuned_wave"]
+    assert goals["zero"][0] != goals["zero"][1]
+
+
+def test_a_share_of_targets_reached_is_between_none_and_all() -> None:
+    # Pushed in any direction, one of these comes within 0.1 BL of its target.
+    scene = short("episode.velocity_noise=1.0")
+    entries = entries_of([], scene, "target")
+    contest = hold_contest(scene, entries, [5, 6, 7], task="target", threads=2, noise=1.0)
+    record = plain(contest)
+    for name, one in record["policies"].items():
+        assert one["success"] == [False, True, False]
+        assert one["termination_reason"] == ["", "target_reached", ""]
+        assert one["success_rate"] == pytest.approx(1.0 / 3.0)
+        assert one["duration"][1] < 1.0 == one["duration"][0]
+        assert one["net_displacement"][1] > 0.3, name
+
+
+# ---- the verdict -------------------------------------------------------------------------------
+
+
+def with_references(scene: Scene, name: str, policy: Policy) -> list[Entry]:
+    return [*entries_of([], scene), Entry(name, name, policy, {})]
+
+
+def test_a_score_that_hangs_on_the_time_step_is_reported_as_unverified() -> None:
+    # Without damping, at a large step and near the second resonance, the motion is not resolved.
+    scene = load_scene(
+        "swimmer",
+        ["damping=null", "integrator.time_step=0.01", "episode.duration=3.0"],
+    )
+    wave = Actuation(amplitude=1.0, frequency=2.0 * np.pi * 14.0, wave_number=-6.0)
+    entries = with_references(scene, "too fast", WavePolicy(scene, wave))
+    record = hold_contest(scene, entries, [0], noise=0.0, threads=1).record
+    one = record["policies"]["too fast"]
+    assert one["verified"] == [False]
+    assert one["verified_share"] == 0.0
+    assert record["policies"]["paper_wave"]["verified"] == [True]
+    assert record["policies"]["paper_wave"]["verified_share"] == 1.0
+    gap = abs(one["fine_displacement"][0] - one["net_displacement"][0])
+    assert gap > 0.1 * abs(one["net_displacement"][0]) or one["termination_reason"] != [""]
+    assert record["tolerance"] == 0.1
+
+
+def test_an_episode_that_breaks_is_unverified_and_says_why() -> None:
+    scene = load_scene("swimmer", ["beam.bending_stiffness=0.05", "episode.duration=1.0"])
+    entries = entries_of(["zero"], scene)
+    record = plain(hold_contest(scene, entries, [0, 1], threads=2))
+    broken = record["policies"]["paper_wave"]
+    assert broken["verified"] == [False, False]
+    assert all(broken["termination_reason"])
+    assert max(broken["duration"]) < 1.0
+    assert record["policies"]["zero"]["termination_reason"] == ["", ""]
+
+
+# ---- bad input ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seeds", [[], [1, 2, 1], [-1], [3, -2]])
+def test_bad_seeds_are_refused_before_anything_is_played(seeds: list[int]) -> None:
+    scene = short()
+    calls: list[float] = []
+    with pytest.raises(OptionError, match="seeds must be different whole numbers") as caught:
+        hold_contest(scene, entries_of([], scene), seeds, progress=calls.append)
+    assert "\n" not in str(caught.value)
+    assert calls == []
+
+
+def test_a_contest_without_its_references_is_refused_before_anything_is_played() -> None:
+    scene = short()
+    calls: list[float] = []
+    alone = [Entry("zero", "zero", load_policy("zero", scene), {})]
+    with pytest.raises(OptionError, match="paper_wave"):
+        hold_contest(scene, alone, [0], threads=1, progress=calls.append)
+    assert calls == []
+
+
+def test_an_unknown_task_is_refused() -> None:
+    scene = short()
+    with pytest.raises(SwimError, match="tagret"):
+        hold_contest(scene, entries_of([], scene), [0], task="tagret", threads=1)
+
+
+def test_unknown_policies_are_refused_with_the_nearest_name() -> None:
+    with pytest.raises(OptionError, match=r"unknown policy 'zeroo'.*'?zero'?"):
+        entries_of(["zeroo"], short())
+
+
+# ---- agents ------------------------------------------------------------------------------------
+
+
+def save_run(folder: Path, seed: int, inside: str = "agent", **changes: Any) -> Path:
+    """Save an untrained agent as a training run does."""
+    pytest.importorskip("stable_baselines3")
+    from agents.learning.config import TrainingConfig
+    from agents.learning.environment import make_training_env
+    from agents.learning.models import make_model
+    from agents.learning.saved import save_agent
+
+    settings: dict[str, Any] = {
+        "name": "tiny",
+        "scene": short(),
+        "members": 2,
+        "state_dependent_noise": False,
+        "noise_hold": 1,
+        "network": {"layers": [4]},
+        "ppo": {"rollout": 8, "minibatch": 16, "epochs": 1},
+        **changes,
+    }
+    config = TrainingConfig.from_dict(settings)
+    env = make_training_env(config, seed, threads=1)
+    model = make_model(config, env, seed, "cpu")
+    save_agent(folder / inside, model, config, {"seed": seed, "steps": 0})
+    env.close()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two runs of one configuration."""
+    folder = tmp_path_factory.mktemp("runs") / "tiny_runs"
+    for seed in (0, 1):
+        save_run(folder / f"seed_{seed}", seed)
+    return folder
+
+
+def groups_of(entries: Sequence[Entry]) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for entry in entries:
+        found.setdefault(entry.group, []).append(entry.name)
+    return found
+
+
+def test_a_folder_of_runs_is_a_group_with_its_spread(runs: Path) -> None:
+    scene = short()
+    entries = entries_of([str(runs)], scene)
+    names = ["tiny_runs/seed_0", "tiny_runs/seed_1"]
+    assert [entry.name for entry in entries] == [*REFERENCES, *names]
+    assert groups_of(entries)["tiny_runs"] == names
+    assert [entry.about.get("seed") for entry in entries[2:]] == [0, 1]
+    record = plain(hold_contest(scene, entries, [0, 1, 2], threads=2))
+    assert list(record["groups"]) == ["tiny_runs"]
+    group = record["groups"]["tiny_runs"]
+    assert group["members"] == names
+    for key in ("net_displacement", "fine_displacement"):
+        medians = [record["policies"][name]["median"][key] for name in names]
+        assert group[key] == {
+            "median": pytest.approx(np.mean(medians), rel=1e-12),
+            "min": min(medians),
+            "max": max(medians),
+        }
+        assert group[key]["min"] < group[key]["median"] < group[key]["max"]
+    for key in ("ratio_to_paper_wave", "fine_ratio_to_tuned_wave", "verified_share"):
+        values = [record["policies"][name][key] for name in names]
+        assert group[key]["min"] == min(values) <= group[key]["median"] <= group[key]["max"]
+        assert group[key]["max"] == max(values)
+    assert "success_rate" not in group
+    for name in names:
+        assert record["policies"][name]["training"]["steps"] == 0
+
+
+def test_agents_side_by_side_do_what_they_do_one_by_one(runs: Path) -> None:
+    # Not to the bit: a product of matrices may round otherwise for a batch.
+    scene = short()
+    policy = load_policy(runs / "seed_1", scene)
+    together = play_episodes(SwimVectorEnv(3, scene), policy, SEEDS)
+    for seed, rollout in zip(SEEDS, together, strict=True):
+        alone = play_episode(SwimEnv(scene), policy, seed)
+        assert np.abs(rollout.torques).max() > 1e-4
+        assert np.abs(rollout.torques - alone.torques).max() < 1e-5
+        assert np.abs(rollout.path - alone.path).max() < 1e-6
+
+
+def test_runs_are_counted_in_the_order_of_their_seeds(runs: Path, tmp_path: Path) -> None:
+    many = tmp_path / "many"
+    for seed in (10, 9, 2):
+        shutil.copytree(runs / "seed_0", many / f"seed_{seed}")
+    (many / "seed_3").mkdir()  # begun, and no agent yet
+    names = [entry.name for entry in entries_of([str(many)], short())[2:]]
+    assert names == ["many/seed_2", "many/seed_9", "many/seed_10"]
+
+
+def test_one_run_and_its_agents_folder_are_named_after_the_run(runs: Path) -> None:
+    scene = short()
+    one = entries_of([str(runs / "seed_1")], scene)[2]
+    assert (one.name, one.about["seed"]) == ("tiny_runs/seed_1", 1)
+    inside = entries_of([str(runs / "seed_1" / "agent")], scene)[2]
+    assert (inside.name, inside.about["seed"]) == ("tiny_runs/seed_1", 1)
+    assert list(groups_of([one, *entries_of([], scene)]).values()) == [
+        ["tiny_runs/seed_1"],
+        ["paper_wave"],
+        ["tuned_wave"],
+    ]
+
+
+def test_folders_of_the_same_name_are_told_apart_and_not_thrown_together(
+    runs: Path, tmp_path: Path
+) -> None:
+    other = tmp_path / "elsewhere" / runs.name
+    shutil.copytree(runs, other)
+    entries = entries_of([str(runs), str(other)], short())[2:]
+    assert len({entry.name for entry in entries}) == 4
+    assert sorted(map(len, groups_of(entries).values())) == [2, 2]
+
+
+def test_an_agent_for_another_body_or_task_is_refused(runs: Path, tmp_path: Path) -> None:
+    pytest.importorskip("stable_baselines3")
+    from agents.learning.saved import AgentError
+
+    with pytest.raises(AgentError, match="cannot play scene swimmer: beam.bending_stiffness is 4"):
+        entries_of([str(runs)], short("beam.bending_stiffness=4.0"))
+    with pytest.raises(AgentError, match="was trained for task forward, not for target"):
+        entries_of([str(runs)], short(), "target")
+    with pytest.raises(AgentError, match="no agent there") as caught:
+        entries_of([str(tmp_path)], short())
+    assert "\n" not in str(caught.value)
+    # What does not change the body may differ.
+    scene = load_scene("swimmer", ["episode.duration=0.5", "integrator.time_step=0.01"])
+    assert len(entries_of([str(runs)], scene)) == 4
+
+
+def test_agents_for_a_target_play_for_a_target(tmp_path: Path) -> None:
+    save_run(tmp_path / "seed_5", 5, task="target")
+    scene = short()
+    entries = entries_of([str(tmp_path / "seed_5")], scene, "target")
+    record = hold_contest(scene, entries, [0], task="target", threads=1).record
+    assert record["policies"][entries[2].name]["success_rate"] == 0.0

@@ -1,0 +1,656 @@
+"""Gaits in figures: signals whose frequency, wave and modes are known must come back."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from agents import load_policy
+from agents.comparison.gait import (
+    WaveFit,
+    analyse_gait,
+    dominant_frequency,
+    fit_wave,
+    orthogonal_modes,
+    phase_lags,
+)
+from agents.tuned_wave import load_tuned_wave
+from swim_env import OptionError, load_scene
+
+Array = NDArray[np.float64]
+
+#: The control interval (s) and the joints of scene swimmer.
+INTERVAL, JOINTS = 0.02, np.arange(1, 9) / 9.0
+TURN = 2.0 * math.pi
+
+examples = settings(max_examples=30, deadline=None, derandomize=True, database=None)
+
+
+def clock(count: int, start: float = 0.0) -> Array:
+    times: Array = start + INTERVAL * np.arange(count, dtype=np.float64)
+    return times
+
+
+def wave(
+    times: Array,
+    places: Array,
+    frequency: float,
+    wave_number: float,
+    phase: float = 0.0,
+    amplitude: float = 1.0,
+) -> Array:
+    """Return A cos(f t - kappa s/l + phase), f in rad/s."""
+    return amplitude * np.cos(frequency * times[:, None] - wave_number * places + phase)
+
+
+def cycles(periods: float, count: int) -> float:
+    """Return the frequency (rad/s) that has so many periods in a record."""
+    return TURN * periods / (count * INTERVAL)
+
+
+def angle_between(one: float, other: float) -> float:
+    return abs((one - other + math.pi) % TURN - math.pi)
+
+
+def assert_is_wave(
+    found: WaveFit,
+    amplitude: float,
+    frequency: float,
+    wave_number: float,
+    phase: float,
+    within: float = 1e-6,
+) -> None:
+    assert found.amplitude == pytest.approx(amplitude, rel=within)
+    assert found.frequency == pytest.approx(frequency, rel=within)
+    assert found.wave_number == pytest.approx(wave_number, abs=within)
+    assert angle_between(found.phase, phase) < within
+    assert 0.0 <= found.phase <= TURN
+
+
+def shares_of_waves(
+    times: Array, signals: Array, places: Array, frequencies: Array, wave_numbers: Array
+) -> Array:
+    """Return which share of the mean square the best wave of each pair explains, (F, K).
+
+    Written in sums of exponentials, independently of the code under test: with C and S the
+    products of the signals with cosine and sine, the share is the quadratic form of (C, S) with
+    the inverse of the 2 by 2 matrix of products of cosine and sine.
+    """
+    turned = np.exp(-1j * np.outer(frequencies, times)) @ signals
+    products = turned @ np.exp(1j * np.outer(places, wave_numbers))
+    c, s = products.real, -products.imag
+    doubled = np.outer(
+        np.exp(-2j * np.outer(frequencies, times)).sum(axis=1),
+        np.exp(2j * np.outer(places, wave_numbers)).sum(axis=0),
+    )
+    cc, ss = 0.5 * (signals.size + doubled.real), 0.5 * (signals.size - doubled.real)
+    cs = -0.5 * doubled.imag
+    determinant = cc * ss - cs**2
+    form = ss * c**2 - 2.0 * cs * c * s + cc * s**2
+    sound = determinant > 1e-6 * signals.size**2
+    explained = np.where(sound, form / np.where(sound, determinant, 1.0), 0.0)
+    shares: Array = explained / (signals**2).sum()
+    return shares
+
+
+# ---- fits of a wave: exact answers -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("count", [24, 50, 101, 750])
+@pytest.mark.parametrize("periods", [3.0, 3.37, 7.5, 10.9])
+@pytest.mark.parametrize("wave_number", [-12.3, -4.68, -0.02, 0.0, 1e-3, 6.283, 20.0])
+def test_a_wave_is_recovered_whatever_its_direction_and_between_the_lines(
+    count: int, periods: float, wave_number: float
+) -> None:
+    frequency, phase, amplitude = cycles(periods, count), 1.0 + 0.3 * wave_number, 0.37
+    times = clock(count)
+    found = fit_wave(times, wave(times, JOINTS, frequency, wave_number, phase, amplitude), JOINTS)
+    assert_is_wave(found, amplitude, frequency, wave_number, phase)
+    assert found.explained == pytest.approx(1.0, abs=1e-12)
+
+
+@examples
+@given(
+    count=st.integers(16, 300),
+    share=st.floats(0.0, 1.0),
+    wave_number=st.floats(-25.0, 25.0),
+    phase=st.floats(0.0, 6.28),
+    exponent=st.floats(-6.0, 6.0),
+    start=st.floats(0.0, 20.0),
+)
+def test_any_wave_is_recovered_from_any_record(
+    count: int, share: float, wave_number: float, phase: float, exponent: float, start: float
+) -> None:
+    # From one period in the record to 2.2 instants in a period.
+    frequency = cycles(1.0 + share * (count / 2.2 - 1.0), count)
+    amplitude, times = 10.0**exponent, clock(count, start)
+    signals = wave(times, JOINTS, frequency, wave_number, phase, amplitude)
+    found = fit_wave(times, signals, JOINTS)
+    assert found.explained == pytest.approx(1.0, abs=1e-12)
+    assert found.amplitude == pytest.approx(amplitude, rel=1e-5)
+    assert found.frequency == pytest.approx(frequency, rel=1e-5)
+    assert found.wave_number == pytest.approx(wave_number, abs=1e-5)
+    # An error of the frequency turns the phase at time 0 by itself times the time since then.
+    assert angle_between(found.phase, phase) < 1e-5 * (1.0 + start)
+
+
+@pytest.mark.parametrize("periods", [0.5, 0.8])
+def test_less_than_a_period_is_enough_for_a_clean_wave(periods: float) -> None:
+    times, frequency = clock(40), cycles(periods, 40)
+    found = fit_wave(times, wave(times, JOINTS, frequency, -4.0, 2.0), JOINTS)
+    assert_is_wave(found, 1.0, frequency, -4.0, 2.0)
+
+
+@pytest.mark.parametrize("elements", [3, 5, 6, 7, 27])
+@pytest.mark.parametrize("part", [-0.9, -0.7, -0.3, 0.2, 0.6, 0.9])
+def test_the_wave_number_is_the_one_with_less_than_half_a_turn_from_joint_to_joint(
+    elements: int, part: float
+) -> None:
+    # Joints cannot tell kappa from kappa + 2 pi N: of these the slow one must be reported.
+    places = np.arange(1, elements) / elements
+    wave_number = part * min(math.pi * elements, 8.0 * math.pi)
+    times, frequency = clock(100), cycles(10.3, 100)
+    found = fit_wave(times, wave(times, places, frequency, wave_number, 0.4), places)
+    assert_is_wave(found, 1.0, frequency, wave_number, 0.4)
+
+
+def test_the_tuned_wave_is_recovered_from_its_torques() -> None:
+    scene = load_scene("swimmer")
+    stored = load_tuned_wave()["wave"]
+    policy = load_policy("tuned_wave", scene)
+    clocks = np.arange(250, 1000)
+    torques, _ = policy.predict(np.zeros((len(clocks), 21)), clocks)
+    times = clocks * scene.episode.control_interval
+    found = fit_wave(times, torques * scene.torque_limit, scene.beam.joint_fractions)
+    assert found.amplitude == pytest.approx(stored["amplitude"], rel=1e-5)
+    assert found.frequency == pytest.approx(stored["frequency"], rel=1e-5)
+    assert found.wave_number == pytest.approx(stored["wave_number"], abs=1e-5)
+    assert angle_between(found.phase, stored["phase"]) < 1e-5
+    assert found.explained == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.5, 1.5])
+def test_noise_takes_its_power_from_what_is_explained(noise: float) -> None:
+    times, frequency = clock(750), cycles(75.3, 750)
+    random = np.random.default_rng(7)
+    signals = wave(times, JOINTS, frequency, -4.68, 1.0, 1.3)
+    signals += noise * random.normal(size=signals.shape)
+    found = fit_wave(times, signals, JOINTS)
+    expected = 0.5 * 1.3**2 / (0.5 * 1.3**2 + noise**2)
+    # Five standard deviations of the powers of 6000 numbers.
+    assert found.explained == pytest.approx(expected, abs=5.0 / math.sqrt(signals.size))
+    # Cramer and Rao: the wave number is known to about sqrt(2 / n) noise / A / 0.25 (spread of s).
+    limit = 6.0 * math.sqrt(2.0 / signals.size) * noise / 1.3
+    assert found.wave_number == pytest.approx(-4.68, abs=limit / 0.25)
+    assert found.frequency == pytest.approx(frequency, abs=limit / times.std())
+    assert found.amplitude == pytest.approx(1.3, abs=limit * 1.3)
+
+
+@pytest.mark.parametrize("other", [0.2, 0.6, 0.95])
+def test_a_second_wave_takes_its_power_from_what_is_explained(other: float) -> None:
+    # Whole periods of two frequencies are orthogonal, whatever runs along the body.
+    times = clock(600)
+    first, second = cycles(60.0, 600), cycles(83.0, 600)
+    signals = wave(times, JOINTS, first, 5.0, 0.3)
+    signals += wave(times, JOINTS, second, -2.0, 2.0, other)
+    found = fit_wave(times, signals, JOINTS)
+    assert found.explained == pytest.approx(1.0 / (1.0 + other**2), abs=1e-3)
+    assert found.frequency == pytest.approx(first, rel=1e-3)
+    assert found.wave_number == pytest.approx(5.0, abs=2e-2)
+    assert found.amplitude == pytest.approx(1.0, abs=1e-2)
+
+
+@pytest.mark.parametrize("wave_number", [0.0, 2.5])
+def test_a_square_wave_explains_eight_over_pi_squared(wave_number: float) -> None:
+    # 50 instants a period: the share of the first harmonic of N samples is 8 / (N sin(pi/N))^2,
+    # which is 8 / pi^2 with many of them.
+    times = clock(1000)
+    signals = np.sign(wave(times, JOINTS, cycles(20.0, 1000), wave_number))
+    found = fit_wave(times, signals, JOINTS)
+    sampled = 8.0 / (50.0 * math.sin(math.pi / 50.0)) ** 2
+    assert sampled == pytest.approx(8.0 / math.pi**2, abs=2e-3)
+    within = 1e-4 if wave_number == 0.0 else 5e-3
+    assert found.explained == pytest.approx(sampled, abs=within)
+    assert found.amplitude == pytest.approx(math.sqrt(2.0 * sampled), abs=2.0 * within)
+    assert found.frequency == pytest.approx(cycles(20.0, 1000), rel=1e-4)
+    assert found.wave_number == pytest.approx(wave_number, abs=0.05)
+
+
+@pytest.mark.parametrize("offset", [-0.4, 0.1, 0.6])
+def test_a_constant_offset_takes_its_power_from_what_is_explained(offset: float) -> None:
+    times, frequency = clock(750), cycles(75.0, 750)
+    found = fit_wave(times, offset + wave(times, JOINTS, frequency, -4.68, 0.5), JOINTS)
+    assert found.explained == pytest.approx(0.5 / (0.5 + offset**2), abs=1e-4)
+    assert found.frequency == pytest.approx(frequency, rel=1e-4)
+    assert found.wave_number == pytest.approx(-4.68, abs=1e-2)
+    assert found.amplitude == pytest.approx(1.0, abs=1e-2)
+
+
+def test_the_fit_stays_at_frequencies_of_a_gait_where_the_signals_hardly_change() -> None:
+    # A wave slower than one period in the record, or 0.2 Hz, is no gait.
+    times = clock(100)
+    lowest = TURN * 0.2
+    constant = np.ones((100, 8))
+    drifting = constant + 0.01 * wave(times, JOINTS, cycles(0.1, 100), 1.0)
+    steered = constant + wave(times, JOINTS, 6.0, 0.0)
+    for signals in (constant, drifting, steered):
+        found = fit_wave(times, signals, JOINTS)
+        assert found.frequency == 0.0 or found.frequency >= lowest * (1.0 - 1e-9)
+        assert found.amplitude <= 3.0 * np.abs(signals).max()
+
+
+def test_zero_signals_have_no_wave() -> None:
+    assert fit_wave(clock(50), np.zeros((50, 8)), JOINTS) == WaveFit(0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("wave_number", [math.pi, TURN, 9.0])
+def test_a_standing_wave_is_explained_as_far_as_the_best_wave_goes(wave_number: float) -> None:
+    # sin(k s) cos(w t): over whole periods a wave that runs with kappa explains
+    # |sum sin(k s) exp(i kappa s)|^2 / (J sum sin(k s)^2), here at the best kappa.
+    times, frequency = clock(1000), cycles(100.0, 1000)
+    shape = np.sin(wave_number * JOINTS)
+    signals = np.cos(frequency * times)[:, None] * shape
+    numbers = np.linspace(-25.0, 25.0, 50_001)
+    shares = np.abs(np.exp(1j * np.outer(numbers, JOINTS)) @ shape) ** 2
+    shares /= len(JOINTS) * (shape**2).sum()
+    found = fit_wave(times, signals, JOINTS)
+    assert found.explained == pytest.approx(shares.max(), abs=1e-4)
+    # Half a wavelength swings nearly together, more of them are two waves of half the strength.
+    low, high = (0.85, 0.95) if wave_number < 4.0 else (0.45, 0.65)
+    assert low < found.explained < high
+    assert found.frequency == pytest.approx(frequency, rel=1e-4)
+    best = abs(numbers[shares.argmax()])
+    assert abs(found.wave_number) == pytest.approx(best, abs=0.01)
+
+
+def test_a_standing_wave_over_whole_wavelengths_is_half_a_travelling_one() -> None:
+    places, times = np.arange(40) / 40, clock(1000)
+    signals = np.cos(cycles(100.0, 1000) * times)[:, None] * np.sin(2.0 * TURN * places)
+    found = fit_wave(times, signals, places)
+    # Slightly more than half: between the peaks at k and -k the best kappa is free to move.
+    assert found.explained == pytest.approx(0.5, abs=0.01)
+    assert found.amplitude == pytest.approx(0.5, abs=0.01)
+
+
+# ---- fits of a wave: the search is global ------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_no_wave_explains_more_of_random_signals_than_the_fit(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    count = int(random.integers(16, 90))
+    times, signals = clock(count, random.uniform(0.0, 3.0)), random.normal(size=(count, 8))
+    found = fit_wave(times, signals, JOINTS)
+    lowest = TURN * min(0.2, 1.0 / (count * INTERVAL))
+    frequencies = random.uniform(lowest, math.pi / INTERVAL, 12 * count)
+    wave_numbers = random.uniform(-8.0 * math.pi, 8.0 * math.pi, 400)
+    shares = shares_of_waves(times, signals, JOINTS, frequencies, wave_numbers)
+    row, column = np.unravel_index(int(shares.argmax()), shares.shape)
+    assert found.explained >= shares[row, column] - 1e-9, (
+        f"f = {frequencies[row]:.6g}, kappa = {wave_numbers[column]:.6g} explain more than {found}"
+    )
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_no_wave_explains_more_of_on_and_off_torques_than_the_fit(seed: int) -> None:
+    # What networks play: torques at their limits, now and then in between.
+    random = np.random.default_rng(1000 + seed)
+    times = clock(80)
+    signals = wave(times, JOINTS, cycles(random.uniform(2.0, 12.0), 80), random.uniform(-8.0, 8.0))
+    signals = np.clip(4.0 * signals + 2.0 * random.normal(size=signals.shape), -1.0, 1.0)
+    found = fit_wave(times, signals, JOINTS)
+    frequencies = random.uniform(TURN * 0.2, math.pi / INTERVAL, 1000)
+    wave_numbers = random.uniform(-8.0 * math.pi, 8.0 * math.pi, 400)
+    shares = shares_of_waves(times, signals, JOINTS, frequencies, wave_numbers)
+    assert found.explained >= shares.max() - 1e-9
+    assert 0.0 < found.explained < 1.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_explained_is_what_the_wave_leaves_over(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    times, signals = clock(60, 2.0), random.normal(size=(60, 8))
+    found = fit_wave(times, signals, JOINTS)
+    fitted = wave(times, JOINTS, found.frequency, found.wave_number, found.phase, found.amplitude)
+    left = ((signals - fitted) ** 2).mean() / (signals**2).mean()
+    assert found.explained == pytest.approx(1.0 - left, abs=1e-12)
+    share = shares_of_waves(
+        times, signals, JOINTS, np.array([found.frequency]), np.array([found.wave_number])
+    )
+    assert found.explained == pytest.approx(float(share[0, 0]), abs=1e-10)
+
+
+# ---- fits of a wave: invariances ---------------------------------------------------------------
+
+
+def mixed_signals(seed: int, count: int = 90) -> Array:
+    """Return a wave with another one, an offset and noise."""
+    random = np.random.default_rng(seed)
+    times = clock(count)
+    signals = wave(times, JOINTS, cycles(8.3, count), random.uniform(-8.0, 8.0), 1.0)
+    signals += wave(times, JOINTS, cycles(15.1, count), 3.0, 2.0, 0.4)
+    noisy: Array = signals + 0.3 * random.normal(size=signals.shape) + 0.1
+    return noisy
+
+
+@examples
+@given(seed=st.integers(0, 10_000), exponent=st.floats(-8.0, 8.0), sign=st.sampled_from((-1, 1)))
+def test_scaled_and_mirrored_signals_have_a_scaled_and_mirrored_wave(
+    seed: int, exponent: float, sign: int
+) -> None:
+    times, signals = clock(90), mixed_signals(seed)
+    factor = 10.0**exponent
+    one = fit_wave(times, signals, JOINTS)
+    other = fit_wave(times, sign * factor * signals, JOINTS)
+    assert other.amplitude == pytest.approx(factor * one.amplitude, rel=1e-5)
+    assert other.frequency == pytest.approx(one.frequency, rel=1e-5)
+    assert other.wave_number == pytest.approx(one.wave_number, abs=1e-4)
+    assert angle_between(other.phase, one.phase + (0.0 if sign > 0 else math.pi)) < 1e-4
+    assert other.explained == pytest.approx(one.explained, abs=1e-9)
+
+
+@examples
+@given(seed=st.integers(0, 10_000), shift=st.floats(-20.0, 20.0))
+def test_shifting_time_turns_the_phase_alone(seed: int, shift: float) -> None:
+    signals = mixed_signals(seed)
+    one, other = (fit_wave(clock(90, start), signals, JOINTS) for start in (0.0, shift))
+    assert other.frequency == pytest.approx(one.frequency, rel=1e-5)
+    assert other.wave_number == pytest.approx(one.wave_number, abs=1e-4)
+    assert other.amplitude == pytest.approx(one.amplitude, rel=1e-5)
+    assert angle_between(other.phase, one.phase - other.frequency * shift) < 1e-3
+
+
+@examples
+@given(seed=st.integers(0, 10_000))
+def test_a_body_turned_round_has_the_opposite_wave_number(seed: int) -> None:
+    times, signals = clock(90), mixed_signals(seed)
+    one = fit_wave(times, signals, JOINTS)
+    other = fit_wave(times, signals[:, ::-1], JOINTS)  # s becomes 1 - s
+    assert other.wave_number == pytest.approx(-one.wave_number, abs=1e-4)
+    assert other.frequency == pytest.approx(one.frequency, rel=1e-5)
+    assert other.amplitude == pytest.approx(one.amplitude, rel=1e-5)
+    assert angle_between(other.phase, one.phase - one.wave_number) < 1e-3
+
+
+@examples
+@given(seed=st.integers(0, 10_000))
+def test_time_run_backwards_has_the_opposite_wave_number(seed: int) -> None:
+    times, signals = clock(90), mixed_signals(seed)
+    one = fit_wave(times, signals, JOINTS)
+    other = fit_wave(times, signals[::-1], JOINTS)
+    assert other.wave_number == pytest.approx(-one.wave_number, abs=1e-4)
+    assert other.frequency == pytest.approx(one.frequency, rel=1e-5)
+    assert other.explained == pytest.approx(one.explained, abs=1e-9)
+
+
+# ---- orthogonal modes --------------------------------------------------------------------------
+
+
+def whole_wavelengths(count: int = 24) -> Array:
+    """Return places on which whole wavelengths are orthogonal."""
+    return np.arange(count) / count
+
+
+@pytest.mark.parametrize("wave_number", [-2.0 * TURN, -TURN, TURN, 3.0 * TURN])
+@pytest.mark.parametrize("periods", [10.0, 10.4, 50.7])
+def test_a_pure_travelling_wave_travels(wave_number: float, periods: float) -> None:
+    times = clock(500)
+    modes = orthogonal_modes(wave(times, whole_wavelengths(), cycles(periods, 500), wave_number))
+    # Whole periods are exact; the Hilbert transform of others is not, least so near the ends.
+    whole = periods == round(periods)
+    assert modes.travelling_share == pytest.approx(1.0, abs=1e-9 if whole else 0.02)
+    assert modes.shares[0] == pytest.approx(1.0, abs=1e-9 if whole else 1e-3)
+
+
+def test_a_standing_wave_does_not_travel() -> None:
+    times = clock(500)
+    shape = np.sin(math.pi * JOINTS)
+    for periods in (10.0, 10.4):
+        signals = np.cos(cycles(periods, 500) * times)[:, None] * shape
+        modes = orthogonal_modes(signals)
+        assert modes.travelling_share == pytest.approx(0.0, abs=1e-9)
+        assert modes.shares[0] == pytest.approx(1.0, abs=1e-9)
+        # The mode is the shape, up to a complex factor.
+        likeness = abs(modes.modes[:, 0].conj() @ shape) / np.linalg.norm(shape)
+        assert likeness == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("back", [0.0, 0.1, 0.5, 0.9, 1.0])
+@pytest.mark.parametrize("phase", [0.0, 1.3])
+def test_waves_in_both_directions_have_the_analytic_index(back: float, phase: float) -> None:
+    # a exp(-i k s) + b exp(i k s): over whole wavelengths an ellipse with the half axes a + b and
+    # a - b.
+    times, places, frequency = clock(500), whole_wavelengths(), cycles(20.0, 500)
+    signals = wave(times, places, frequency, TURN) + wave(
+        times, places, frequency, -TURN, phase, back
+    )
+    index = orthogonal_modes(signals).travelling_share
+    assert index == pytest.approx((1.0 - back) / (1.0 + back), abs=1e-7)
+
+
+@examples
+@given(
+    forward=st.floats(0.1, 2.0),
+    back=st.floats(0.1, 2.0),
+    wave_number=st.floats(0.5, 12.0),
+    phase=st.floats(0.0, 6.28),
+)
+def test_the_index_on_given_joints_is_that_of_the_ellipse(
+    forward: float, back: float, wave_number: float, phase: float
+) -> None:
+    times, frequency = clock(300), cycles(20.0, 300)
+    signals = wave(times, JOINTS, frequency, wave_number, 0.0, forward)
+    signals += wave(times, JOINTS, frequency, -wave_number, phase, back)
+    shape = forward * np.exp(-1j * wave_number * JOINTS)
+    shape += back * np.exp(1j * (wave_number * JOINTS + phase))
+    # The half axes' squares: (|u|^2 +- |sum u^2|) / 2.
+    power, squares = (np.abs(shape) ** 2).sum(), abs((shape**2).sum())
+    expected = math.sqrt(max(power - squares, 0.0) / (power + squares))
+    modes = orthogonal_modes(signals)
+    assert modes.shares[0] == pytest.approx(1.0, abs=1e-9)
+    assert modes.travelling_share == pytest.approx(expected, abs=1e-6)
+
+
+def test_modes_of_two_gaits_have_their_powers() -> None:
+    times, places = clock(600), whole_wavelengths()
+    signals = wave(times, places, cycles(30.0, 600), TURN, 0.0, 2.0)
+    signals += wave(times, places, cycles(50.0, 600), -2.0 * TURN, 1.0, 1.0)
+    modes = orthogonal_modes(signals)
+    assert modes.shares[:2] == pytest.approx([0.8, 0.2], abs=1e-3)
+    assert modes.shares[2:] == pytest.approx(0.0, abs=1e-9)
+
+
+@examples
+@given(
+    seed=st.integers(0, 10_000),
+    count=st.integers(8, 120),
+    joints=st.integers(2, 12),
+    exponent=st.floats(-6.0, 6.0),
+)
+def test_modes_are_orthonormal_and_their_shares_sum_to_one(
+    seed: int, count: int, joints: int, exponent: float
+) -> None:
+    random = np.random.default_rng(seed)
+    signals = random.normal(size=(count, joints)) * 10.0**exponent
+    modes = orthogonal_modes(signals)
+    assert modes.modes.shape == (joints, joints)
+    assert modes.modes.conj().T @ modes.modes == pytest.approx(np.eye(joints), abs=1e-10)
+    assert modes.shares.sum() == pytest.approx(1.0, abs=1e-12)
+    assert (modes.shares >= 0.0).all()
+    assert (np.diff(modes.shares) <= 0.0).all()
+    assert 0.0 <= modes.travelling_share <= 1.0
+    # Neither means, nor the scale, nor the direction of the body matter.
+    other = orthogonal_modes(-3.0 * signals[:, ::-1] + 5.0 * 10.0**exponent)
+    assert other.shares == pytest.approx(modes.shares, abs=1e-9)
+    assert other.travelling_share == pytest.approx(modes.travelling_share, abs=1e-6)
+
+
+def test_constant_signals_have_no_modes() -> None:
+    # 0.1 and 0.3 times 49 and 50 are rounded: what is left of them without their mean is not 0.
+    for count in (49, 50):
+        for value in (0.0, 0.1, 0.25, 0.3):
+            modes = orthogonal_modes(np.full((count, 4), value))
+            assert (modes.shares == 0.0).all()
+            assert modes.travelling_share == 0.0
+            assert (modes.modes == np.eye(4)).all()
+
+
+# ---- frequency and lags ------------------------------------------------------------------------
+
+
+@examples
+@given(
+    count=st.sampled_from([50, 100, 200, 750]),
+    share=st.floats(0.0, 1.0),
+    wave_number=st.floats(-6.0, 6.0),
+    phase=st.floats(0.0, 6.28),
+    mean=st.floats(-5.0, 5.0),
+)
+def test_a_dominant_frequency_is_found_to_a_hundredth_of_a_line(
+    count: int, share: float, wave_number: float, phase: float, mean: float
+) -> None:
+    # With 3 periods or more in the record and 2.4 instants or more in a period.
+    periods = 3.0 + share * (count / 2.4 - 3.0)
+    times, spacing = clock(count), 1.0 / (count * INTERVAL)
+    signals = wave(times, JOINTS, cycles(periods, count), wave_number, phase)
+    expected = periods * spacing
+    assert dominant_frequency(times, signals) == pytest.approx(expected, abs=0.01 * spacing)
+    shifted = signals + mean * np.arange(8)
+    found = dominant_frequency(times, shifted)
+    assert found == pytest.approx(expected, abs=0.01 * spacing)
+
+
+def test_the_stronger_of_two_frequencies_is_dominant_summed_over_joints() -> None:
+    times = clock(500)
+    strong = wave(times, JOINTS, TURN * 5.0, 1.0) * np.array([0, 0, 0, 0, 0, 0, 2.0, 2.0])
+    weak = wave(times, JOINTS, TURN * 2.0, 1.0) * np.array([0.9] * 8)
+    assert dominant_frequency(times, strong + weak) == pytest.approx(5.0, abs=1e-3)
+    assert dominant_frequency(times, 0.5 * strong + weak) == pytest.approx(2.0, abs=1e-3)
+
+
+def test_constant_signals_have_no_frequency() -> None:
+    for count in (49, 50):
+        for value in (0.0, 0.1, 0.25, 0.3):
+            assert dominant_frequency(clock(count), np.full((count, 8), value)) == 0.0
+
+
+@examples
+@given(
+    wave_number=st.floats(-25.0, 25.0),
+    periods=st.floats(3.0, 20.0),
+    phase=st.floats(0.0, 6.28),
+    mean=st.floats(-3.0, 3.0),
+)
+def test_lags_are_the_wave_number_times_the_way_unwrapped(
+    wave_number: float, periods: float, phase: float, mean: float
+) -> None:
+    times, frequency = clock(200), cycles(periods, 200)
+    strengths = np.linspace(0.3, 1.7, 8)
+    signals = strengths * wave(times, JOINTS, frequency, wave_number, phase) + mean
+    lags, amplitudes = phase_lags(times, signals, frequency / TURN)
+    assert lags == pytest.approx(wave_number * (JOINTS - JOINTS[0]), abs=1e-9)
+    assert lags[0] == 0.0
+    assert amplitudes == pytest.approx(strengths, abs=1e-9)
+
+
+def test_a_gait_has_the_figures_of_its_waves() -> None:
+    times = clock(500)
+    strengths = np.linspace(0.05, 0.2, 8)
+    bending = 0.1 + strengths * wave(times, JOINTS, TURN * 5.0, 3.0, 0.7)
+    torques = wave(times, JOINTS, TURN * 2.5, -4.5, 1.1, 0.6)
+    gait = analyse_gait(times, bending, torques, JOINTS)
+    assert gait.frequency == pytest.approx(5.0, abs=1e-3)
+    assert gait.torque_frequency == pytest.approx(2.5, abs=1e-3)
+    assert gait.bending_amplitude == pytest.approx(strengths, rel=1e-3)
+    assert gait.phase_lags == pytest.approx(3.0 * (JOINTS - JOINTS[0]), abs=1e-3)
+    assert gait.wave_number == pytest.approx(3.0, abs=1e-3)
+    assert gait.mode_share == pytest.approx(1.0, abs=1e-6)
+    assert_is_wave(gait.wave, 0.6, TURN * 2.5, -4.5, 1.1)
+    # The ellipse of each shape, see above.
+    for found, shape in (
+        (gait.travelling_share, strengths * np.exp(-3.0j * JOINTS)),
+        (gait.torque_travelling_share, np.exp(4.5j * JOINTS)),
+    ):
+        power, squares = (np.abs(shape) ** 2).sum(), abs((shape**2).sum())
+        expected = math.sqrt((power - squares) / (power + squares))
+        assert found == pytest.approx(expected, abs=1e-6)
+    data = json.loads(json.dumps(gait.to_dict(), allow_nan=False))
+    assert data["phase_lags"] == list(gait.phase_lags)
+    assert data["wave"]["frequency"] == gait.wave.frequency
+
+
+def test_the_wave_number_is_the_slope_weighted_with_the_squared_amplitudes() -> None:
+    # Two joints that lag as they please, and a weak one between them that hardly counts.
+    times, frequency = clock(500), TURN * 5.0
+    places, lags, strengths = np.array([0.2, 0.5, 0.8]), np.array([0.0, 1.5, 1.2]), [1.0, 0.01, 1.0]
+    bending = np.array(strengths) * np.cos(frequency * times[:, None] - lags)
+    gait = analyse_gait(times, bending, np.zeros_like(bending), places)
+    weights = np.array(strengths) ** 2
+    expected = np.polynomial.polynomial.polyfit(places, lags, 1, w=np.sqrt(weights))[1]
+    assert gait.wave_number == pytest.approx(expected, abs=1e-3)
+    assert gait.wave_number == pytest.approx(2.0, abs=1e-2)
+
+
+def test_a_gait_without_torque_has_no_wave() -> None:
+    times = clock(100)
+    gait = analyse_gait(times, wave(times, JOINTS, 30.0, 2.0), np.zeros((100, 8)), JOINTS)
+    assert gait.torque_frequency == 0.0
+    assert gait.torque_travelling_share == 0.0
+    assert gait.wave.amplitude == 0.0
+    assert gait.frequency == pytest.approx(30.0 / TURN, abs=0.01)
+
+
+# ---- bad input ---------------------------------------------------------------------------------
+
+GOOD_TIMES = clock(40)
+GOOD = wave(GOOD_TIMES, JOINTS, 30.0, 2.0)
+
+
+def spoilt(signals: Array, value: float) -> Array:
+    bad = signals.copy()
+    bad[3, 2] = value
+    return bad
+
+
+def hole(value: float) -> Array:
+    places = JOINTS.copy()
+    places[4] = value
+    return places
+
+
+@pytest.mark.parametrize(
+    ("call", "part"),
+    [
+        (lambda: fit_wave(GOOD_TIMES[:-1], GOOD, JOINTS), "must have shape"),
+        (lambda: fit_wave(GOOD_TIMES[:7], GOOD[:7], JOINTS), "at least 8 instants"),
+        (lambda: fit_wave(GOOD_TIMES, GOOD[:, 0], JOINTS), "must have shape"),
+        (lambda: fit_wave(GOOD_TIMES, GOOD, JOINTS[:-1]), "places must have shape"),
+        (lambda: fit_wave(GOOD_TIMES, spoilt(GOOD, math.nan), JOINTS), "finite"),
+        (lambda: fit_wave(spoilt(GOOD, math.inf)[:, 2], GOOD, JOINTS), "finite"),
+        (lambda: fit_wave(GOOD_TIMES, GOOD, hole(math.nan)), "finite"),
+        (lambda: fit_wave(np.zeros(40), GOOD, JOINTS), "equidistant"),
+        (lambda: fit_wave(GOOD_TIMES[::-1], GOOD, JOINTS), "equidistant"),
+        (lambda: dominant_frequency(GOOD_TIMES**2, GOOD), "equidistant"),
+        (lambda: dominant_frequency(GOOD_TIMES, GOOD[:, 0]), "must have shape"),
+        (lambda: dominant_frequency(GOOD_TIMES, spoilt(GOOD, math.inf)), "finite"),
+        (lambda: phase_lags(GOOD_TIMES, spoilt(GOOD, math.nan), 5.0), "finite"),
+        (lambda: phase_lags(GOOD_TIMES[1:], GOOD, 5.0), "must have shape"),
+        (lambda: orthogonal_modes(GOOD[:, 0]), "must have shape"),
+        (lambda: orthogonal_modes(spoilt(GOOD, math.nan)), "finite"),
+        (lambda: analyse_gait(GOOD_TIMES, GOOD, GOOD[:, :7], JOINTS), "must have shape"),
+        (lambda: analyse_gait(GOOD_TIMES, GOOD[:30], GOOD, JOINTS), "must have shape"),
+        (lambda: analyse_gait(GOOD_TIMES, GOOD, spoilt(GOOD, math.inf), JOINTS), "finite"),
+    ],
+)
+def test_bad_signals_get_one_clear_error(call: Callable[[], Any], part: str) -> None:
+    with pytest.raises(OptionError, match=part) as caught:
+        call()
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,295 @@
+"""The figures of an episode, each computed once more from what was recorded."""
+
+from __future__ import annotations
+
+import json
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agents import Rollout, load_policy, play_episode, verify_rollout
+from agents.comparison.gait import analyse_gait
+from agents.comparison.performance import Performance, measure_performance
+from agents.tuned_wave import load_tuned_wave
+from swim_env import SwimEnv, SwimTargetEnv, Trajectory
+
+POLICIES = ("tuned_wave", "zero", "random", "paper_wave")
+BODIES: dict[str, tuple[str, ...]] = {
+    "swimmer": ("episode.duration=2.0",),
+    # Nothing about it is 1, and it swims along a slanted line.
+    "other body": (
+        "episode.duration=2.0",
+        "episode.heading=[-0.8, 0.6]",
+        "initial.heading=-0.6435011087932844",
+        "beam.length=1.3",
+        "beam.line_density=0.4",
+        "actuation.torque_limit=0.7",
+    ),
+}
+
+Played = tuple[Rollout, Trajectory, Performance]
+
+
+def measured(rollout: Rollout) -> Played:
+    trajectory = rollout.simulate()
+    return rollout, trajectory, measure_performance(rollout, trajectory, verify_rollout(rollout))
+
+
+@cache
+def played(
+    name: str, body: str = "swimmer", task: str = "forward", noise: float = 1.0, seed: int = 3
+) -> Played:
+    made = SwimTargetEnv if task == "target" else SwimEnv
+    env = made("swimmer", list(BODIES[body]))
+    policy = load_policy(name, env.scene, seed=5)
+    return measured(play_episode(env, policy, seed=seed, options={"noise": noise}))
+
+
+def played_with(name: str, *overrides: str, noise: float = 1.0) -> Played:
+    env = SwimEnv("swimmer", list(overrides))
+    policy = load_policy(name, env.scene, seed=5)
+    return measured(play_episode(env, policy, seed=3, options={"noise": noise}))
+
+
+everyone = pytest.mark.parametrize("name", POLICIES)
+every_body = pytest.mark.parametrize("body", BODIES)
+
+
+# ---- motion ------------------------------------------------------------------------------------
+
+
+@everyone
+@every_body
+def test_the_net_displacement_is_the_way_of_the_mean_centre_along_the_heading(
+    name: str, body: str
+) -> None:
+    rollout, run, figures = played(name, body)
+    scene = rollout.scene
+    way = run.centres[-1].mean(axis=0) - run.centres[0].mean(axis=0)
+    along = float(np.dot(way, scene.episode.heading)) / scene.beam.length
+    assert figures.net_displacement == pytest.approx(along, rel=1e-9, abs=1e-12)
+    assert figures.net_displacement != 0.0
+    assert figures.duration == pytest.approx(2.0, abs=1e-12)
+    assert figures.speed == pytest.approx(along / 2.0, rel=1e-9, abs=1e-12)
+    turn = run.angles[-1].mean() - run.angles[0].mean()
+    assert figures.heading_change == pytest.approx(turn, abs=1e-14)
+
+
+@everyone
+def test_the_net_displacement_to_a_target_is_by_how_much_it_came_closer(name: str) -> None:
+    rollout, run, figures = played(name, task="target")
+    before, after = (
+        math.dist(rollout.goal, run.centres[at].mean(axis=0)) / rollout.scene.beam.length
+        for at in (0, -1)
+    )
+    assert figures.net_displacement == pytest.approx(before - after, abs=1e-12)
+    assert figures.success is False
+    assert figures.speed == pytest.approx((before - after) / 2.0, abs=1e-12)
+
+
+@everyone
+@every_body
+def test_the_finer_displacement_is_that_of_the_trust_check(name: str, body: str) -> None:
+    rollout, _, figures = played(name, body)
+    checked = verify_rollout(rollout)
+    assert figures.fine_displacement == checked.fine_displacement != figures.net_displacement
+    assert figures.verified is checked.verified
+    assert figures.seed == 3
+    assert figures.success is None
+    assert figures.termination_reason == ""
+
+
+# ---- effort ------------------------------------------------------------------------------------
+
+
+@everyone
+@every_body
+def test_the_positive_work_is_torque_times_bending_where_it_is_positive(
+    name: str, body: str
+) -> None:
+    _, run, figures = played(name, body)
+    turned = np.diff(np.diff(run.angles, axis=1), axis=0)
+    work = np.maximum(run.torques * turned, 0.0).sum()
+    assert figures.positive_work == pytest.approx(work, rel=1e-9)
+    assert (figures.positive_work > 1e-3) == (name != "zero")
+
+
+@everyone
+@every_body
+def test_the_cost_of_transport_is_work_over_mass_and_way(name: str, body: str) -> None:
+    rollout, run, figures = played(name, body)
+    beam = rollout.scene.beam
+    mass = beam.line_density * beam.length
+    way = run.centres[-1].mean(axis=0) - run.centres[0].mean(axis=0)
+    metres = float(np.dot(way, rollout.scene.episode.heading))
+    work = float(run.positive_work.sum())
+    if metres > 0.0:
+        assert figures.cost_of_transport == pytest.approx(work / (mass * metres), rel=1e-9)
+    else:
+        assert figures.cost_of_transport == math.inf
+        assert figures.to_dict()["cost_of_transport"] is None
+
+
+def test_a_way_forward_and_a_way_back_are_both_among_these_episodes() -> None:
+    ways = [played(name, body)[2].net_displacement for name in POLICIES for body in BODIES]
+    assert min(ways) < 0.0 < max(ways)
+
+
+@everyone
+@every_body
+def test_the_squared_torques_are_integrated_over_time_and_summed_over_joints(
+    name: str, body: str
+) -> None:
+    rollout, _, figures = played(name, body)
+    integral = (rollout.torques**2).sum() * rollout.scene.episode.control_interval
+    assert figures.torque_squared == pytest.approx(integral, rel=1e-12)
+    if name == "tuned_wave" and body == "swimmer":
+        # A cosine of amplitude 1 N m at 8 joints for 2 s.
+        assert figures.torque_squared == pytest.approx(0.5 * 8 * 2.0, rel=0.02)
+
+
+@everyone
+def test_the_energy_drift_is_what_the_balance_misses_of_the_largest_energy(name: str) -> None:
+    _, run, figures = played(name)
+    miss = run.energy[1:] - run.energy[0] - np.cumsum(run.work) + np.cumsum(run.dissipated)
+    expected = np.abs(miss).max() / run.energy.max()
+    assert figures.energy_drift == pytest.approx(expected, rel=1e-9, abs=1e-12)
+    assert 0.0 < figures.energy_drift < 0.2
+
+
+# ---- gait --------------------------------------------------------------------------------------
+
+
+@everyone
+@every_body
+def test_the_gait_is_that_of_the_last_three_quarters(name: str, body: str) -> None:
+    rollout, run, figures = played(name, body)
+    assert figures.gait is not None
+    # Every fourth step begins an action; the first 25 of 100 do not count.
+    bending = np.array([run.angles[4 * n, 1:] - run.angles[4 * n, :-1] for n in range(25, 100)])
+    times = 0.02 * np.arange(25, 100)
+    expected = analyse_gait(times, bending, rollout.torques[25:], np.arange(1, 9) / 9.0)
+    assert figures.gait.frequency == pytest.approx(expected.frequency, rel=1e-12)
+    assert figures.gait.phase_lags == pytest.approx(expected.phase_lags, abs=1e-9)
+    assert figures.gait.bending_amplitude == pytest.approx(expected.bending_amplitude, rel=1e-9)
+    assert figures.gait.wave_number == pytest.approx(expected.wave_number, abs=1e-9)
+    assert figures.gait.travelling_share == pytest.approx(expected.travelling_share, abs=1e-9)
+    assert figures.gait.wave.explained == pytest.approx(expected.wave.explained, abs=1e-9)
+    assert figures.gait.wave.frequency == pytest.approx(expected.wave.frequency, rel=1e-6)
+
+
+@everyone
+@every_body
+def test_the_displacement_per_cycle_is_the_way_in_a_period_of_the_bending(
+    name: str, body: str
+) -> None:
+    _, _, figures = played(name, body)
+    assert figures.gait is not None
+    per_cycle = figures.speed / figures.gait.frequency
+    assert figures.displacement_per_cycle == pytest.approx(per_cycle, rel=1e-12)
+    assert math.isfinite(figures.displacement_per_cycle)
+
+
+def test_the_tuned_waves_own_torques_are_recovered_with_the_episodes_clock() -> None:
+    _, _, figures = played("tuned_wave")
+    stored = load_tuned_wave()["wave"]
+    assert figures.gait is not None
+    wave = figures.gait.wave
+    assert wave.amplitude == pytest.approx(stored["amplitude"], rel=1e-5)
+    assert wave.frequency == pytest.approx(stored["frequency"], rel=1e-5)
+    assert wave.wave_number == pytest.approx(stored["wave_number"], abs=1e-5)
+    assert wave.phase == pytest.approx(stored["phase"], abs=1e-4)
+    assert wave.explained == pytest.approx(1.0, abs=1e-9)
+    # The body swings as it is driven; a line of this short record's spectrum is 0.67 Hz wide.
+    hertz = stored["frequency"] / (2.0 * math.pi)
+    assert figures.gait.torque_frequency == pytest.approx(hertz, abs=0.01)
+    assert figures.gait.frequency == pytest.approx(hertz, abs=0.3)
+
+
+def test_random_torques_are_no_wave() -> None:
+    _, _, figures = played("random")
+    assert figures.gait is not None
+    assert 0.0 < figures.gait.wave.explained < 0.1
+
+
+def test_a_body_at_rest_has_no_gait_and_no_finite_cost() -> None:
+    _, _, figures = played("zero", noise=0.0)
+    assert figures.gait is None
+    assert figures.net_displacement == 0.0
+    assert figures.speed == 0.0
+    assert figures.positive_work == 0.0
+    assert figures.torque_squared == 0.0
+    assert figures.cost_of_transport == math.inf
+    assert math.isnan(figures.displacement_per_cycle)
+    assert figures.verified
+    data = figures.to_dict()
+    assert data["cost_of_transport"] is None
+    assert data["displacement_per_cycle"] is None
+    assert data["gait"] is None
+
+
+@pytest.mark.parametrize(("duration", "enough"), [("0.42", False), ("0.44", True)])
+def test_sixteen_actions_after_the_start_make_a_gait(duration: str, enough: bool) -> None:
+    _, _, figures = played_with("tuned_wave", f"episode.duration={duration}")
+    assert (figures.gait is not None) == enough
+    assert math.isfinite(figures.displacement_per_cycle) == enough
+    json.dumps(figures.to_dict(), allow_nan=False)
+
+
+# ---- ends before the time ----------------------------------------------------------------------
+
+
+def test_a_broken_episode_counts_up_to_its_end() -> None:
+    # A soft beam folds under the torque, in the middle of an action.
+    rollout, run, figures = played_with(
+        "paper_wave", "beam.bending_stiffness=0.05", "episode.duration=2.0", noise=0.0
+    )
+    assert figures.termination_reason == rollout.info["termination_reason"] != ""
+    assert not figures.verified
+    assert run.steps == rollout.steps < 4 * len(rollout.torques)
+    assert figures.duration == pytest.approx(0.005 * rollout.steps, abs=1e-12)
+    assert figures.duration < 2.0
+    assert figures.speed == pytest.approx(figures.net_displacement / figures.duration, rel=1e-12)
+    held = np.repeat(rollout.torques, 4, axis=0)[: rollout.steps]
+    assert figures.torque_squared == pytest.approx((held**2).sum() * 0.005, rel=1e-12)
+    json.dumps(figures.to_dict(), allow_nan=False)
+
+
+def test_a_target_that_is_reached_is_a_success() -> None:
+    env = SwimTargetEnv("swimmer", ["episode.duration=2.0", "episode.velocity_noise=0.0"])
+    policy = load_policy("zero", env.scene)
+    options: dict[str, Any] = {"noise": 0.0, "velocity": [-0.5, 0.0], "target": [0.2, 0.0]}
+    rollout, _, figures = measured(play_episode(env, policy, seed=0, options=options))
+    assert rollout.terminated
+    assert figures.success is True
+    assert figures.termination_reason == "target_reached"
+    assert figures.verified
+    assert figures.duration < 2.0
+    # From 0.3 m to within 0.1 BL.
+    assert 0.2 <= figures.net_displacement < 0.25
+
+
+# ---- plain values ------------------------------------------------------------------------------
+
+
+@everyone
+@pytest.mark.parametrize("task", ["forward", "target"])
+def test_figures_are_plain_values_for_json(name: str, task: str) -> None:
+    _, _, figures = played(name, task=task)
+    data = json.loads(json.dumps(figures.to_dict(), allow_nan=False))
+    assert data.keys() == vars(figures).keys()
+    assert data["net_displacement"] == figures.net_displacement
+    assert data["verified"] is figures.verified
+    assert figures.gait is not None
+    assert data["gait"]["phase_lags"] == list(figures.gait.phase_lags)
+    assert data["gait"]["wave"] == vars(figures.gait.wave)
+    assert (data["cost_of_transport"] is None) == math.isinf(figures.cost_of_transport)
+
+
+def test_a_start_without_a_seed_is_minus_one() -> None:
+    env = SwimEnv("swimmer", ["episode.duration=0.1"])
+    rollout = play_episode(env, load_policy("zero", env.scene), options={"noise": 0.0})
+    assert measured(rollout)[2].seed == -1
