@@ -6,6 +6,7 @@ code from it (``weights_only``).
 
 from __future__ import annotations
 
+import errno
 import os
 import pickle
 import zipfile
@@ -73,12 +74,18 @@ def load_checkpoint(path: str | os.PathLike[str]) -> dict[str, Any]:
     except FileNotFoundError:
         raise CheckpointError(f"no such checkpoint: {name}") from None
     except OSError as error:
+        if error.errno == errno.EINVAL:  # what PyTorch makes of some files that are cut short
+            raise CheckpointError(
+                f"the checkpoint is damaged or cut short, or no checkpoint at all ({name})"
+            ) from None
         raise CheckpointError(f"cannot read the checkpoint: {error.strerror} ({name})") from None
     except (
         RuntimeError,
         EOFError,
         ValueError,
         KeyError,
+        AttributeError,
+        TypeError,
         pickle.UnpicklingError,
         zipfile.BadZipFile,
     ):

@@ -21,6 +21,7 @@ from swim_env.scene_checks import (
     listed,
     nearest,
 )
+from swim_env.scene_parts import plain
 from swim_env.scene_yaml import dump_yaml, parse_overrides, parse_yaml, read_text
 from swim_env.task import ForwardTask, TargetTask, Task
 
@@ -68,6 +69,7 @@ class ConfigError(SwimError, ValueError):
     """
 
     def __init__(self, problem: str, source: str | None = None) -> None:
+        problem = " ".join(problem.splitlines())
         super().__init__(problem, source)
         self.problem, self.source = problem, source
 
@@ -336,7 +338,7 @@ class TrainingConfig:
 
     def _check(self) -> None:
         name = check_text(self.name, "name")
-        if not name or not name.isprintable() or any(sign in name for sign in "/\\\0"):
+        if name in ("", ".", "..") or not name.isprintable() or set(name) & set("/\\"):
             raise ConfigError(f"name must be a short text without slashes, got {name!r}")
         if not isinstance(self.state_dependent_noise, bool):
             raise ConfigError(
@@ -363,6 +365,11 @@ class TrainingConfig:
             checkpoint_every=check_integer(self.checkpoint_every, "checkpoint_every", 1, _MOST),
             torch_threads=check_integer(self.torch_threads, "torch_threads", 1, 1024),
         )
+        for name, block in _BLOCKS.items():
+            if getattr(self, name) is not None or name in ("network", "evaluation"):
+                _set(self, **{name: _build(name, block, getattr(self, name))})
+        if not isinstance(self.scene, Scene):
+            raise ConfigError(f"scene must be a Scene, got {got(self.scene)}")
         self._check_algorithm()
         self._check_task()
 
@@ -396,11 +403,13 @@ class TrainingConfig:
                     f"unknown field environment.{name}{nearest(str(name), known)}; known fields "
                     f"with task {self.task}: {', '.join(known)}"
                 )
-        _set(self, environment=dict(self.environment))
+        _set(self, environment={key: plain(value) for key, value in self.environment.items()})
         try:
             self.make_task()
         except SwimError as error:
             raise ConfigError(f"environment: {error}") from None
+        # An environment would refuse a control interval that is no whole number of time steps.
+        assert self.scene.steps_per_action > 0
 
     # ---- what follows from it ------------------------------------------------------------------
 
@@ -437,7 +446,7 @@ class TrainingConfig:
                     part.name: _plain(getattr(value, part.name)) for part in fields(value)
                 }
             elif value is not None or spec.name in ("final_learning_rate", "reward_scale"):
-                data[spec.name] = _plain(value)
+                data[spec.name] = dict(value) if isinstance(value, dict) else _plain(value)
         return data
 
     def to_yaml(self) -> str:
@@ -476,7 +485,10 @@ class TrainingConfig:
         known = [spec.name for spec in fields(cls)]
         try:
             given = _checked_fields(mapping, "", [*known, "overrides"])
-            given["scene"] = _scene(given.pop("scene", "swimmer"), given.pop("overrides", None))
+            try:
+                given["scene"] = _scene(given.pop("scene", "swimmer"), given.pop("overrides", None))
+            except (SceneError, ConfigError) as error:
+                raise ConfigError(f"scene: {error.problem}", source or error.source) from None
             for name, block in _BLOCKS.items():
                 if given.get(name) is not None:
                     given[name] = _build(name, block, given[name])
@@ -503,19 +515,23 @@ class TrainingConfig:
             If a path is unknown or the changed configuration is not valid.
         """
         data = self.to_dict()
-        scene = self.scene
+        scene: dict[str, Any] = {}
         for path, value in changes.items():
             block, _, rest = str(path).partition(".")
             if block == "scene" and rest:
-                try:
-                    scene = scene.replace(rest, value)
-                except SceneError as error:
-                    raise ConfigError(f"scene: {error.problem}") from None
-                data["scene"] = scene.to_dict()
+                scene[rest] = value
             elif rest and (block in _BLOCKS or block == "environment"):
-                data[block] = {**(data.get(block) or {}), rest: value}
+                inner = data.get(block) or {}
+                if not isinstance(inner, Mapping):
+                    raise ConfigError(f"{block} must be a mapping of fields, got {got(inner)}")
+                data[block] = {**inner, rest: value}
             else:
                 data[path] = value
+        if scene:
+            try:
+                data["scene"] = _scene(data["scene"], scene).to_dict()
+            except SceneError as error:
+                raise ConfigError(f"scene: {error.problem}") from None
         return TrainingConfig.from_dict(data)
 
     def scaled(self, steps: int) -> TrainingConfig:

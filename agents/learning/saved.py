@@ -14,6 +14,7 @@ import json
 import os
 import pickle
 import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -28,7 +29,7 @@ from swim_env.env_interface import action_space_of, observation_space_of
 from swim_env.errors import OptionError, SceneError, SwimError
 from swim_env.folders import write_folder
 from swim_env.scene import Beam, Scene
-from swim_env.scene_checks import check_name
+from swim_env.scene_checks import check_name, check_text
 from swim_env.scene_parts import plain
 from swim_env.task import Task
 
@@ -230,21 +231,25 @@ def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
         layout = description["observation"]
         algorithm = check_name(description["algorithm"], "algorithm", ALGORITHMS)
         gsde = bool(description["state_dependent_noise"])
-        name = description["name"]
+        name = check_text(description["name"], "name")
+        if not name.isprintable():
+            raise SceneError("name must be text on one line")
     except (KeyError, TypeError, SceneError, ConfigError) as error:
         raise AgentError(f"agent.json does not describe an agent: {error} ({where})") from None
     expected = {"layout": OBSERVATION_LAYOUT, "size": task.observation_size}
+    if not isinstance(layout, Mapping):
+        raise AgentError(f"agent.json does not describe an agent: observation ({where})")
     if layout != expected:
         raise AgentError(
             f"agent {name} observes layout {layout.get('layout')} with {layout.get('size')} "
             f"numbers, this version gives layout {expected['layout']} with {expected['size']} "
             f"({where})"
         )
-    policy = make_policy(
-        algorithm, observation_space_of(task), action_space_of(task), network, gsde
-    )
     weights = _weights(Path(folder) / "model.zip")
     try:
+        policy = make_policy(
+            algorithm, observation_space_of(task), action_space_of(task), network, gsde
+        )
         policy.load_state_dict(weights)
     except (RuntimeError, AttributeError, TypeError):
         raise AgentError(
@@ -260,7 +265,7 @@ def _description(path: Path) -> dict[str, Any]:
         data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise AgentError(f"no agent there: {path.name} is missing ({path.parent})") from None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise AgentError(f"agent.json cannot be read: {error} ({path.parent})") from None
     version = data.get("format_version") if isinstance(data, dict) else None
     if version != FORMAT_VERSION:
@@ -284,7 +289,10 @@ def _weights(path: Path) -> Any:
         raise AgentError(f"cannot read the model: {error.strerror or error} ({path})") from None
     except (
         zipfile.BadZipFile,
+        zlib.error,
         KeyError,
+        AttributeError,
+        TypeError,
         RuntimeError,
         EOFError,
         ValueError,
@@ -322,7 +330,9 @@ def load_bare_model(path: str | os.PathLike[str], scene: Scene, trust: bool) -> 
 
     for algorithm in ("PPO", "SAC"):
         try:
-            model = getattr(stable_baselines3, algorithm).load(path, device="cpu")
+            model = getattr(stable_baselines3, algorithm).load(
+                path, device="cpu", custom_objects={"replay_buffer_class": None}
+            )
             break
         except (
             zipfile.BadZipFile,

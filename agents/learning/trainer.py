@@ -23,6 +23,7 @@ import contextlib
 import fcntl
 import json
 import os
+import shutil
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -104,7 +105,11 @@ def run_status(folder: str | os.PathLike[str]) -> dict[str, Any] | None:
         return None
     except (OSError, ValueError) as error:
         raise SwimError(f"cannot read the run's record: {error} ({path})") from None
-    if not isinstance(found, dict) or "steps" not in found:
+    if (
+        not isinstance(found, dict)
+        or not isinstance(found.get("steps"), int)
+        or not {"finished", "seed", "device"} <= found.keys()
+    ):
         raise SwimError(f"not the record of a training run ({path})")
     return found
 
@@ -168,6 +173,12 @@ def train(
         raise SwimError(f"cannot make the run's folder: {error.strerror} ({place})") from None
     with _alone(place), torch_threads(config.torch_threads):
         before = run_status(place)
+        if before is None and (place / "checkpoint.zip").exists():
+            raise RunExistsError(
+                f"the folder holds a checkpoint but no run.json, so that nothing says which run it "
+                f"belongs to; name another folder ({place})"
+            )
+        _clear_scratch(place)
         if before is not None:
             _check_same(before, config, seed, device, place, resume)
             if before["finished"]:
@@ -177,6 +188,21 @@ def train(
             return run.play(progress)
         finally:
             run.close()
+
+
+def _clear_scratch(folder: Path) -> None:
+    """Remove what a killed process was writing; nobody else is at it, see `_alone`.
+
+    A process that was killed while one agent took another's place has left the older one aside,
+    from where it is put back.
+    """
+    for path in folder.glob(".*.tmp"):
+        path.unlink(missing_ok=True)
+    for name in ("agent", "final_agent"):
+        for aside in folder.glob(f".{name}.*"):
+            if (aside / "old").is_dir() and not (folder / name).exists():
+                (aside / "old").rename(folder / name)
+            shutil.rmtree(aside, ignore_errors=True)
 
 
 @contextlib.contextmanager
@@ -274,7 +300,12 @@ class _Run:
         self.progress_log = CsvLog(folder / "progress.csv", columns, steps)
         self.evaluation_log = CsvLog(folder / "evaluations.csv", EVALUATION_COLUMNS, steps)
         self.board = TensorBoardLog(folder / "tensorboard", steps)
-        config.save(folder / "config.yaml")
+        try:
+            config.save(folder / "config.yaml")
+        except OSError as error:
+            raise SwimError(
+                f"cannot write the run's configuration: {error.strerror or error} ({folder})"
+            ) from None
         self._write_record(finished=False)
 
     @property
@@ -329,7 +360,7 @@ class _Run:
         episodes = model.ep_info_buffer
         values: dict[str, float] = {"learning_rate": config.learning_rate_at(self.steps)}
         if episodes:
-            values["return_mean"] = float(np.mean([one["r"] for one in episodes]))
+            values["return_mean"] = float(np.mean([float(one["r"]) for one in episodes]))
             values["length_mean"] = float(np.mean([one["l"] for one in episodes]))
         if model.ep_success_buffer:
             values["success_rate"] = float(np.mean(model.ep_success_buffer))

@@ -1,0 +1,112 @@
+"""Training runs of a second, and what two of them must have in common."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from agents.learning.config import TrainingConfig
+
+#: Changes to `small_config`, by name.
+KINDS: dict[str, dict[str, Any]] = {
+    "ppo": {},
+    "ppo_independent_noise": {"state_dependent_noise": False},
+    # Rewards scaled by the spread of the returns so far.
+    "ppo_own_scale": {"reward_scale": None},
+    "target": {"task": "target", "environment": {"effort_weight": 0.1}},
+    # The buffer wraps around: it holds 125 transitions of each member.
+    "sac": {
+        "algorithm": "SAC",
+        "sac": {
+            "buffer": 500,
+            "minibatch": 16,
+            "rollout": 4,
+            "updates": 2,
+            "learning_starts": 100,
+        },
+    },
+}
+KINDS["sac_independent_noise"] = {**KINDS["sac"], "state_dependent_noise": False}
+
+
+def small_config(kind: str = "ppo", **changes: Any) -> TrainingConfig:
+    """Return a run of a second of four swimmers of three elements, with fields changed."""
+    data: dict[str, Any] = {
+        "name": f"small_{kind}",
+        "scene": "swimmer",
+        "overrides": {
+            "beam.elements": 3,
+            "fluid.panels_per_element": 2,
+            "episode.duration": 0.4,
+        },
+        "members": 4,
+        "steps": 1600,
+        "learning_rate": 0.01,
+        "final_learning_rate": 0.001,
+        "reward_scale": 1000.0,
+        "network": {"layers": [8]},
+        "evaluation": {"every": 600, "episodes": 2},
+        "checkpoint_every": 400,
+    }
+    if not kind.startswith("sac"):
+        data["ppo"] = {"rollout": 16, "minibatch": 32, "epochs": 2}
+    return TrainingConfig.from_dict({**data, **KINDS[kind], **changes})
+
+
+class Stopped(Exception):
+    """What ends a run in the middle."""
+
+
+def stop_at(steps: int) -> Callable[[int, str], None]:
+    """Return a progress callback that ends a run after a number of steps of this process."""
+    taken = 0
+
+    def progress(now: int, text: str) -> None:
+        nonlocal taken
+        taken += now
+        if taken >= steps:
+            raise Stopped
+
+    return progress
+
+
+def table(folder: Path, name: str) -> list[list[str]]:
+    """Return the rows of a log, header first, without the column of the wall clock."""
+    with open(folder / name, newline="", encoding="utf-8") as file:
+        rows = list(csv.reader(file))
+    clock = rows[0].index("seconds")
+    return [row[:clock] + row[clock + 1 :] for row in rows]
+
+
+def weights(folder: Path) -> dict[str, bytes]:
+    """Return the bits of every parameter of an agent, critics included."""
+    from agents.learning.saved import load_agent
+
+    policy = load_agent(folder)._policy
+    return {name: value.numpy().tobytes() for name, value in policy.state_dict().items()}
+
+
+def assert_same_run(one: Path, other: Path) -> None:
+    """Fail unless two finished runs have the same logs and agents, bit for bit."""
+    for name in ("progress.csv", "evaluations.csv"):
+        rows = table(one, name)
+        assert len(rows) > 1, f"{name} is empty"
+        assert rows == table(other, name), name
+    for agent in ("agent", "final_agent"):
+        assert weights(one / agent) == weights(other / agent), agent
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Return the bytes of all files of a run but its lock, by their path in it."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.name != ".lock"
+    }
+
+
+def hidden(folder: Path) -> list[str]:
+    """Return the names of hidden files and folders in a run but its lock."""
+    return sorted(path.name for path in folder.rglob(".*") if path.name != ".lock")

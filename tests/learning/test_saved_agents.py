@@ -1,0 +1,580 @@
+"""Saved agents: the same actions again, no code run on the way, and refusals that name a field."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import os
+import pickle
+import random
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+
+import stable_baselines3
+import torch
+from gymnasium.vector import AutoresetMode
+
+from agents.evaluation import play_episodes
+from agents.learning.config import TrainingConfig
+from agents.learning.environment import make_batch, make_training_env
+from agents.learning.models import make_model
+from agents.learning.saved import AgentError, load_agent, load_bare_model, save_agent
+from agents.learning.trainer import train
+from agents.policies import load_policy
+from scripts.train import main
+from swim_env import OptionError, SwimError, load_scene
+from swim_env.command_line import run
+from tests.learning.small_runs import KINDS, contents, hidden, small_config
+
+ROOT = Path(__file__).parents[2]
+
+
+def model_of(config: TrainingConfig) -> Any:
+    """Return a model whose actions reach from one end to the other."""
+    model = make_model(config, make_training_env(config, 0, 1), 0, "cpu")
+    with torch.no_grad():
+        for value in model.policy.parameters():
+            value.copy_(torch.randn(value.shape, generator=torch.Generator().manual_seed(1)))
+    return model
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[Any, Path]]:
+    """Return a model of a kind and the folder that it was saved to, made once."""
+    made: dict[str, tuple[Any, Path]] = {}
+
+    def make(kind: str) -> tuple[Any, Path]:
+        if kind not in made:
+            config = small_config(kind)
+            folder = tmp_path_factory.mktemp(kind) / "agent"
+            model = model_of(config)
+            save_agent(folder, model, config, {"seed": 3, "steps": 0})
+            made[kind] = (model, folder)
+        return made[kind]
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def swimmer_agent(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of an agent for scene swimmer as it ships."""
+    config = TrainingConfig.from_dict({"name": "nine", "members": 2, "ppo": {"minibatch": 256}})
+    folder = tmp_path_factory.mktemp("nine") / "agent"
+    save_agent(folder, model_of(config), config, {})
+    return folder
+
+
+@pytest.fixture
+def copied(saved: Callable[[str], tuple[Any, Path]], tmp_path: Path) -> Path:
+    """Return a copy of an agent's folder, to be spoiled."""
+    return Path(shutil.copytree(saved("ppo")[1], tmp_path / "agent"))
+
+
+def observations(model: Any, rows: int) -> np.ndarray:
+    numbers = np.random.default_rng(5).normal(size=(rows, *model.observation_space.shape))
+    return numbers.astype(np.float32)
+
+
+def refusal(call: Callable[[], object], error: type[SwimError] = AgentError) -> str:
+    """Return the message of a refusal, which must be one line."""
+    with pytest.raises(error) as caught:
+        call()
+    message = str(caught.value)
+    assert message and message.isprintable(), f"not one line: {message!r}"
+    return message
+
+
+def describe(folder: Path, **changes: Any) -> None:
+    """Change what `agent.json` says."""
+    path = folder / "agent.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), **changes}))
+
+
+def rezip(folder: Path, changes: dict[str, bytes], compression: int = zipfile.ZIP_STORED) -> Path:
+    """Replace members of `model.zip`."""
+    path = folder / "model.zip"
+    with zipfile.ZipFile(path) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w", compression) as archive:
+        for name, content in {**members, **changes}.items():
+            archive.writestr(name, content)
+    return path
+
+
+class Bomb:
+    """Makes a folder when it is unpickled."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return os.mkdir, (str(self.folder),)
+
+
+# ---- the same actions again --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_loaded_agent_acts_like_the_model_that_was_saved(
+    kind: str, saved: Callable[[str], tuple[Any, Path]]
+) -> None:
+    model, folder = saved(kind)
+    agent = load_agent(folder)
+    batch = observations(model, 50)
+    actions, state = agent.predict(batch)
+    assert (actions == model.predict(batch, deterministic=True)[0]).all()
+    assert actions.shape == (50, 2)
+    assert np.abs(actions).max() <= 1.0
+    assert actions.std() > 0.1, "all actions are the same"
+    assert state is None
+    for row in batch[:5]:
+        one, state = agent.predict(row, "a state")
+        assert (one == model.predict(row, deterministic=True)[0]).all()
+        assert one.shape == (2,)
+        assert state == "a state"
+    # Double precision and lists are taken as well.
+    assert (agent.predict(batch.astype(np.float64).tolist())[0] == actions).all()
+
+
+@pytest.mark.parametrize("kind", ["ppo", "sac"])
+def test_exploration_is_there_on_request(
+    kind: str, saved: Callable[[str], tuple[Any, Path]]
+) -> None:
+    model, folder = saved(kind)
+    agent, row = load_agent(folder), observations(model, 20)
+    quiet, _ = agent.predict(row, deterministic=True)
+    loud, _ = agent.predict(row, deterministic=False)
+    assert (quiet == agent.predict(row)[0]).all()
+    assert (loud != quiet).any()
+    assert np.abs(loud).max() <= 1.0
+
+
+def test_the_description_says_what_the_agent_is(
+    saved: Callable[[str], tuple[Any, Path]],
+) -> None:
+    _, folder = saved("target")
+    config = small_config("target")
+    about = json.loads((folder / "agent.json").read_text())
+    assert load_agent(folder).description == about
+    assert load_agent(folder).name == "small_target"
+    assert about["scene"] == config.scene.to_dict()
+    assert about["environment"] == {"effort_weight": 0.1}
+    assert about["observation"] == {"layout": 1, "size": 10}
+    assert about["training"] == {"seed": 3, "steps": 0}
+    assert sorted(contents(folder)) == ["agent.json", "model.zip"]
+
+
+def test_saving_replaces_the_agent_that_was_there(tmp_path: Path) -> None:
+    config = small_config()
+    model = model_of(config)
+    save_agent(tmp_path / "agent", model, config, {"seed": 1})
+    before = load_agent(tmp_path / "agent")
+    with torch.no_grad():
+        model.policy.action_net.bias.add_(0.5)
+    save_agent(tmp_path / "agent", model, config, {"seed": 2})
+    after = load_agent(tmp_path / "agent")
+    assert (before.description["training"], after.description["training"]) == (
+        {"seed": 1},
+        {"seed": 2},
+    )
+    row = observations(model, 5)
+    assert (after.predict(row)[0] == model.predict(row, deterministic=True)[0]).all()
+    assert (after.predict(row)[0] != before.predict(row)[0]).any()
+    assert hidden(tmp_path) == []
+
+
+def test_saving_does_not_touch_a_folder_of_other_files(tmp_path: Path) -> None:
+    config = small_config()
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(SwimError, match=r"holds other files than earlier results.*notes\.txt"):
+        save_agent(tmp_path, model_of(config), config, {})
+    assert contents(tmp_path) == {"notes.txt": b"mine"}
+
+
+@pytest.mark.parametrize("kind", ["ppo", "target", "sac"])
+def test_the_agent_of_a_run_plays_what_the_runs_evaluation_played(
+    kind: str, tmp_path: Path
+) -> None:
+    config = small_config(kind, steps=128)
+    record = train(config, tmp_path, 3, threads=1)
+    agent = load_policy(tmp_path / "final_agent", config.scene, task=config.task)
+    first = config.evaluation.seed
+    env = make_batch(config, 2, 1, AutoresetMode.NEXT_STEP)
+    rollouts = play_episodes(env, agent, [first, first + 1])
+    reached = [one.net_displacement for one in rollouts]
+    assert float(np.median(reached)) == record["last"]["net_displacement_median"]
+    assert min(reached) == record["last"]["net_displacement_min"]
+
+
+@pytest.mark.parametrize("shape", [(), (8,), (10,), (2, 8), (2, 2, 9), (0,)])
+def test_an_observation_of_another_shape_is_refused(
+    shape: tuple[int, ...], saved: Callable[[str], tuple[Any, Path]]
+) -> None:
+    agent = load_agent(saved("ppo")[1])
+    message = refusal(lambda: agent.predict(np.zeros(shape)), OptionError)
+    assert "observation must have shape (9,) or (M, 9)" in message
+    assert message.endswith(f"got {shape}")
+
+
+# ---- no code is run ----------------------------------------------------------------------------
+
+
+def test_an_agent_is_loaded_without_unpickling_what_lies_beside_its_weights(
+    copied: Path, tmp_path: Path, saved: Callable[[str], tuple[Any, Path]]
+) -> None:
+    target = tmp_path / "touched"
+    bomb = base64.b64encode(pickle.dumps(Bomb(target))).decode()
+    data = json.dumps({"policy_class": {":type:": "x", ":serialized:": bomb}}).encode()
+    path = rezip(copied, {"data": data})
+    model, _ = saved("ppo")
+    row = observations(model, 1)
+    expected = model.predict(row, deterministic=True)[0]
+    assert (load_agent(copied).predict(row)[0] == expected).all()
+    for name in (copied, path):
+        assert (load_policy(name, small_config().scene).predict(row)[0] == expected).all()
+    assert not target.exists()
+    # Not even a bare file is unpickled unasked.
+    bare = shutil.copy(path, tmp_path / "bare.zip")
+    refusal(lambda: load_policy(bare, small_config().scene))
+    assert not target.exists()
+    with pytest.raises(AgentError):
+        load_policy(bare, small_config().scene, trust=True)
+    assert target.exists(), "the bomb would not have gone off"
+
+
+@pytest.mark.parametrize("form", ["pickle", "torch", "torch of old"])
+def test_weights_that_are_a_malicious_pickle_are_refused_and_not_run(
+    form: str, copied: Path, tmp_path: Path
+) -> None:
+    target = tmp_path / "touched"
+    bomb = {"log_std": Bomb(target)}
+    file = io.BytesIO()
+    if form == "pickle":
+        file.write(pickle.dumps(bomb, protocol=2))
+    else:
+        torch.save(bomb, file, _use_new_zipfile_serialization=form == "torch")
+    rezip(copied, {"policy.pth": file.getvalue()})
+    assert "model is damaged" in refusal(lambda: load_agent(copied))
+    assert not target.exists()
+    if form == "pickle":
+        pickle.loads(file.getvalue())
+    else:
+        torch.load(io.BytesIO(file.getvalue()), weights_only=False)
+    assert target.exists(), "the bomb would not have gone off"
+
+
+# ---- damaged and foreign files -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.9, 0.999])
+def test_a_truncated_model_is_one_clear_error(share: float, copied: Path) -> None:
+    path = copied / "model.zip"
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    message = refusal(lambda: load_agent(copied))
+    assert "the model is damaged or cut short" in message
+    assert str(path) in message
+
+
+@pytest.mark.parametrize("compression", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
+def test_a_damaged_model_is_never_more_than_one_clear_error(compression: int, copied: Path) -> None:
+    path = rezip(copied, {}, compression)
+    content = path.read_bytes()
+    assert load_agent(copied).name == "small_ppo"
+    numbers = random.Random(1)
+    caught = 0
+    for _ in range(200):
+        damaged = bytearray(content)
+        for _ in range(numbers.choice([1, 20, 200])):
+            damaged[numbers.randrange(len(damaged))] = numbers.randrange(256)
+        path.write_bytes(damaged)
+        try:
+            load_agent(copied)
+        except AgentError as error:
+            caught += 1
+            assert str(error).isprintable()
+    assert caught > 50
+
+
+@pytest.mark.parametrize("name", ["agent.json", "model.zip"])
+def test_a_missing_file_is_named(name: str, copied: Path) -> None:
+    (copied / name).unlink()
+    message = refusal(lambda: load_agent(copied))
+    assert f"no agent there: {name} is missing ({copied})" in message
+
+
+@pytest.mark.parametrize("content", ["", "{", "[" * 100_000, "\udcff", "[]", "3", "null"])
+def test_a_description_that_is_none_is_one_clear_error(content: str, copied: Path) -> None:
+    (copied / "agent.json").write_bytes(content.encode("utf-8", "surrogateescape"))
+    message = refusal(lambda: load_agent(copied))
+    assert "agent.json" in message
+    assert str(copied) in message
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"format_version": 2}, "must be of format version 1, got 2"),
+        ({"format_version": None}, "must be of format version 1, got None"),
+        ({"observation": {"layout": 2, "size": 9}}, "observes layout 2 with 9 numbers, this"),
+        ({"observation": {"layout": 1, "size": 8}}, "observes layout 1 with 8 numbers, this"),
+        ({"observation": []}, "agent.json"),
+        ({"observation": None}, "agent.json"),
+        ({"task": "target"}, "gives layout 1 with 10"),
+        ({"task": "dance"}, "agent.json does not describe an agent"),
+        ({"task": ["forward"]}, "agent.json does not describe an agent"),
+        ({"algorithm": "DQN"}, "algorithm must be one of PPO, SAC, got 'DQN'"),
+        ({"algorithm": "SAC"}, "weights in model.zip are not those of the agent"),
+        ({"state_dependent_noise": False}, "weights in model.zip are not those of the agent"),
+        ({"network": {"layers": [9]}}, "weights in model.zip are not those of the agent"),
+        ({"network": {"layers": [8, 8]}}, "weights in model.zip are not those of the agent"),
+        ({"network": {"layers": 8}}, "network.layers must be a list"),
+        ({"network": {"layer": [8]}}, "agent.json does not describe an agent"),
+        ({"network": [8]}, "agent.json does not describe an agent"),
+        ({"scene": 3}, "scene must be a mapping"),
+        ({"scene": {"beam": {"elements": "x"}}}, "beam.elements must be an integer"),
+        ({"scene": {"beem": {}}}, "unknown field beem"),
+        ({"name": "two\nlines", "network": {"layers": [9]}}, "agent"),
+        ({"name": "two\nlines", "observation": {"layout": 2, "size": 9}}, "agent"),
+    ],
+)
+def test_a_description_that_does_not_fit_is_one_clear_error(
+    changes: dict[str, Any], problem: str, copied: Path
+) -> None:
+    describe(copied, **changes)
+    message = refusal(lambda: load_agent(copied))
+    assert problem in message
+    assert str(copied) in message
+
+
+@pytest.mark.parametrize(
+    "name", ["name", "algorithm", "task", "scene", "network", "observation", "format_version"]
+)
+def test_a_description_without_a_field_is_one_clear_error(name: str, copied: Path) -> None:
+    data = json.loads((copied / "agent.json").read_text())
+    del data[name]
+    (copied / "agent.json").write_text(json.dumps(data))
+    assert name.replace("_", " ") in refusal(lambda: load_agent(copied))
+
+
+def test_weights_that_are_none_are_refused(copied: Path) -> None:
+    for content in ([1, 2], torch.zeros(3), {"log_std": 3}, {3: torch.zeros(1)}):
+        file = io.BytesIO()
+        torch.save(content, file)
+        rezip(copied, {"policy.pth": file.getvalue()})
+        assert "weights in model.zip are not those" in refusal(lambda: load_agent(copied))
+
+
+# ---- what an agent may play --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "field", "there", "here"),
+    [
+        (["beam.elements=8"], "beam.elements", "8", "9"),
+        (["beam.bending_stiffness=4.0"], "beam.bending_stiffness", "4.0", "5.0"),
+        (["beam.line_density=0.3"], "beam.line_density", "0.3", "0.31"),
+        (["actuation.torque_limit=2.0"], "torque_limit", "2.0", "1.0"),
+        (["actuation.active_until=0.5"], "actuation.active_until", "0.5", "1.0"),
+        (["episode.control_interval=0.04"], "episode.control_interval", "0.04", "0.02"),
+        (["fluid.density=20.0"], "fluid.density", "20.0", "10.0"),
+        (["fluid.model=none"], "fluid.model", "none", "panels"),
+        (["axial_added_mass=true"], "axial_added_mass", "{}", "None"),
+    ],
+)
+def test_another_body_fluid_or_control_is_refused_and_the_field_named(
+    changes: list[str], field: str, there: str, here: str, swimmer_agent: Path
+) -> None:
+    scene = load_scene("swimmer", [*changes, "name=other"])
+    message = refusal(lambda: load_policy(swimmer_agent, scene))
+    assert "agent nine was trained on scene swimmer and cannot play scene other" in message
+    assert f"{field} is {there}, it was {here} in training" in message
+
+
+def test_several_differences_are_counted(swimmer_agent: Path) -> None:
+    changes = ["beam.elements=8", "fluid.density=20", "episode.control_interval=0.04"]
+    scene = load_scene("swimmer", changes)
+    message = refusal(lambda: load_agent(swimmer_agent).check(scene))
+    assert "beam.elements is 8, it was 9 in training (and 2 more)" in message
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("swimmer", []),
+        ("paper_i", []),
+        ("swimmer", ["damping=null", "integrator.time_step=0.01"]),
+        ("swimmer", ["fluid.panels_per_element=6", "integrator.tolerance=1e-8"]),
+        ("swimmer", ["episode.duration=5", "episode.bend_noise=0.1", "episode.heading=[0, 1]"]),
+        ("swimmer", ["actuation.amplitude=0.5", "initial.heading=1.0", "description=x"]),
+    ],
+)
+def test_another_solver_damping_or_start_is_no_obstacle(
+    name: str, changes: list[str], swimmer_agent: Path
+) -> None:
+    scene = load_scene(name, changes)
+    agent = load_policy(swimmer_agent, scene, task="forward")
+    assert agent.predict(np.zeros(21))[0].shape == (8,)
+
+
+@pytest.mark.parametrize(("kind", "other"), [("ppo", "target"), ("target", "forward")])
+def test_another_task_is_refused(
+    kind: str, other: str, saved: Callable[[str], tuple[Any, Path]]
+) -> None:
+    scene, folder = small_config(kind).scene, saved(kind)[1]
+    own = "forward" if kind == "ppo" else "target"
+    message = refusal(lambda: load_policy(folder, scene, task=other))
+    assert f"agent small_{kind} was trained for task {own}, not for {other}" in message
+    assert load_policy(folder, scene, task=own).predict(observations(saved(kind)[0], 1))
+
+
+# ---- by path -----------------------------------------------------------------------------------
+
+
+def test_an_agent_is_found_by_its_folder_its_run_and_its_file(tmp_path: Path) -> None:
+    config = small_config()
+    best, last = model_of(config), model_of(config)
+    with torch.no_grad():
+        last.policy.action_net.bias.add_(0.5)
+    save_agent(tmp_path / "agent", best, config, {})
+    save_agent(tmp_path / "final_agent", last, config, {})
+    row = observations(best, 3)
+    expected = best.predict(row, deterministic=True)[0]
+    others = last.predict(row, deterministic=True)[0]
+    assert (expected != others).any()
+    for path in (tmp_path, tmp_path / "agent", tmp_path / "agent" / "model.zip"):
+        for form in (path, str(path)):
+            assert (load_policy(form, config.scene).predict(row)[0] == expected).all()
+    found = load_policy(tmp_path / "final_agent", config.scene)
+    assert (found.predict(row)[0] == others).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_bare_model_is_read_only_if_it_is_trusted(
+    kind: str, saved: Callable[[str], tuple[Any, Path]], tmp_path: Path
+) -> None:
+    model, folder = saved(kind)
+    scene = small_config(kind).scene
+    for name in ("model.zip", "mine.zip"):
+        path = Path(shutil.copy(folder / "model.zip", tmp_path / name))
+        message = refusal(lambda path=path: load_policy(path, scene))
+        assert f"{path} has no agent.json beside it" in message
+        assert "trust=True" in message
+        agent = load_policy(path, scene, trust=True)
+        row = observations(model, 4)
+        assert (agent.predict(row)[0] == model.predict(row, deterministic=True)[0]).all()
+    task = small_config(kind).task
+    assert load_bare_model(path, scene, True).description["task"] == task
+    message = refusal(lambda: load_policy(path, "swimmer", trust=True))
+    assert f"observes {9 + (task == 'target')} numbers, scene swimmer gives 21 (or 22" in message
+    other = "target" if task == "forward" else "forward"
+    message = refusal(lambda: load_policy(path, scene, task=other, trust=True))
+    assert f"trained for task {task}, not for {other}" in message
+
+
+def test_what_is_no_agent_is_refused(
+    saved: Callable[[str], tuple[Any, Path]], tmp_path: Path
+) -> None:
+    assert "agent.json is missing" in refusal(lambda: load_policy(tmp_path))
+    assert "no such model file" in refusal(lambda: load_policy(tmp_path / "nothing.zip"))
+    (tmp_path / "junk.zip").write_bytes(b"junk")
+    (tmp_path / "empty.zip").write_bytes(b"")
+    whole = (saved("ppo")[1] / "model.zip").read_bytes()
+    (tmp_path / "half.zip").write_bytes(whole[: len(whole) // 2])
+    for name in ("junk", "empty", "half"):
+        path = tmp_path / f"{name}.zip"
+        message = refusal(lambda path=path: load_policy(path, trust=True))
+        assert "the model is damaged or cut short, or neither PPO nor SAC" in message
+    message = refusal(lambda: load_policy("tuned_wav"), OptionError)
+    assert "unknown policy 'tuned_wav' (nearest: tuned_wave)" in message
+
+
+def test_the_file_is_one_that_stable_baselines3_reads_itself(
+    saved: Callable[[str], tuple[Any, Path]],
+) -> None:
+    model, folder = saved("ppo")
+    loaded = stable_baselines3.PPO.load(folder / "model.zip", device="cpu")
+    row = observations(model, 4)
+    expected = model.predict(row, deterministic=True)[0]
+    assert (loaded.predict(row, deterministic=True)[0] == expected).all()
+
+
+# ---- the training script -----------------------------------------------------------------------
+
+BAD: list[tuple[list[str], str]] = [
+    (["ppo_forwrd"], "no such configuration: ppo_forwrd (nearest: ppo_forward)"),
+    (["ppo_forward", "--set", "step=3"], "unknown field step (nearest: steps)"),
+    (["ppo_forward", "--set", "ppo.epoch=3"], "unknown field ppo.epoch (nearest: epochs)"),
+    (["ppo_forward", "--set", "scene.beem.elements=3"], "unknown field beem.elements (nearest:"),
+    (["ppo_forward", "--set", "ppo.minibatch=1000"], "ppo.minibatch must divide"),
+    (["ppo_forward", "--set", "steps"], "override 'steps' must read"),
+    (["ppo_forward", "--seeds", "1", "2", "1"], "--seeds must differ, got 1 2 1"),
+    (["ppo_forward", "--seeds", "-1"], "seed must be a whole number from 0"),
+    (["ppo_forward", "--device", "gpu"], "cannot train on device 'gpu'"),
+    (["ppo_forward", "--device", "cuda:77"], "cannot train on device 'cuda:77'"),
+    (["ppo_forward", "--threads", "0"], "--threads must be at least 1, got 0"),
+    (["ppo_forward", "--threads", "-2"], "--threads must be at least 1, got -2"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "problem"), BAD)
+def test_bad_input_of_the_training_script_is_one_line_and_exit_code_2(
+    arguments: list[str], problem: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = tmp_path / "runs"
+    assert run(main, [*arguments, "--output", str(output)]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    # The progress bar of a run may stand before it.
+    told = captured.err.replace("\r", "\n").strip().splitlines()[-1]
+    assert told.startswith("error: ")
+    assert problem in told
+    assert captured.err.count("error") == 1
+    assert "Traceback" not in captured.err
+    assert not output.exists()
+
+
+def test_the_training_script_itself_ends_with_code_2_and_one_line(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, str(ROOT / "scripts" / "train.py"), "ppo_forwrd"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith("error: no such configuration: ppo_forwrd")
+    assert done.stderr.count("\n") == 1
+
+
+def test_the_training_script_ends_with_its_runs_as_a_table_or_as_json(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "small.yaml"
+    small_config(steps=64).save(path)
+    arguments = [str(path), "--seeds", "3", "4", "--output", str(tmp_path / "runs")]
+    assert run(main, arguments) == 0
+    table = capsys.readouterr().out.splitlines()
+    assert [line.split()[:2] for line in table[1:]] == [["3", "64"], ["4", "64"]]
+    assert run(main, [*arguments, "--resume", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert [one["seed"] for one in data["runs"]] == [3, 4]
+    for one in data["runs"]:
+        assert one["finished"]
+        assert one["last"]["steps"] == 64
+        assert load_agent(Path(one["folder"]) / "agent").name == "small_ppo"
+    assert run(main, arguments) == 2
+    assert "the folder holds a run (finished)" in capsys.readouterr().err

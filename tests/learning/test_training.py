@@ -1,0 +1,568 @@
+"""Training runs: the same twice, the same with and without an interruption, or one clear error."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import gc
+import io
+import os
+import random
+import resource
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+
+import torch
+
+from agents.learning.checkpoints import CheckpointError, load_checkpoint
+from agents.learning.config import ConfigError
+from agents.learning.environment import make_training_env
+from agents.learning.logs import read_log
+from agents.learning.trainer import EVALUATION_COLUMNS, RunExistsError, run_status, train
+from swim_env import SwimError
+from tests.learning.small_runs import (
+    KINDS,
+    Stopped,
+    assert_same_run,
+    contents,
+    hidden,
+    small_config,
+    stop_at,
+    table,
+    weights,
+)
+
+
+@pytest.fixture(autouse=True)
+def _a_line_of_progress_every_round_or_two(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("agents.learning.trainer._LOG_EVERY", 100)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Return the folder of an uninterrupted run of a kind, seed 3, made once."""
+    made: dict[str, Path] = {}
+
+    def run(kind: str) -> Path:
+        if kind not in made:
+            folder = tmp_path_factory.mktemp(kind) / "run"
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr("agents.learning.trainer._LOG_EVERY", 100)
+                train(small_config(kind), folder, 3)
+            made[kind] = folder
+        return made[kind]
+
+    return run
+
+
+def stopped(folder: Path, steps: int, kind: str = "ppo", seed: int = 3, **options: Any) -> None:
+    """Train until a run is stopped after so many steps of this call."""
+    with pytest.raises(Stopped):
+        train(small_config(kind), folder, seed, progress=stop_at(steps), **options)
+
+
+def refused(error: type[SwimError], *arguments: Any, **options: Any) -> str:
+    """Return the message with which a run is refused, which must be one line."""
+    with pytest.raises(error) as caught:
+        train(*arguments, **options)
+    message = str(caught.value)
+    assert message and message.isprintable(), f"not one line: {message!r}"
+    return message
+
+
+# ---- the same run twice ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_two_runs_with_one_seed_are_the_same(
+    kind: str, whole: Callable[[str], Path], tmp_path: Path
+) -> None:
+    # What was drawn before in the process must not matter.
+    np.random.seed(99)
+    torch.manual_seed(99)
+    random.seed(99)
+    train(small_config(kind), tmp_path, 3)
+    assert_same_run(whole(kind), tmp_path)
+
+
+@pytest.mark.parametrize("kind", ["ppo", "sac"])
+def test_another_seed_is_another_run(
+    kind: str, whole: Callable[[str], Path], tmp_path: Path
+) -> None:
+    train(small_config(kind), tmp_path, 4)
+    other = whole(kind)
+    assert table(tmp_path, "progress.csv") != table(other, "progress.csv")
+    assert table(tmp_path, "evaluations.csv")[1:] != table(other, "evaluations.csv")[1:]
+    ours, theirs = weights(tmp_path / "final_agent"), weights(other / "final_agent")
+    assert ours.keys() == theirs.keys()
+    assert ours != theirs
+
+
+def test_runs_with_different_seeds_share_no_start() -> None:
+    config = small_config()
+    starts = [row for seed in (0, 1) for row in make_training_env(config, seed, 1).reset().tolist()]
+    assert len({tuple(row) for row in starts}) == 2 * config.members
+
+
+@pytest.mark.parametrize("kind", ["ppo", "sac"])
+def test_the_number_of_threads_of_the_batch_does_not_matter(
+    kind: str, whole: Callable[[str], Path], tmp_path: Path
+) -> None:
+    for threads in (1, 2):
+        train(small_config(kind), tmp_path / str(threads), 3, threads=threads)
+        assert_same_run(whole(kind), tmp_path / str(threads))
+
+
+@pytest.mark.parametrize("kind", ["ppo", "ppo_independent_noise", "sac"])
+def test_training_changes_the_weights(kind: str, whole: Callable[[str], Path]) -> None:
+    first = load_checkpoint(whole(kind) / "checkpoint.zip")["model"]["parameters"]["policy"]
+    assert all(value.isfinite().all() for value in first.values())
+    begun, ended = weights(whole(kind) / "agent"), weights(whole(kind) / "final_agent")
+    assert begun.keys() == ended.keys()
+    # What the critic learns depends on every round.
+    short = small_config(kind, steps=64)
+    folder = whole(kind).parent / "short"
+    train(short, folder, 3)
+    assert weights(folder / "final_agent") != ended
+
+
+@pytest.mark.parametrize("kind", ["ppo", "target", "sac"])
+def test_evaluations_do_not_disturb_the_training(
+    kind: str, whole: Callable[[str], Path], tmp_path: Path
+) -> None:
+    often = {"every": 100, "episodes": 3, "seed": 7}
+    train(small_config(kind, evaluation=often), tmp_path, 3)
+    assert len(table(tmp_path, "evaluations.csv")) > len(table(whole(kind), "evaluations.csv"))
+    assert weights(tmp_path / "final_agent") == weights(whole(kind) / "final_agent")
+    assert table(tmp_path, "progress.csv") == table(whole(kind), "progress.csv")
+
+
+def test_checkpoints_do_not_disturb_the_training(
+    whole: Callable[[str], Path], tmp_path: Path
+) -> None:
+    train(small_config("sac", checkpoint_every=50), tmp_path, 3)
+    assert_same_run(whole("sac"), tmp_path)
+
+
+def test_the_seeds_of_evaluations_decide_what_they_play(tmp_path: Path) -> None:
+    rows = []
+    for seed in (10, 11):
+        settings = {"every": 600, "episodes": 2, "seed": seed}
+        train(small_config(steps=64, evaluation=settings), tmp_path / str(seed), 3)
+        rows.append(table(tmp_path / str(seed), "evaluations.csv")[1])
+    assert rows[0] != rows[1]
+
+
+# ---- what a run leaves -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["ppo", "target", "sac"])
+def test_the_logs_have_a_line_for_every_interval(kind: str, whole: Callable[[str], Path]) -> None:
+    folder, config = whole(kind), small_config(kind)
+    progress = read_log(folder / "progress.csv")
+    evaluations = read_log(folder / "evaluations.csv")
+    end = -(-config.steps // config.round_steps) * config.round_steps
+    assert tuple(evaluations) == EVALUATION_COLUMNS
+    assert evaluations["steps"][0] == 0
+    for steps in (progress["steps"], evaluations["steps"]):
+        assert steps[-1] == end
+        assert sorted(set(steps)) == steps
+    between = [steps // config.evaluation.every for steps in evaluations["steps"]]
+    assert between == [0, 1, 2, end // config.evaluation.every]
+    assert len(progress["steps"]) >= 10
+    assert (np.diff(progress["seconds"]) > 0.0).all()
+    # Each rate is that of the line's steps: falling in a straight line.
+    falling = [config.learning_rate_at(int(steps)) for steps in progress["steps"]]
+    assert progress["learning_rate"] == falling
+    assert np.isfinite(progress["return_mean"]).all()
+    assert np.isfinite(evaluations["return_mean"]).all()
+    assert set(progress["length_mean"]) == {20.0}
+
+
+def test_the_record_says_how_the_run_ended(whole: Callable[[str], Path]) -> None:
+    folder = whole("ppo")
+    record = run_status(folder)
+    assert record is not None
+    evaluations = read_log(folder / "evaluations.csv")
+    assert (record["finished"], record["seed"], record["steps"]) == (True, 3, 1600)
+    assert record["last"] == {name: values[-1] for name, values in evaluations.items()}
+    merits = [
+        median + least
+        for median, least in zip(
+            evaluations["net_displacement_median"],
+            evaluations["net_displacement_min"],
+            strict=True,
+        )
+    ]
+    assert record["best"]["steps"] == evaluations["steps"][merits.index(max(merits))]
+    assert run_status(folder / "nothing") is None
+    assert hidden(folder) == []
+
+
+def test_progress_is_told_in_steps_that_add_up(tmp_path: Path) -> None:
+    told: list[tuple[int, str]] = []
+    config = small_config(steps=300)
+    train(config, tmp_path, 3, progress=lambda steps, text: told.append((steps, text)))
+    assert [steps for steps, _ in told] == [64] * 5
+    assert all(text.endswith(" BL") for _, text in told)
+
+
+@pytest.mark.parametrize("stop", [False, True])
+def test_the_number_of_pytorchs_threads_is_left_as_it_was(stop: bool, tmp_path: Path) -> None:
+    before = torch.get_num_threads()
+    inside: list[int] = []
+
+    def progress(steps: int, text: str) -> None:
+        inside.append(torch.get_num_threads())
+        if stop:
+            raise Stopped
+
+    config = small_config(steps=128, torch_threads=1)
+    torch.set_num_threads(2)
+    try:
+        if stop:
+            with pytest.raises(Stopped):
+                train(config, tmp_path, progress=progress)
+        else:
+            train(config, tmp_path, progress=progress)
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
+    assert set(inside) == {1}
+
+
+# ---- going on after an interruption ------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_run_that_was_stopped_twice_ends_like_one_that_was_not(
+    kind: str, whole: Callable[[str], Path], tmp_path: Path
+) -> None:
+    stopped(tmp_path, 700, kind)
+    early = load_checkpoint(tmp_path / "checkpoint.zip")
+    stopped(tmp_path, 1200, kind, resume=True)
+    assert load_checkpoint(tmp_path / "checkpoint.zip")["seconds"] > early["seconds"]
+    np.random.seed(99)
+    torch.manual_seed(99)
+    random.seed(99)
+    result = train(small_config(kind), tmp_path, 3, resume=True)
+    assert result["finished"]
+    assert_same_run(whole(kind), tmp_path)
+    if kind.startswith("sac"):
+        kept = load_checkpoint(tmp_path / "checkpoint.zip")["model"]["buffer"]
+        assert kept["full"], "the buffer did not wrap around"
+
+
+@pytest.mark.parametrize("steps", [1, 390, 500, 1599])
+@pytest.mark.parametrize("kind", ["ppo", "sac"])
+def test_it_does_not_matter_where_a_run_is_stopped(
+    kind: str, steps: int, whole: Callable[[str], Path], tmp_path: Path
+) -> None:
+    """Before the first checkpoint, with random actions in the buffer, after the last round."""
+    stopped(tmp_path, steps, kind)
+    assert not (run_status(tmp_path) or {})["finished"]
+    train(small_config(kind), tmp_path, 3, resume=True)
+    assert_same_run(whole(kind), tmp_path)
+
+
+def test_progress_after_a_resume_counts_from_the_start(tmp_path: Path) -> None:
+    stopped(tmp_path, 900)
+    told: list[int] = []
+    train(small_config(), tmp_path, 3, resume=True, progress=lambda steps, text: told.append(steps))
+    assert sum(told) == 1600
+    assert told[0] == 832 + 64
+
+
+def test_half_a_line_in_a_log_is_taken_out(whole: Callable[[str], Path], tmp_path: Path) -> None:
+    stopped(tmp_path, 900)
+    for name in ("progress.csv", "evaluations.csv"):
+        path = tmp_path / name
+        path.write_text(path.read_text() + "1000,2.5,0.")
+    train(small_config(), tmp_path, 3, resume=True)
+    assert_same_run(whole("ppo"), tmp_path)
+
+
+def test_what_a_kill_left_half_written_is_gone_in_the_end(tmp_path: Path) -> None:
+    """Such as it is called by `write_atomically` and `write_folder`."""
+    stopped(tmp_path, 900)
+    (tmp_path / ".checkpoint.zip.0123456789ab.tmp").write_bytes(b"half")
+    (tmp_path / ".run.json.0123456789ab.tmp").write_bytes(b"half")
+    (tmp_path / ".agent.abcd1234" / "new").mkdir(parents=True)
+    (tmp_path / ".agent.abcd1234" / "new" / "agent.json").write_text("{")
+    train(small_config(), tmp_path, 3, resume=True)
+    assert hidden(tmp_path) == []
+
+
+def test_an_agent_that_a_kill_left_aside_is_put_back(tmp_path: Path) -> None:
+    """As `write_folder` leaves it between its two renames."""
+    train(small_config(), tmp_path, 3)
+    kept = (tmp_path / "agent" / "agent.json").read_bytes()
+    aside = tmp_path / ".agent.abcd1234"
+    (aside / "new").mkdir(parents=True)
+    (tmp_path / "agent").rename(aside / "old")
+    train(small_config(), tmp_path, 3, resume=True)
+    assert (tmp_path / "agent" / "agent.json").read_bytes() == kept
+    assert hidden(tmp_path) == []
+
+
+def test_resume_without_a_run_begins_one(whole: Callable[[str], Path], tmp_path: Path) -> None:
+    train(small_config(), tmp_path / "run", 3, resume=True)
+    assert_same_run(whole("ppo"), tmp_path / "run")
+
+
+def test_arguments_of_the_task_may_be_tuples_when_a_run_goes_on(tmp_path: Path) -> None:
+    config = small_config("target", environment={"target_distance": (0.5, 1.0)}, steps=128)
+    with pytest.raises(Stopped):
+        train(config, tmp_path, 3, progress=stop_at(64))
+    assert train(config, tmp_path, 3, resume=True)["finished"]
+
+
+# ---- runs that are left alone ------------------------------------------------------------------
+
+
+def test_a_finished_run_is_left_as_it_is(whole: Callable[[str], Path]) -> None:
+    folder = whole("ppo")
+    before = contents(folder)
+    times = {name: (folder / name).stat().st_mtime_ns for name in before}
+    record = train(small_config(), folder, 3, resume=True)
+    assert (record["finished"], record["steps"]) == (True, 1600)
+    assert record == run_status(folder)
+    assert contents(folder) == before
+    assert {name: (folder / name).stat().st_mtime_ns for name in before} == times
+
+
+def test_a_folder_with_a_run_is_refused_without_resume(
+    whole: Callable[[str], Path], tmp_path: Path
+) -> None:
+    before = contents(whole("ppo"))
+    message = refused(RunExistsError, small_config(), whole("ppo"), 3)
+    assert "holds a run (finished)" in message
+    assert "--resume" in message
+    assert contents(whole("ppo")) == before
+    stopped(tmp_path, 900)
+    before = contents(tmp_path)
+    assert "holds a run (at 832 steps)" in refused(RunExistsError, small_config(), tmp_path, 3)
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_a_checkpoint_without_its_record_is_not_taken_up(resume: bool, tmp_path: Path) -> None:
+    """Nothing says then whether it belongs to this configuration and seed."""
+    stopped(tmp_path, 900)
+    (tmp_path / "run.json").unlink()
+    before = contents(tmp_path)
+    refused(SwimError, small_config(network={"layers": [4]}), tmp_path, 5, resume=resume)
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("text", ['{"steps": 3}', "[]", "", '{"steps": "x", "finished": false}'])
+def test_a_damaged_record_is_one_clear_error(text: str, tmp_path: Path) -> None:
+    stopped(tmp_path, 900)
+    (tmp_path / "run.json").write_text(text)
+    before = contents(tmp_path)
+    for resume in (False, True):
+        message = refused(SwimError, small_config(), tmp_path, 3, resume=resume)
+        assert str(tmp_path) in message
+    assert contents(tmp_path) == before
+
+
+CHANGES: list[tuple[dict[str, Any], str]] = [
+    ({"steps": 3200}, "steps"),
+    ({"learning_rate": 0.02}, "learning_rate"),
+    ({"network": {"layers": [4]}}, "network"),
+    ({"evaluation": {"every": 601, "episodes": 2}}, "evaluation"),
+    ({"ppo": {"rollout": 16, "minibatch": 32, "epochs": 3}}, "ppo"),
+    ({"environment": {"effort_weight": 0.1}}, "environment"),
+    ({"overrides": {"beam.elements": 3, "episode.duration": 0.4}}, "scene"),
+    ({"state_dependent_noise": False}, "state_dependent_noise"),
+]
+
+
+@pytest.mark.parametrize(("changes", "name"), CHANGES)
+def test_another_configuration_is_refused_and_the_field_named(
+    changes: dict[str, Any], name: str, whole: Callable[[str], Path]
+) -> None:
+    folder = whole("ppo")
+    before = contents(folder)
+    message = refused(ConfigError, small_config(**changes), folder, 3, resume=True)
+    assert f"begun with another configuration, {name} differs" in message
+    assert str(folder / "config.yaml") in message
+    assert contents(folder) == before
+
+
+def test_another_seed_is_refused_by_name(whole: Callable[[str], Path]) -> None:
+    message = refused(ConfigError, small_config(), whole("ppo"), 4, resume=True)
+    assert "the run was begun with seed 3, not 4" in message
+
+
+@pytest.mark.parametrize("seed", [-1, 2**31, True])
+def test_a_seed_that_is_none_is_refused(seed: int, tmp_path: Path) -> None:
+    assert "seed must be" in refused(ConfigError, small_config(), tmp_path / "run", seed)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_second_process_is_kept_out(tmp_path: Path) -> None:
+    stopped(tmp_path, 900)
+    before = contents(tmp_path)
+    with open(tmp_path / ".lock", "w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        for resume in (False, True):
+            message = refused(RunExistsError, small_config(), tmp_path, 3, resume=resume)
+            assert "another process is training there" in message
+        assert contents(tmp_path) == before
+    assert train(small_config(), tmp_path, 3, resume=True)["finished"]
+
+
+def test_nobody_else_gets_in_during_a_run(tmp_path: Path) -> None:
+    messages: list[str] = []
+
+    def progress(steps: int, text: str) -> None:
+        messages.append(refused(RunExistsError, small_config(), tmp_path, 3, resume=True))
+
+    train(small_config(steps=64), tmp_path, 3, progress=progress)
+    assert len(messages) == 1
+    assert "another process is training there" in messages[0]
+
+
+# ---- damaged files and full disks --------------------------------------------------------------
+
+
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.3, 0.9, 0.99, 0.999])
+def test_a_truncated_checkpoint_is_one_clear_error_and_the_run_is_untouched(
+    share: float, tmp_path: Path
+) -> None:
+    stopped(tmp_path, 500)
+    path = tmp_path / "checkpoint.zip"
+    whole_file = path.read_bytes()
+    path.write_bytes(whole_file[: int(share * len(whole_file))])
+    before = contents(tmp_path)
+    message = refused(CheckpointError, small_config(), tmp_path, 3, resume=True)
+    assert "damaged or cut short" in message
+    assert str(path) in message
+    assert contents(tmp_path) == before
+
+
+def test_a_damaged_checkpoint_is_never_more_than_one_clear_error(tmp_path: Path) -> None:
+    stopped(tmp_path / "run", 500)
+    content = (tmp_path / "run" / "checkpoint.zip").read_bytes()
+    numbers = random.Random(1)
+    path = tmp_path / "damaged.zip"
+    caught = 0
+    for _ in range(150):
+        damaged = bytearray(content)
+        for _ in range(numbers.choice([1, 5, 50])):
+            damaged[numbers.randrange(len(damaged))] = numbers.randrange(256)
+        path.write_bytes(damaged)
+        try:
+            load_checkpoint(path)
+        except CheckpointError as error:
+            caught += 1
+            assert str(error).isprintable()
+    assert caught > 30
+
+
+def test_a_checkpoint_runs_no_code(tmp_path: Path) -> None:
+    touched = tmp_path / "touched"
+
+    class Bomb:
+        def __reduce__(self) -> tuple[Any, ...]:
+            return os.mkdir, (str(touched),)
+
+    stopped(tmp_path / "run", 500)
+    path = tmp_path / "run" / "checkpoint.zip"
+    torch.save({"format_version": 1, "model": Bomb()}, path)
+    message = refused(CheckpointError, small_config(), tmp_path / "run", 3, resume=True)
+    assert "no checkpoint" in message
+    assert not touched.exists()
+    torch.load(path, weights_only=False)
+    assert touched.exists(), "the bomb would not have gone off"
+
+
+def test_a_checkpoint_of_another_version_is_refused(tmp_path: Path) -> None:
+    stopped(tmp_path, 500)
+    torch.save({"format_version": 2}, tmp_path / "checkpoint.zip")
+    message = refused(CheckpointError, small_config(), tmp_path, 3, resume=True)
+    assert "must be of format version 1, got 2" in message
+
+
+class FullDisk(io.FileIO):
+    """A file on a disk with no space left."""
+
+    def write(self, data: Any) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def full_at_write(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr("swim_env.files.open", FullDisk, raising=False)
+
+
+def full_at_fsync(patch: pytest.MonkeyPatch) -> None:
+    def fsync(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    patch.setattr("swim_env.files.os.fsync", fsync)
+
+
+@pytest.mark.parametrize("fill", [full_at_write, full_at_fsync])
+def test_a_full_disk_leaves_the_earlier_checkpoint_to_go_on_from(
+    fill: Callable[[pytest.MonkeyPatch], None],
+    whole: Callable[[str], Path],
+    tmp_path: Path,
+) -> None:
+    kept: list[bytes] = []
+    with pytest.MonkeyPatch.context() as patch:
+
+        def progress(steps: int, text: str) -> None:
+            if (tmp_path / "checkpoint.zip").exists() and not kept:
+                kept.append((tmp_path / "checkpoint.zip").read_bytes())
+                fill(patch)
+
+        message = refused(CheckpointError, small_config(), tmp_path, 3, progress=progress)
+    assert "cannot write the checkpoint: No space left on device" in message
+    assert "--resume" in message
+    assert (tmp_path / "checkpoint.zip").read_bytes() == kept[0]
+    assert load_checkpoint(tmp_path / "checkpoint.zip")["model"]["counters"]
+    assert hidden(tmp_path) == []
+    train(small_config(), tmp_path, 3, resume=True)
+    assert_same_run(whole("ppo"), tmp_path)
+
+
+# stable-baselines3 leaves the file open that it cannot write.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("limit", [300, 5_000, 20_000, 36_000])
+def test_files_that_do_not_fit_are_one_clear_error(
+    limit: int, whole: Callable[[str], Path], tmp_path: Path
+) -> None:
+    """The limit strikes, in turn, a file of settings, a model, and a checkpoint."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
+    try:
+        message = refused(SwimError, small_config(), tmp_path, 3)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    gc.collect()
+    assert "File too large" in message
+    assert str(tmp_path) in message
+    assert hidden(tmp_path) == []
+    train(small_config(), tmp_path, 3, resume=True)
+    assert_same_run(whole("ppo"), tmp_path)
+
+
+def test_a_folder_that_cannot_be_made_is_one_clear_error(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    message = refused(SwimError, small_config(), tmp_path / "file" / "run")
+    assert "cannot make the run's folder" in message
+    message = refused(SwimError, small_config(), tmp_path / "file")
+    assert "cannot make the run's folder" in message
+
+
+def test_a_device_that_is_not_there_is_one_clear_error(tmp_path: Path) -> None:
+    message = refused(SwimError, small_config(), tmp_path / "run", device="cuda:77")
+    assert "cannot train on device 'cuda:77'" in message
+    assert not (tmp_path / "run").exists()

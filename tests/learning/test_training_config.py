@@ -1,0 +1,333 @@
+"""A training configuration: to and from YAML, and one clear error for whatever is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+pytest.importorskip("stable_baselines3")
+
+from agents.learning.config import ConfigError, TrainingConfig, config_names, load_config
+from swim_env import load_scene
+
+
+def written(folder: Path, text: str, name: str = "mine.yaml") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def error_of(path: str | Path, overrides: list[str] | Mapping[str, Any] | None = None) -> str:
+    """Return the message of the refusal, which must be one line."""
+    with pytest.raises(ConfigError) as caught:
+        load_config(path, overrides)
+    message = str(caught.value)
+    assert message and message.isprintable(), f"not one line: {message!r}"
+    return message
+
+
+# ---- to and from YAML --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", config_names())
+def test_a_shipped_configuration_survives_the_way_to_plain_values_and_to_a_file(
+    name: str, tmp_path: Path
+) -> None:
+    config = load_config(name)
+    assert config.name == name
+    assert TrainingConfig.from_dict(config.to_dict()) == config
+    config.save(tmp_path / "saved.yaml")
+    again = load_config(tmp_path / "saved.yaml")
+    assert again == config
+    assert again.to_yaml() == config.to_yaml()
+
+
+def test_the_shipped_configurations_are_found_by_name() -> None:
+    assert {"ppo_forward", "ppo_stiff_head", "ppo_target", "sac_forward"} <= set(config_names())
+    for name in config_names():
+        config = load_config(name)
+        assert config.description, name
+        assert (config.ppo is None) == (config.algorithm == "SAC"), name
+        assert (config.sac is None) == (config.algorithm == "PPO"), name
+
+
+@pytest.mark.parametrize("name", ["swimmer", "stiff_head"])
+def test_a_resolved_configuration_holds_the_scene_in_full(name: str, tmp_path: Path) -> None:
+    path = written(tmp_path, f"scene: {name}\noverrides: {{beam.half_thickness: 0.02}}\n")
+    config = load_config(path)
+    expected = load_scene(name, {"beam.half_thickness": 0.02})
+    assert config.scene == expected
+    config.save(tmp_path / "resolved.yaml")
+    data = yaml.safe_load((tmp_path / "resolved.yaml").read_text())
+    assert data["scene"] == expected.to_dict()
+    assert data["scene"]["beam"]["half_thickness"] == 0.02
+    assert "overrides" not in data
+    assert data["network"]["layers"] == [64, 64]
+    assert data["ppo"]["rollout"] == 128
+    assert "sac" not in data
+
+
+def test_every_field_survives_the_way_through_a_file(tmp_path: Path) -> None:
+    config = load_config("ppo_target", ["ppo.target_kl=0.02", "environment.target_radius=0.3"])
+    config = replace(config, description="ünï: # 'x'\nsecond line", final_learning_rate=None)
+    config.save(tmp_path / "saved.yaml")
+    again = load_config(tmp_path / "saved.yaml")
+    assert again == config
+    assert again.ppo is not None
+    assert again.ppo.target_kl == 0.02
+    assert again.environment == {"target_radius": 0.3}
+    assert again.final_learning_rate is None
+
+
+def test_arguments_of_the_task_are_the_same_as_tuples_and_as_lists(tmp_path: Path) -> None:
+    config = TrainingConfig(task="target", environment={"target_distance": (0.5, 1.0)})
+    config.save(tmp_path / "saved.yaml")
+    assert load_config(tmp_path / "saved.yaml") == replace(config, name="agent")
+    assert TrainingConfig.from_dict(config.to_dict()).to_dict() == config.to_dict()
+
+
+def test_what_a_configuration_gives_away_does_not_change_it() -> None:
+    config = load_config("ppo_forward")
+    config.to_dict()["environment"]["effort_weight"] = 5.0
+    assert config.environment == {}
+
+
+def test_a_file_without_a_name_is_named_after_it(tmp_path: Path) -> None:
+    config = load_config(written(tmp_path, "members: 16\n", "tuned.yaml"))
+    assert (config.name, config.members) == ("tuned", 16)
+    assert config.scene == load_scene("swimmer")
+
+
+# ---- overrides ---------------------------------------------------------------------------------
+
+
+def test_overrides_reach_fields_blocks_scene_and_task() -> None:
+    changes = [
+        "steps=1000",
+        "ppo.epochs=3",
+        "network.layers=[8, 4]",
+        "evaluation.every=77",
+        "scene.beam.elements=18",
+        "scene.fluid.density=20",
+        "environment.effort_weight=0.5",
+        "final_learning_rate=null",
+    ]
+    config = load_config("ppo_forward", changes)
+    assert config.steps == 1000
+    assert config.ppo is not None
+    assert (config.ppo.epochs, config.ppo.minibatch) == (3, 2048)
+    assert config.network.layers == (8, 4)
+    assert (config.evaluation.every, config.evaluation.episodes) == (77, 16)
+    assert config.scene.beam.elements == 18
+    assert config.scene.fluid is not None
+    assert config.scene.fluid.density == 20.0
+    assert config.make_task().effort_weight == 0.5
+    assert config.final_learning_rate is None
+    before = load_config("ppo_forward")
+    assert (before.scene.beam.elements, before.steps) == (9, 2_000_000)
+    assert load_config("ppo_forward", {"scene.beam.elements": 18}).scene.beam.elements == 18
+
+
+def test_the_last_override_of_a_field_holds() -> None:
+    assert load_config("ppo_forward", ["members=8", "members=16"]).members == 16
+
+
+def test_an_override_of_the_scene_and_of_a_field_of_it_both_hold() -> None:
+    config = load_config("ppo_forward", ["scene=stiff_head", "scene.beam.half_thickness=0.02"])
+    assert config.scene == load_scene("stiff_head", ["beam.half_thickness=0.02"])
+
+
+def test_overrides_of_the_scene_that_are_valid_only_together_are_taken() -> None:
+    changes = ["scene.initial.joint_angles=[0.1, 0.2]", "scene.beam.elements=3"]
+    assert load_config("ppo_forward", changes).scene.initial.joint_angles == (0.1, 0.2)
+
+
+def test_another_algorithm_can_be_chosen_by_overrides() -> None:
+    config = load_config("ppo_forward", ["algorithm=SAC", "ppo=null", "sac.tau=0.5"])
+    assert config.sac is not None
+    assert (config.sac.tau, config.ppo) == (0.5, None)
+
+
+@pytest.mark.parametrize(
+    ("changes", "parts"),
+    [
+        (["step=4"], ["unknown field step (nearest: steps)"]),
+        (["ppo.epoch=4"], ["unknown field ppo.epoch (nearest: epochs)"]),
+        (["netwrk.layers=[4]"], ["unknown field netwrk.layers", "network"]),
+        (["scene.beam.element=4"], ["unknown field beam.element (nearest: beam.elements)"]),
+        (["scene.beam.elements=1.5"], ["beam.elements must be an integer"]),
+        (["environment.efort_weight=1"], ["environment.efort_weight (nearest: effort_weight)"]),
+        (["steps"], ["override 'steps' must read"]),
+        (["steps="], ["steps must be an integer, got null"]),
+        (["steps=[1"], ["override 'steps=[1'", "not valid YAML"]),
+        (["algorithm=SAC"], ["a block ppo has no meaning with algorithm SAC"]),
+        (["ppo=3", "ppo.epochs=4"], ["ppo must be a mapping"]),
+        (["environment=3", "environment.effort_weight=4"], ["environment must be a mapping"]),
+    ],
+)
+def test_a_bad_override_is_named_with_its_file(changes: list[str], parts: list[str]) -> None:
+    message = error_of("ppo_forward", changes)
+    for part in parts:
+        assert part in message
+    assert message.endswith("(configs/agents/ppo_forward.yaml with overrides)")
+
+
+# ---- misspelt fields ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "field", "close"),
+    [
+        ("learning_rat: 0.1", "learning_rat", "learning_rate"),
+        ("Members: 4", "Members", "members"),
+        ("network: {layer: [4]}", "network.layer", "layers"),
+        ("ppo: {roll_out: 4}", "ppo.roll_out", "rollout"),
+        ("algorithm: SAC\nsac: {buffersize: 4}", "sac.buffersize", "buffer"),
+        ("evaluation: {episode: 4}", "evaluation.episode", "episodes"),
+        ("environment: {effort_wieght: 0.1}", "environment.effort_wieght", "effort_weight"),
+        ("scene: swimmer\noverrides: {beam.elemets: 4}", "beam.elemets", "beam.elements"),
+        ("scene: swimmer\noverrides: ['beam.elemets=4']", "beam.elemets", "beam.elements"),
+        ("scene: {beem: {}}", "beem", "beam"),
+        ("scene: {beam: {elemets: 4}}", "beam.elemets", "elements"),
+    ],
+)
+def test_a_misspelt_field_is_told_with_the_nearest_one_and_the_file(
+    text: str, field: str, close: str, tmp_path: Path
+) -> None:
+    path = written(tmp_path, text)
+    message = error_of(path)
+    assert f"unknown field {field} (nearest: {close})" in message
+    if "scene" not in text:
+        assert message.endswith(f"({path})")
+
+
+@pytest.mark.parametrize(
+    "text", ["overrides: {beam.elemets: 4}", "scene: {beem: {}}", "scene: swimer"]
+)
+def test_an_error_in_the_scene_names_the_configurations_file(text: str, tmp_path: Path) -> None:
+    path = written(tmp_path, text)
+    assert str(path) in error_of(path)
+
+
+# ---- values ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("discount: 1.0", "discount must be below 1, got 1"),
+        ("discount: 0", "discount must be above 0, got 0"),
+        ("discount: high", "discount must be a number, got text 'high'"),
+        ("learning_rate: .nan", "learning_rate must be a finite number, got nan"),
+        ("learning_rate: .inf", "learning_rate must be a finite number, got inf"),
+        ("learning_rate: 0", "learning_rate must be above 0, got 0"),
+        ("learning_rate: true", "learning_rate must be a number, got true"),
+        ("final_learning_rate: -0.1", "final_learning_rate must be at least 0, got -0.1"),
+        ("reward_scale: 0.0", "reward_scale must be above 0, got 0.0"),
+        ("members: true", "members must be an integer, got true"),
+        ("members: 0", "members must be at least 1, got 0"),
+        ("members: 1.5", "members must be an integer, got 1.5"),
+        ("members: '8'", "members must be an integer, got text '8'"),
+        ("steps: 1e6", "steps must be an integer, got 1000000.0"),
+        ("steps: null", "steps must be an integer, got null"),
+        ("steps: [1]", "steps must be an integer, got a list of 1"),
+        ("checkpoint_every: 0", "checkpoint_every must be at least 1, got 0"),
+        ("torch_threads: 0", "torch_threads must be at least 1, got 0"),
+        ("noise_hold: -1", "noise_hold must be at least 1, got -1"),
+        ("state_dependent_noise: 1", "state_dependent_noise must be true or false, got 1"),
+        ("state_dependent_noise: yes", "state_dependent_noise must be true or false, got text"),
+        ("algorithm: DDPG", "algorithm must be one of PPO, SAC, got 'DDPG'"),
+        ("algorithm: ppo", "algorithm must be one of PPO, SAC, got 'ppo'"),
+        ("task: froward", "task must be one of forward, target, got 'froward' (nearest: forward)"),
+        ("name: a/b", "name must be a short text without slashes, got 'a/b'"),
+        ("name: ''", "name must be a short text without slashes, got ''"),
+        ("name: ..", "name must be"),
+        ("name: 7", "name must be text, got 7"),
+        ("name: null", "name must be text, got null"),
+        ("description: [a]", "description must be text, got a list of 1"),
+        ("network: 3", "network must be a mapping of fields, got 3"),
+        ("network: {layers: []}", "network.layers must be a list of widths such as [64, 64]"),
+        ("network: {layers: 64}", "network.layers must be a list of widths such as [64, 64]"),
+        ("network: {layers: [64, true]}", "network.layers[1] must be an integer, got true"),
+        ("network: {layers: [0]}", "network.layers[0] must be at least 1, got 0"),
+        ("network: {activation: gelu}", "network.activation must be one of tanh, relu, elu"),
+        ("network: {log_std: 3}", "network.log_std must be at most 2, got 3"),
+        ("ppo: [1]", "ppo must be a mapping of fields, got a list of 1"),
+        ("ppo: {minibatch: 1000}", "ppo.minibatch must divide members * ppo.rollout = 8192"),
+        ("ppo: {rollout: 1}", "ppo.rollout must be at least 2, got 1"),
+        ("ppo: {gae_lambda: 1.1}", "ppo.gae_lambda must be at most 1, got 1.1"),
+        ("ppo: {target_kl: 0}", "ppo.target_kl must be above 0, got 0"),
+        ("ppo: {clip_range: .nan}", "ppo.clip_range must be a finite number, got nan"),
+        ("sac: {}", "a block sac has no meaning with algorithm PPO"),
+        ("algorithm: SAC\nppo: {}", "a block ppo has no meaning with algorithm SAC"),
+        ("algorithm: SAC\nsac: {buffer: 8}", "sac.buffer must be at least members = 64, got 8"),
+        ("algorithm: SAC\nsac: {tau: 0}", "sac.tau must be above 0, got 0"),
+        ("algorithm: SAC\nsac: {updates: 0}", "sac.updates must be at least 1, got 0"),
+        ("algorithm: SAC\nsac: {temperature: 0}", "sac.temperature must be above 0, got 0"),
+        ("evaluation: {episodes: 0}", "evaluation.episodes must be at least 1, got 0"),
+        ("evaluation: {seed: -1}", "evaluation.seed must be at least 0, got -1"),
+        ("environment: [1]", "environment must be a mapping of arguments, got a list of 1"),
+        ("environment: {target_radius: 1}", "unknown field environment.target_radius"),
+        ("environment: {effort_weight: -1}", "effort_weight must be at least 0"),
+        ("environment: {effort_weight: x}", "effort_weight must be a number"),
+        ("task: target\nenvironment: {target_radius: 0}", "target_radius must be above 0"),
+        ("scene: 3", "a scene must be given as a name"),
+        ("overrides: 3", "overrides must be a mapping or a list, got 3"),
+        ("- members", "a configuration must be a mapping of fields, got a list of 1"),
+        ("members", "a configuration must be a mapping of fields, got text 'members'"),
+        ("", "the file is empty, must hold a training configuration"),
+        ("# nothing", "the file is empty, must hold a training configuration"),
+        ("members: 4\nmembers: 8", "line 2: field 'members' is given twice"),
+        ("members: [4", "not valid YAML"),
+        ("1: 2", "a field's name must be text"),
+        ("members: !!python/object:os.system x", "not valid YAML"),
+        ('environment: {"a\\nb": 1}', "unknown field environment."),
+    ],
+)
+def test_a_wrong_value_is_told_in_one_line_with_its_file(
+    text: str, problem: str, tmp_path: Path
+) -> None:
+    path = written(tmp_path, text)
+    message = error_of(path)
+    assert problem in message
+    if not text.startswith("scene"):
+        assert message.endswith(f"({path})")
+
+
+def test_a_missing_file_is_told_with_the_nearest_name() -> None:
+    assert "no such configuration: ppo_forwrd (nearest: ppo_forward)" in error_of("ppo_forwrd")
+    message = error_of("somewhere/sac_forwad.yaml")
+    assert "somewhere/sac_forwad.yaml (nearest: sac_forward)" in message
+    assert "shipped: " in message
+
+
+def test_a_file_that_is_no_text_and_a_folder_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "latin.yaml"
+    path.write_bytes("description: Wärme".encode("latin-1"))
+    message = error_of(path)
+    assert "the file must be UTF-8 text, byte 14 is not" in message
+    assert str(path) in message
+    assert "cannot read the configuration: Is a directory" in error_of(tmp_path)
+
+
+# ---- what follows from it ----------------------------------------------------------------------
+
+
+def test_the_learning_rate_goes_from_the_first_to_the_last_and_no_further() -> None:
+    config = TrainingConfig(steps=1000, learning_rate=0.5, final_learning_rate=0.25)
+    rates = [config.learning_rate_at(steps) for steps in (0, 250, 500, 1000, 5000)]
+    assert rates == [0.5, 0.4375, 0.375, 0.25, 0.25]
+    to_zero = replace(config, final_learning_rate=0.0)
+    assert to_zero.learning_rate_at(1000) == 0.0
+    constant = replace(config, final_learning_rate=None)
+    assert [constant.learning_rate_at(steps) for steps in (0, 999, 5000)] == [0.5] * 3
+
+
+def test_a_round_is_a_rollout_of_all_members() -> None:
+    assert load_config("ppo_forward").round_steps == 64 * 128
+    assert load_config("sac_forward", ["members=10", "sac.rollout=3"]).round_steps == 30
