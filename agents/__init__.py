@@ -1,7 +1,12 @@
-"""Policies, episodes played by them, and the check that a score can be trusted."""
+"""Policies, episodes played by them, and the check that a score can be trusted.
+
+Training is in `agents.learning`, the comparison of gaits in `agents.comparison`; both are imported
+only where they are needed.
+"""
 
 from agents.baselines import POLICY_NAMES, Policy, RandomPolicy, WavePolicy, ZeroPolicy
-from agents.policies import load_policy
+from agents.evaluation import play_episodes
+from agents.policies import load_policy, policy_names
 from agents.rollout import Rollout, play_episode
 from agents.verification import Verification, verify_rollout
 
@@ -15,5 +20,7 @@ __all__ = [
     "ZeroPolicy",
     "load_policy",
     "play_episode",
+    "play_episodes",
+    "policy_names",
     "verify_rollout",
 ]
