@@ -96,23 +96,14 @@ class Network:
         One of ACTIVATIONS.
     log_std : float
         Logarithm of the exploration's standard deviation at the start.
-    final_log_std : float or None
-        Where given, with PPO alone: a bound on that logarithm that falls linearly from `log_std` to
-        this at the end. With less and less noise to shake it awake, the policy itself has to start
-        from rest.
     """
 
     layers: tuple[int, ...] = (64, 64)
     activation: str = "tanh"
     log_std: float = -1.0
-    final_log_std: float | None = None
 
     def __post_init__(self) -> None:
         """Check every field and store it in its final form."""
-        first = check_real(self.log_std, "network.log_std", at_least=-20.0, at_most=2.0)
-        last = self.final_log_std
-        if last is not None:
-            last = check_real(last, "network.final_log_std", at_least=-20.0, at_most=first)
         widths = listed(self.layers)
         if not widths:
             raise SceneError(
@@ -125,8 +116,7 @@ class Network:
                 for i, width in enumerate(widths)
             ),
             activation=check_name(self.activation, "network.activation", ACTIVATIONS),
-            log_std=first,
-            final_log_std=last,
+            log_std=check_real(self.log_std, "network.log_std", at_least=-20.0, at_most=2.0),
         )
 
 
@@ -389,10 +379,6 @@ class TrainingConfig:
             raise ConfigError(f"a block {other} has no meaning with algorithm {self.algorithm}")
         if getattr(self, own) is None:
             _set(self, **{own: PPOSettings() if own == "ppo" else SACSettings()})
-        if self.sac is not None and self.network.final_log_std is not None:
-            raise ConfigError(
-                "network.final_log_std has no meaning with SAC, which tunes its exploration"
-            )
         if self.ppo is not None:
             samples = self.members * self.ppo.rollout
             if samples % self.ppo.minibatch:
@@ -445,14 +431,6 @@ class TrainingConfig:
             return self.learning_rate
         done = min(1.0, steps / self.steps)
         return self.learning_rate + done * (self.final_learning_rate - self.learning_rate)
-
-    def log_std_bound_at(self, steps: int) -> float | None:
-        """Return the bound on the exploration's log_std after a number of steps, None without."""
-        last = self.network.final_log_std
-        if last is None:
-            return None
-        done = min(1.0, steps / self.steps)
-        return self.network.log_std + done * (last - self.network.log_std)
 
     # ---- to and from YAML ----------------------------------------------------------------------
 

@@ -329,7 +329,7 @@ class _Run:
             self._evaluate()
         while self.steps < config.steps:
             before = self.steps
-            self._set_schedules()
+            self._set_learning_rate()
             self.model.learn(config.round_steps, log_interval=None, reset_num_timesteps=False)
             now = self.steps
             self.seconds = time.perf_counter() - begin
@@ -349,10 +349,7 @@ class _Run:
 
     # ---- parts of a run ------------------------------------------------------------------------
 
-    def _set_schedules(self) -> None:
-        bound = self.config.log_std_bound_at(self.steps)
-        if bound is not None:
-            self.model.policy.log_std.data.clamp_(max=bound)
+    def _set_learning_rate(self) -> None:
         rate = self.config.learning_rate_at(self.steps)
         self.model.learning_rate = rate
         self.model.lr_schedule = FloatSchedule(rate)

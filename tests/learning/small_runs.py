@@ -15,7 +15,6 @@ KINDS: dict[str, dict[str, Any]] = {
     "ppo_independent_noise": {"state_dependent_noise": False},
     # Rewards scaled by the spread of the returns so far.
     "ppo_own_scale": {"reward_scale": None},
-    "ppo_noise_that_fades": {"network": {"layers": [8], "final_log_std": -4.0}},
     "target": {"task": "target", "environment": {"effort_weight": 0.1}},
     # The buffer wraps around: it holds 125 transitions of each member.
     "sac": {
