@@ -38,7 +38,8 @@ venv: $(STAMP_DEV) ## set up .venv with what training, the tests and the checks 
 
 demo: $(STAMP_TRAIN) ## set up, play the paper's wave, train an agent, compare them into results/demo
 	$(BIN)/python scripts/replay.py --scene paper_i --duration 20 --output results/demo/replay
-	$(BIN)/python scripts/train.py demo --output results/demo/train --resume
+	rm -rf results/demo/train
+	$(BIN)/python scripts/train.py demo --output results/demo/train
 	$(BIN)/python scripts/compare.py --policies results/demo/train/seed_0 --seeds 0 1 2 \
 		--output results/demo/comparison
 

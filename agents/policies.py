@@ -36,7 +36,7 @@ def policy_names() -> tuple[str, ...]:
 
 def load_policy(
     policy: str | os.PathLike[str],
-    scene: SceneLike = "swimmer",
+    scene: SceneLike | None = None,
     seed: int | None = None,
     task: str | None = None,
     trust: bool = False,
@@ -51,8 +51,9 @@ def load_policy(
         uniform torques. A trained agent that ships, see `pretrained_names`. Or a path: an agent's
         folder, the folder of a training run (its best agent), or a model file (.zip) of
         stable-baselines3.
-    scene : Scene, str or os.PathLike
-        The scene that it is to play.
+    scene : Scene, str or os.PathLike, optional
+        The scene that it is to play; unless given, ``swimmer`` for what was not trained, and for an
+        agent the one it was trained on.
     seed : int, optional
         Seed of a random policy.
     task : str, optional
@@ -75,7 +76,8 @@ def load_policy(
     SceneError
         If there is no such scene.
     """
-    found = load_scene(scene)
+    found = load_scene("swimmer" if scene is None else scene)
+    own = None if scene is None else found
     name = os.fspath(policy)
     if name == "paper_wave":
         return paper_wave(found)
@@ -86,13 +88,13 @@ def load_policy(
     if name == "random":
         return RandomPolicy(found, seed)
     if name in pretrained_names():
-        return _load_agent(PRETRAINED_FOLDER / name, found, task)
+        return _load_agent(PRETRAINED_FOLDER / name, own, task)
     path = Path(name)
     if path.is_dir():
         inside = path / "agent"
-        return _load_agent(inside if inside.is_dir() else path, found, task)
+        return _load_agent(inside if inside.is_dir() else path, own, task)
     if path.suffix == ".zip" or path.is_file():
-        return _load_file(path, found, task, trust)
+        return _load_file(path, found, own, task, trust)
     names = policy_names()
     hint = nearest(name, names)
     raise OptionError(
@@ -100,23 +102,25 @@ def load_policy(
     )
 
 
-def _load_agent(folder: Path, scene: Scene, task: str | None) -> Policy:
+def _load_agent(folder: Path, scene: Scene | None, task: str | None) -> Policy:
     """Read an agent's folder; what it takes is imported only here."""
     from agents.learning.saved import load_agent
 
     agent = load_agent(folder)
-    agent.check(scene, task)
+    agent.check(agent.scene if scene is None else scene, task)
     return agent
 
 
-def _load_file(path: Path, scene: Scene, task: str | None, trust: bool) -> Policy:
-    """Read a model file, by its description where there is one."""
+def _load_file(
+    path: Path, scene: Scene, own: Scene | None, task: str | None, trust: bool
+) -> Policy:
+    """Read a model file, by its description where there is one, else for a scene."""
     from agents.learning.saved import AgentError, load_bare_model
 
     if not path.exists():
         raise AgentError(f"no such model file: {path}")
     if path.name == "model.zip" and (path.parent / "agent.json").is_file():
-        return _load_agent(path.parent, scene, task)
+        return _load_agent(path.parent, own, task)
     agent = load_bare_model(path, scene, trust)
     agent.check(scene, task)
     return agent

@@ -18,12 +18,13 @@ from swim_env.errors import SwimError
 from swim_env.files import write_atomically
 from swim_env.registration import FORWARD_ID, TARGET_ID
 from swim_env.scene import Scene
+from swim_env.task import check_task
 from swim_env.trajectory import Trajectory
 
-__all__ = ["TASKS", "replay_episode"]
+__all__ = ["replay_episode"]
 
 #: Environment of each task.
-TASKS = {"forward": FORWARD_ID, "target": TARGET_ID}
+_ENVIRONMENTS = {"forward": FORWARD_ID, "target": TARGET_ID}
 
 
 def replay_episode(
@@ -44,7 +45,7 @@ def replay_episode(
     policy : str
         A name or a path that `load_policy` knows.
     task : str
-        A key of TASKS.
+        A key of `swim_env.task.TASKS`.
     seed : int
         Of the start's noise, and of a random policy.
     noise : float
@@ -71,8 +72,7 @@ def replay_episode(
     SwimError
         If an argument cannot be used or the video cannot be written.
     """
-    if task not in TASKS:
-        raise SwimError(f"unknown task {task!r}; tasks: {', '.join(TASKS)}")
+    check_task(task)
     if seed < 0:
         raise SwimError(f"the seed must be a whole number of at least 0, got {seed!r}")
     chosen = load_policy(policy, scene, seed, task)
@@ -82,7 +82,7 @@ def replay_episode(
         _make_folder(video)
     with tempfile.TemporaryDirectory() as scratch:
         mode = None if video_folder is None else "rgb_array"
-        env = gymnasium.make(TASKS[task], scene=scene, render_mode=mode)
+        env = gymnasium.make(_ENVIRONMENTS[task], scene=scene, render_mode=mode)
         if video_folder is not None:
             env = _recorded(env, scratch)
         try:

@@ -11,6 +11,8 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+
 from agents.rollout import Rollout, score
 from swim_env.scene import Scene
 
@@ -42,6 +44,9 @@ class Verification:
         Of the finer computation (s); no panels where the scene has none.
     termination_reason : str
         Why the episode or, if not, the finer run was ended by the physics; empty where neither was.
+    fine_distance : float or None
+        How near the finer computation comes to the target (BL); None where there is none. It plays
+        the torques for as long as the episode lasted.
     """
 
     net_displacement: float
@@ -52,6 +57,7 @@ class Verification:
     time_step: float
     panels_per_element: int | None
     termination_reason: str
+    fine_distance: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and text, for JSON; a difference that is infinite as null."""
@@ -111,6 +117,10 @@ def verify_rollout(
     reason = fine.termination_reason
     if rollout.info["termination_reason"] != "target_reached":
         reason = rollout.info["termination_reason"] or reason
+    distance = None
+    if rollout.goal_is_point:
+        away = np.hypot(*(fine.path - rollout.goal).T)
+        distance = float(away.min()) / rollout.scene.beam.length
     return Verification(
         net_displacement=coarse_score,
         fine_displacement=fine_score,
@@ -120,4 +130,5 @@ def verify_rollout(
         time_step=scene.integrator.time_step,
         panels_per_element=_panels(scene),
         termination_reason=reason,
+        fine_distance=distance,
     )

@@ -7,14 +7,13 @@ import argparse
 import json
 import sys
 
-from agents.comparison.contest import entries_of, hold_contest, steps_to_play
+from agents.comparison.contest import FIRST_SEED, entries_of, hold_contest, steps_to_play
 from agents.comparison.files import check_contest_folder, write_contest
 from agents.comparison.report import as_text
 from agents.policies import policy_names
 from swim_env.assessment import load_assessment
 from swim_env.command_line import add_scene_arguments, progress_bar, run, scene_of
-from swim_env.errors import SwimError
-from swim_env.task import TASK_NAMES
+from swim_env.task import TASKS, check_task
 from swim_env.viewer import require_matplotlib
 
 
@@ -30,7 +29,9 @@ def _parser() -> argparse.ArgumentParser:
         "unless given. paper_wave and tuned_wave always take part",
     )
     add_scene_arguments(parser, default="swimmer")
-    parser.add_argument("--task", default="forward", help="forward (the default) or target")
+    parser.add_argument(
+        "--task", default="forward", help=f"{' or '.join(TASKS)}; forward unless given"
+    )
     parser.add_argument(
         "--duration", type=float, metavar="S", help="of an episode; the scene's unless given"
     )
@@ -38,9 +39,11 @@ def _parser() -> argparse.ArgumentParser:
         "--seeds",
         type=int,
         nargs="+",
-        default=list(range(10)),
+        default=list(range(FIRST_SEED, FIRST_SEED + 10)),
         metavar="N",
-        help="of the starts; 0 to 9 unless given",
+        help=f"of the starts; {FIRST_SEED} to {FIRST_SEED + 9} unless given, from a range that no "
+        "training and no evaluation draws from, while a training with seed 0 begins with starts 0, "
+        "1 ...",
     )
     parser.add_argument(
         "--noise", type=float, default=1.0, metavar="X", help="factor on the start's noise"
@@ -62,8 +65,7 @@ def _parser() -> argparse.ArgumentParser:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command."""
     options = _parser().parse_args(arguments)
-    if options.task not in TASK_NAMES:
-        raise SwimError(f"unknown task {options.task!r}; tasks: {', '.join(TASK_NAMES)}")
+    check_task(options.task)
     scene = scene_of(options)
     if options.duration is not None:
         scene = scene.replace("episode.duration", options.duration)

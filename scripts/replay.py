@@ -9,13 +9,14 @@ import sys
 from typing import Any
 
 from agents.policies import policy_names
-from agents.replay import TASKS, replay_episode
+from agents.replay import replay_episode
 from swim_env.assessment import load_assessment
 from swim_env.command_line import add_scene_arguments, progress_bar, run, scene_of
 from swim_env.errors import SwimError
 from swim_env.physics.loading import load_kernels
 from swim_env.replay import check_result_folder, replay, steps_of, write_results
 from swim_env.scene import Scene
+from swim_env.task import TASKS
 from swim_env.trajectory import Trajectory
 from swim_env.viewer import require_matplotlib
 

@@ -8,7 +8,7 @@ import json
 import sys
 from pathlib import Path
 
-from agents.comparison.contest import entries_of, hold_contest, steps_to_play
+from agents.comparison.contest import FIRST_SEED, entries_of, hold_contest, steps_to_play
 from agents.learning.saved import load_agent
 from agents.learning.shipping import SHIPPED_FILES, scores_of, ship_agent
 from agents.policies import PRETRAINED_FOLDER
@@ -25,7 +25,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("run", metavar="RUN", help="folder of a finished training run")
     parser.add_argument("--name", help="of the agent; the run's own unless given")
     parser.add_argument(
-        "--starts", type=int, default=20, metavar="N", help="starts to score it on, seeds 0 to N-1"
+        "--starts",
+        type=int,
+        default=20,
+        metavar="N",
+        help=f"starts to score it on, seeds {FIRST_SEED} and on, which no training draws",
     )
     parser.add_argument(
         "--output",
@@ -47,14 +51,20 @@ def main(arguments: list[str] | None = None) -> int:
     folder = Path(options.output or PRETRAINED_FOLDER) / name
     check_folder(folder, SHIPPED_FILES)
     scene, task = Scene.from_dict(about["scene"]), str(about["task"])
-    entries = entries_of([options.run], scene, task)
+    entries = entries_of([str(Path(options.run) / "agent")], scene, task)
     load_assessment()
     total = steps_to_play(scene, len(entries), options.starts)
     with progress_bar(total, "s", "score") as progress:
-        contest = hold_contest(scene, entries, range(options.starts), task, progress=progress)
+        contest = hold_contest(
+            scene,
+            entries,
+            range(FIRST_SEED, FIRST_SEED + options.starts),
+            task,
+            environment=about["environment"],
+            progress=progress,
+        )
     scores = scores_of(contest.record, entries[-1].name)
-    command = f"python scripts/train.py {about['name']} --seeds {about['training']['seed']}"
-    ship_agent(options.run, folder, scores, command)
+    ship_agent(options.run, folder, scores)
     if options.json:
         print(json.dumps(scores, allow_nan=False))
     else:
@@ -62,7 +72,10 @@ def main(arguments: list[str] | None = None) -> int:
         far, fine = middle["net_displacement"], middle["fine_displacement"]
         text = f"{name}: {far:.3f} BL (finer {fine:.3f}), {sum(scores['verified'])} verified"
         if scores["success_rate"] is not None:
-            text += f", {scores['success_rate']:.0%} of the targets reached"
+            fine_share = scores["verified_success_rate"]
+            text += (
+                f", {scores['success_rate']:.0%} of the targets reached ({fine_share:.0%} finer)"
+            )
         print(f"{text}, {options.starts} starts")
     print(f"the agent is in {folder}", file=sys.stderr)
     return 0

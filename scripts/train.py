@@ -80,14 +80,24 @@ def _table(runs: list[dict[str, Any]], task: str) -> str:
 def _train_all(
     options: argparse.Namespace, config: TrainingConfig, base: Path
 ) -> list[dict[str, Any]]:
-    """Train one seed after another."""
-    from agents.learning.trainer import train
+    """Train one seed after another, once it is clear that none of them will be refused."""
+    from agents.learning.trainer import check_run, train
 
+    finished = set()
+    for seed in options.seeds:
+        before = check_run(
+            config, base / f"seed_{seed}", seed, resume=options.resume, device=options.device
+        )
+        if before is not None and before["finished"]:
+            print(f"seed {seed}: finished before, left as it is", file=sys.stderr)
+            finished.add(seed)
     load_assessment()
     command = shlex.join(["python", "scripts/train.py", *(options.arguments or sys.argv[1:])])
     runs = []
     for seed in options.seeds:
-        with training_bar(config.steps, f"{config.name} seed {seed}") as progress:
+        label = f"{config.name} seed {seed}"
+        steps = 0 if seed in finished else config.steps
+        with training_bar(steps, label) as progress:
             told: Callable[[int, str], object] = progress
             result = train(
                 config,

@@ -64,9 +64,18 @@ def progress_bar(total: int, unit: str, label: str) -> Iterator[Callable[[float]
 
 @contextlib.contextmanager
 def training_bar(total: int, label: str) -> Iterator[Callable[[int, str], object]]:
-    """Show a progress bar with a text behind it; yields a function of steps and that text."""
+    """Show a progress bar on stderr with a text behind it, once a second has passed.
+
+    Yields a function of steps and that text.
+    """
     with tqdm(
-        total=total, unit="step", unit_scale=True, desc=label, file=sys.stderr, mininterval=0.5
+        total=total,
+        unit="step",
+        unit_scale=True,
+        desc=label,
+        delay=1.0,
+        file=sys.stderr,
+        mininterval=0.5,
     ) as bar:
 
         def update(steps: int, text: str) -> None:

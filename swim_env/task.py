@@ -21,12 +21,9 @@ from swim_env.errors import OptionError, SceneError
 from swim_env.scene import Initial, Scene
 from swim_env.scene_checks import check_pair, check_real, check_reals, got, nearest
 
-__all__ = ["TASK_NAMES", "ForwardTask", "Start", "StartPlan", "TargetTask", "Task"]
+__all__ = ["TASKS", "ForwardTask", "Start", "StartPlan", "TargetTask", "Task", "check_task"]
 
 Array = NDArray[np.float64]
-
-#: What the tasks are called where one is chosen by name.
-TASK_NAMES = ("forward", "target")
 
 #: Where a target is drawn unless told otherwise: distance (BL), bearing (rad), radius (BL).
 TARGET_DISTANCE, TARGET_BEARING, TARGET_RADIUS = (0.5, 1.5), 0.5 * math.pi, 0.1
@@ -297,6 +294,24 @@ class TargetTask(Task):
         x, y = self.scene.episode.heading
         cosine, sine = math.cos(angle), math.sin(angle)
         return np.array([cosine * x - sine * y, sine * x + cosine * y]) * away
+
+
+#: The tasks, where one is chosen by name.
+TASKS: dict[str, type[Task]] = {"forward": ForwardTask, "target": TargetTask}
+
+
+def check_task(name: str) -> str:
+    """Return the name of a task that there is.
+
+    Raises
+    ------
+    OptionError
+        If there is no such task.
+    """
+    if name not in TASKS:
+        hint = nearest(str(name), TASKS)
+        raise OptionError(f"unknown task {name!r}{hint}; tasks: {', '.join(TASKS)}")
+    return name
 
 
 def _number(value: object, name: str, unit: str, **bounds: float) -> float:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-import os
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,22 +16,35 @@ from gymnasium.vector import AutoresetMode
 from agents.baselines import Policy
 from agents.comparison.performance import Performance, measure_performance
 from agents.evaluation import play_episodes
-from agents.policies import load_policy
+from agents.policies import load_policy, policy_names
 from agents.rollout import Rollout
+from agents.tuned_wave import load_tuned_wave
 from agents.verification import TOLERANCE, fine_scene, verify_rollout
 from swim_env import __version__
 from swim_env.errors import OptionError
 from swim_env.provenance import where_and_when
 from swim_env.scene import Scene
-from swim_env.task import TASK_NAMES
+from swim_env.task import check_task
 from swim_env.threads import usable_threads
 from swim_env.trajectory import Trajectory
 from swim_env.vector_env import SwimTargetVectorEnv, SwimVectorEnv
 
-__all__ = ["REFERENCES", "Contest", "Entry", "entries_of", "hold_contest", "steps_to_play"]
+__all__ = [
+    "FIRST_SEED",
+    "REFERENCES",
+    "Contest",
+    "Entry",
+    "entries_of",
+    "hold_contest",
+    "steps_to_play",
+]
 
 #: What every score is put beside.
 REFERENCES = ("paper_wave", "tuned_wave")
+
+#: Scores are taken from starts with this seed and those after it: trainings draw theirs from below
+#: the evaluations' seeds, which begin at 1,000,000.
+FIRST_SEED = 2_000_000
 
 #: Figures of a `Performance` that are summed up by their medians.
 _FIGURES = (
@@ -135,32 +147,32 @@ def entries_of(
     """
     found: list[Entry] = []
     for name in dict.fromkeys([*REFERENCES, *names]):
-        runs = sorted(
-            (path for path in Path(name).glob("seed_*") if (path / "agent").is_dir()),
-            key=lambda path: (len(path.name), path.name),
-        )
+        runs = [] if name in policy_names() else _runs_in(Path(name))
         places: list[Path | None] = [*runs] if runs else [None]
         for path in places:
             policy = load_policy(name if path is None else path, scene, 0, task, trust)
             about = dict(getattr(policy, "description", {}))
-            label, group = _labels(name, path)
+            label, group = _labels(name, path, policy)
             while any(entry.group == group for entry in found if entry.source != name):
                 label, group = label.replace(group, f"{group}'", 1), f"{group}'"
             found.append(Entry(label, group, policy, dict(about.get("training", {})), name))
     return found
 
 
-def _labels(name: str, run: Path | None) -> tuple[str, str]:
-    """Return what a policy and its group are called: an agent's folder by its last names."""
-    place = Path(name)
+def _runs_in(folder: Path) -> list[Path]:
+    """Return the runs seed_0, seed_1 ... of a folder that have an agent, in that order."""
+    found = (path for path in folder.glob("seed_*") if (path / "agent").is_dir())
+    return sorted(found, key=lambda path: (len(path.name), path.name))
+
+
+def _labels(name: str, run: Path | None, policy: Policy) -> tuple[str, str]:
+    """Return what a policy and its group are called: an agent by its own name, and its run."""
+    known = str(getattr(policy, "name", name))
     if run is not None:
-        return f"{place.name}/{run.name}", place.name
-    if os.sep not in name.rstrip(os.sep):
-        return name, name
-    inside = place.parent if place.name in ("agent", "final_agent") else place
-    label = inside.name
-    if inside.name.startswith("seed_"):
-        label = f"{inside.parent.name}/{inside.name}"
+        return f"{known}/{run.name}", known
+    place = Path(name)
+    place = place.parent if place.name in ("agent", "final_agent") else place
+    label = f"{known}/{place.name}" if place.name.startswith("seed_") else known
     return label, label
 
 
@@ -175,6 +187,7 @@ def hold_contest(
     seeds: Sequence[int],
     task: str = "forward",
     noise: float = 1.0,
+    environment: Mapping[str, Any] | None = None,
     keep: int = 1,
     threads: int | None = None,
     progress: Callable[[float], object] | None = None,
@@ -193,6 +206,8 @@ def hold_contest(
         ``forward`` or ``target``.
     noise : float
         Factor on the start's noise.
+    environment : mapping, optional
+        Arguments of the task, such as ``target_radius``.
     keep : int
         Episodes of each entry that are kept for pictures.
     threads : int, optional
@@ -207,9 +222,10 @@ def hold_contest(
         ``policies`` for each entry lists over seeds (``net_displacement``, ``fine_displacement``,
         ``verified`` and the other figures), medians under ``median``, ``ratio_to_paper_wave`` and
         ``ratio_to_tuned_wave`` of the medians with the same from the finer computation under
-        ``fine_ratio_to_...``, ``success_rate`` and the ``training``; ``net_displacement`` and
-        ``ratios`` again by entry; in ``groups`` the spread over training seeds; version, machine,
-        commit.
+        ``fine_ratio_to_...``, ``success_rate``, ``verified_success_rate`` (reached, verified, and
+        in the finer computation at most TOLERANCE of the target's radius outside of it) and the
+        ``training``; ``net_displacement`` and ``ratios`` again by entry; in ``groups`` the spread
+        over training seeds; version, machine, commit.
 
     Raises
     ------
@@ -220,8 +236,7 @@ def hold_contest(
     count = len(seeds)
     if not seeds or len(set(seeds)) < count or min(seeds) < 0:
         raise OptionError(f"seeds must be different whole numbers of at least 0, got {list(seeds)}")
-    if task not in TASK_NAMES:
-        raise OptionError(f"unknown task {task!r}; tasks: {', '.join(TASK_NAMES)}")
+    check_task(task)
     missing = [name for name in REFERENCES if name not in [entry.name for entry in entries]]
     if missing:
         raise OptionError(
@@ -255,7 +270,14 @@ def hold_contest(
         return measure_performance(rollout, trajectory, verification), trajectory
 
     for entry in entries:
-        env = made(count, scene, autoreset_mode=AutoresetMode.NEXT_STEP, num_threads=workers)
+        env = made(
+            count,
+            scene,
+            autoreset_mode=AutoresetMode.NEXT_STEP,
+            num_threads=workers,
+            **(environment or {}),
+        )
+        radius = env.task.radius
         rollouts = play_episodes(env, entry.policy, seeds, {"noise": noise}, progress=played)
         env.close()
         # The kernels release the interpreter's lock.
@@ -264,7 +286,10 @@ def hold_contest(
         performances[entry.name] = [performance for performance, _ in judged]
         kept[entry.name] = rollouts[:keep]
         trajectories[entry.name] = [trajectory for _, trajectory in judged[:keep]]
-    record = _record(scene, entries, seeds, task, noise, performances)
+    settings = {"noise": noise, "environment": dict(environment or {})}
+    if task == "target":
+        settings["target_radius"] = radius
+    record = _record(scene, entries, seeds, task, settings, performances)
     return Contest(scene, task, tuple(seeds), performances, kept, trajectories, record)
 
 
@@ -273,24 +298,29 @@ def _record(
     entries: Sequence[Entry],
     seeds: Sequence[int],
     task: str,
-    noise: float,
+    settings: dict[str, Any],
     performances: dict[str, list[Performance]],
 ) -> dict[str, Any]:
     policies = {
-        entry.name: {**_summary(performances[entry.name]), "training": entry.about}
+        entry.name: {
+            **_summary(performances[entry.name], settings.get("target_radius")),
+            "training": entry.about,
+        }
         for entry in entries
     }
     for kind in ("net_displacement", "fine_displacement"):
         prefix = "" if kind == "net_displacement" else "fine_"
         for reference in REFERENCES:
-            base = policies[reference]["median"][kind]
+            # Waves aim at no target: being so many times as near to it as they are means nothing.
+            base = None if task == "target" else policies[reference]["median"][kind]
             for one in policies.values():
                 one[f"{prefix}ratio_to_{reference}"] = _ratio(one["median"][kind], base)
     return {
         "scene": scene.name,
         "task": task,
         "duration": scene.episode.duration,
-        "noise": noise,
+        **settings,
+        "tuned_on": _tuned_on(scene),
         "seeds": list(seeds),
         "tolerance": TOLERANCE,
         "net_displacement": {name: one["net_displacement"] for name, one in policies.items()},
@@ -307,8 +337,8 @@ def _record(
 
 
 def _ratio(value: float | None, base: float | None) -> float | None:
-    """Return a ratio; None where there is nothing to divide by."""
-    if value is None or base is None or abs(base) < 1e-9:
+    """Return a ratio; None where the base got nowhere, or backwards."""
+    if value is None or base is None or base < 1e-9:
         return None
     return value / base
 
@@ -321,7 +351,15 @@ def _median(values: Sequence[float | None], missing: float | None = None) -> flo
     return median if math.isfinite(median) else None
 
 
-def _summary(performances: Sequence[Performance]) -> dict[str, Any]:
+def _tuned_on(scene: Scene) -> str | None:
+    """Return the name of the scene that the tuned wave was tuned on, None where it is this one."""
+    record = load_tuned_wave()
+    kept, here = record["scene_fields"], scene.to_dict()
+    same = all(kept.get(block) == here.get(block) for block in ("beam", "fluid", "damping"))
+    return None if same else str(record["scene"])
+
+
+def _summary(performances: Sequence[Performance], radius: float | None) -> dict[str, Any]:
     """Return lists over seeds, and their medians."""
     rows = [performance.to_dict() for performance in performances]
     gaits = [row.pop("gait") for row in rows]
@@ -339,6 +377,13 @@ def _summary(performances: Sequence[Performance]) -> dict[str, Any]:
     data["verified_share"] = float(np.mean(data["verified"]))
     successes = [row["success"] for row in rows]
     data["success_rate"] = None if successes[0] is None else float(np.mean(successes))
+    data["verified_success_rate"] = None
+    if radius is not None:
+        reach = (1.0 + TOLERANCE) * radius
+        sure = [
+            row["success"] and row["verified"] and row["fine_distance"] <= reach for row in rows
+        ]
+        data["verified_success_rate"] = float(np.mean(sure))
     return data
 
 
@@ -368,7 +413,7 @@ def _groups(entries: Sequence[Entry], policies: dict[str, dict[str, Any]]) -> di
         names = ["median net_displacement", "median fine_displacement", "verified_share"]
         names += [f"ratio_to_{reference}" for reference in REFERENCES]
         names += [f"fine_ratio_to_{reference}" for reference in REFERENCES]
-        names += ["success_rate"]
+        names += ["success_rate", "verified_success_rate"]
         for name in names:
             inside = name.startswith("median ")
             key = name.removeprefix("median ")

@@ -54,6 +54,8 @@ class Performance:
         Of the run, see `swim_env.Trajectory.summary`.
     success : bool or None
         Whether the target was reached; None where there is none.
+    fine_distance : float or None
+        How near the finer computation comes to the target (BL).
     termination_reason : str
         Why it ended early, empty where it did not.
     gait : Gait or None
@@ -73,6 +75,7 @@ class Performance:
     heading_change: float
     energy_drift: float
     success: bool | None
+    fine_distance: float | None
     termination_reason: str
     gait: Gait | None
 
@@ -124,6 +127,7 @@ def measure_performance(
         heading_change=trajectory.heading_change,
         energy_drift=float(trajectory.summary()["energy_drift"]),
         success=rollout.info.get("success"),
+        fine_distance=verification.fine_distance,
         termination_reason=rollout.info["termination_reason"],
         gait=gait,
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -23,12 +23,11 @@ from swim_env.scene_checks import (
 )
 from swim_env.scene_parts import plain
 from swim_env.scene_yaml import dump_yaml, parse_overrides, parse_yaml, read_text
-from swim_env.task import ForwardTask, TargetTask, Task
+from swim_env.task import TASKS, Task
 
 __all__ = [
     "ACTIVATIONS",
     "ALGORITHMS",
-    "TASKS",
     "ConfigError",
     "Evaluations",
     "Network",
@@ -37,13 +36,12 @@ __all__ = [
     "TrainingConfig",
     "config_names",
     "load_config",
+    "network_of",
 ]
 
 ALGORITHMS = ("PPO", "SAC")
 ACTIVATIONS = ("tanh", "relu", "elu")
 
-#: The task of each name.
-TASKS: dict[str, type[Task]] = {"forward": ForwardTask, "target": TargetTask}
 _TASK_OPTIONS = {
     "forward": ("effort_weight", "heading_weight"),
     "target": (
@@ -95,7 +93,8 @@ class Network:
     activation : str
         One of ACTIVATIONS.
     log_std : float
-        Logarithm of the exploration's standard deviation at the start.
+        Logarithm, at the start, of the standard deviation of independent noise or, where the noise
+        depends on the state, of the weights with which the last layer's activations make it.
     """
 
     layers: tuple[int, ...] = (64, 64)
@@ -288,8 +287,8 @@ class TrainingConfig:
         Of Adam, at the start and at the end, linear in between; constant where the final one is
         not given.
     reward_scale : float or None
-        What the learner sees is the reward times this; where None, the reward over the running
-        standard deviation of the discounted return, as stable-baselines3's `VecNormalize` has it.
+        What the learner sees is the reward times this. With PPO it may be None: the reward over the
+        running standard deviation of the discounted return.
     state_dependent_noise, noise_hold : bool, int
         Whether exploration is a random function of the state (gSDE, Raffin et al. 2022), drawn anew
         every `noise_hold` actions, instead of independent noise at every joint and action.
@@ -379,6 +378,11 @@ class TrainingConfig:
             raise ConfigError(f"a block {other} has no meaning with algorithm {self.algorithm}")
         if getattr(self, own) is None:
             _set(self, **{own: PPOSettings() if own == "ppo" else SACSettings()})
+        if self.sac is not None and self.reward_scale is None:
+            raise ConfigError(
+                "reward_scale must be a number with algorithm SAC, whose buffer keeps rewards for "
+                "long, got null"
+            )
         if self.ppo is not None:
             samples = self.members * self.ppo.rollout
             if samples % self.ppo.minibatch:
@@ -534,10 +538,6 @@ class TrainingConfig:
                 raise ConfigError(f"scene: {error.problem}") from None
         return TrainingConfig.from_dict(data)
 
-    def scaled(self, steps: int) -> TrainingConfig:
-        """Return the same with another number of steps."""
-        return replace(self, steps=steps)
-
 
 _BLOCKS: dict[str, type] = {
     "network": Network,
@@ -545,6 +545,19 @@ _BLOCKS: dict[str, type] = {
     "sac": SACSettings,
     "evaluation": Evaluations,
 }
+
+
+def network_of(mapping: Mapping[str, Any]) -> Network:
+    """Make a network from what `TrainingConfig.to_dict` says of it.
+
+    Raises
+    ------
+    SceneError
+        If a field is unknown or out of range.
+    """
+    network = _build("network", Network, mapping)
+    assert isinstance(network, Network)
+    return network
 
 
 def _plain(value: object) -> Any:

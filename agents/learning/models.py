@@ -66,7 +66,7 @@ def checked_device(device: str) -> str:
     return device
 
 
-def policy_arguments(network: Network, algorithm: str, state_dependent: bool) -> dict[str, Any]:
+def policy_arguments(network: Network, algorithm: str) -> dict[str, Any]:
     """Return the arguments of a policy of stable-baselines3 that a network stands for."""
     arguments: dict[str, Any] = {
         "net_arch": list(network.layers),
@@ -93,7 +93,7 @@ def make_policy(
         action_space,
         lambda _: 0.0,
         use_sde=state_dependent,
-        **policy_arguments(network, algorithm, state_dependent),
+        **policy_arguments(network, algorithm),
     )
 
 
@@ -119,9 +119,7 @@ def make_model(config: TrainingConfig, env: Any, seed: int, device: str) -> Base
         "learning_rate": config.learning_rate,
         "use_sde": config.state_dependent_noise,
         "sde_sample_freq": config.noise_hold,
-        "policy_kwargs": policy_arguments(
-            config.network, config.algorithm, config.state_dependent_noise
-        ),
+        "policy_kwargs": policy_arguments(config.network, config.algorithm),
         "seed": seed,
         "device": device,
         "verbose": 0,

@@ -20,10 +20,11 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agents.learning.config import ALGORITHMS, TASKS, ConfigError, Network, TrainingConfig
+from agents.learning.config import ALGORITHMS, ConfigError, TrainingConfig, network_of
 from swim_env.assessment import OBSERVATION_LAYOUT, observation_size
 from swim_env.env_interface import action_space_of, observation_space_of
 from swim_env.errors import OptionError, SceneError, SwimError
@@ -31,7 +32,7 @@ from swim_env.folders import write_folder
 from swim_env.scene import Beam, Scene
 from swim_env.scene_checks import check_name, check_text
 from swim_env.scene_parts import plain
-from swim_env.task import Task
+from swim_env.task import TASKS, Task
 
 __all__ = [
     "AGENT_FILES",
@@ -87,6 +88,11 @@ class AgentPolicy:
         """The agent's name."""
         return str(self.description["name"])
 
+    @property
+    def scene(self) -> Scene:
+        """The scene that it was trained on."""
+        return Scene.from_dict(self.description["scene"])
+
     def predict(
         self,
         observation: ArrayLike,
@@ -127,7 +133,7 @@ class AgentPolicy:
         trained = self.description["task"]
         if task is not None and task != trained:
             raise AgentError(f"agent {self.name} was trained for task {trained}, not for {task}")
-        own = Scene.from_dict(self.description["scene"])
+        own = self.scene
         found = _differences(own, scene)
         if found:
             field, here, there = found[0]
@@ -227,7 +233,7 @@ def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
     try:
         scene = Scene.from_dict(description["scene"])
         task: Task = TASKS[description["task"]](scene)
-        network = Network(**description["network"])
+        network = network_of(description["network"])
         layout = description["observation"]
         algorithm = check_name(description["algorithm"], "algorithm", ALGORITHMS)
         gsde = bool(description["state_dependent_noise"])
@@ -344,19 +350,27 @@ def load_bare_model(path: str | os.PathLike[str], scene: Scene, trust: bool) -> 
             AttributeError,
             TypeError,
             AssertionError,
+            ImportError,
+            IndexError,
         ):
             continue
         except OSError as error:
             raise AgentError(f"cannot read the model: {error.strerror or error} ({name})") from None
     else:
         raise AgentError(f"the model is damaged or cut short, or neither PPO nor SAC ({name})")
-    sizes = {task: made(scene).observation_size for task, made in TASKS.items()}
-    got = model.observation_space.shape[0]
-    tasks = [task for task, size in sizes.items() if size == got]
-    if not tasks:
+    spaces = {task: observation_space_of(made(scene)).shape for task, made in TASKS.items()}
+    actions = action_space_of(TASKS["forward"](scene)).shape
+    seen, acted = model.observation_space, model.action_space
+    tasks = [
+        task
+        for task, shape in spaces.items()
+        if isinstance(seen, gymnasium.spaces.Box) and seen.shape == shape
+    ]
+    if not tasks or not isinstance(acted, gymnasium.spaces.Box) or acted.shape != actions:
         raise AgentError(
-            f"the model observes {got} numbers, scene {scene.name} gives {sizes['forward']} "
-            f"(or {sizes['target']} with a target) ({name})"
+            f"the model observes {_shape(seen)} and acts in {_shape(acted)} numbers; scene "
+            f"{scene.name} has {spaces['forward']} (or {spaces['target']} with a target) and "
+            f"{actions} ({name})"
         )
     description = {
         "name": Path(path).stem,
@@ -366,3 +380,7 @@ def load_bare_model(path: str | os.PathLike[str], scene: Scene, trust: bool) -> 
         "training": {},
     }
     return AgentPolicy(model.policy, description)
+
+
+def _shape(space: gymnasium.Space[Any]) -> str:
+    return str(space.shape) if isinstance(space, gymnasium.spaces.Box) else type(space).__name__

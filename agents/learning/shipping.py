@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from agents.learning.config import config_names, load_config
 from agents.learning.logs import read_log
 from agents.learning.saved import load_agent
 from agents.learning.trainer import run_status
@@ -16,7 +17,7 @@ from swim_env.errors import SwimError
 from swim_env.folders import write_folder
 from swim_env.viewer import draw_training, save_figure
 
-__all__ = ["SHIPPED_FILES", "scores_of", "ship_agent"]
+__all__ = ["SHIPPED_FILES", "command_of", "scores_of", "ship_agent"]
 
 #: What the folder of an agent that ships holds.
 SHIPPED_FILES = (
@@ -30,6 +31,25 @@ SHIPPED_FILES = (
 )
 
 
+def command_of(run: str | os.PathLike[str]) -> str:
+    """Return the command that trains a run anew: with a shipped configuration, or what was typed.
+
+    Raises
+    ------
+    SwimError
+        If the run cannot be read.
+    """
+    place = Path(run)
+    status = run_status(place)
+    if status is None:
+        raise SwimError(f"no training run there ({place})")
+    kept = load_config(place / "config.yaml").to_dict()
+    name = str(status["name"])
+    if name in config_names() and load_config(name).to_dict() == kept:
+        return f"python scripts/train.py {name} --seeds {status['seed']}"
+    return str(status["command"])
+
+
 def scores_of(record: Mapping[str, Any], name: str) -> dict[str, Any]:
     """Return an agent's part of a contest's record, without the gait of every single start."""
     one = {key: value for key, value in record["policies"][name].items() if key != "training"}
@@ -39,6 +59,7 @@ def scores_of(record: Mapping[str, Any], name: str) -> dict[str, Any]:
         "task",
         "duration",
         "noise",
+        "environment",
         "seeds",
         "tolerance",
         "commit",
@@ -53,7 +74,6 @@ def ship_agent(
     run: str | os.PathLike[str],
     folder: str | os.PathLike[str],
     scores: Mapping[str, Any],
-    command: str,
 ) -> None:
     """Write the folder of an agent that ships, whole or not at all.
 
@@ -65,8 +85,6 @@ def ship_agent(
         Where the agent goes.
     scores : mapping
         From `scores_of`.
-    command : str
-        The command that trains it anew.
 
     Raises
     ------
@@ -78,10 +96,10 @@ def ship_agent(
     if status is None or not status["finished"]:
         raise SwimError(f"only a finished training run can ship ({place})")
     agent = load_agent(place / "agent")
-    description = dict(agent.description)
+    description = {**agent.description, "name": Path(folder).name}
     description["training"] = {
         **description["training"],
-        "command": command,
+        "command": command_of(place),
         "run_steps": status["steps"],
         "run_seconds": status["seconds"],
     }

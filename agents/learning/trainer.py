@@ -20,7 +20,6 @@ every generator of random numbers and the state of every episode.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
 import os
 import shutil
@@ -31,6 +30,11 @@ from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
+
+try:
+    import fcntl
+except ImportError:  # no such locks on this system
+    fcntl = None  # type: ignore[assignment]
 
 from agents.evaluation import play_episodes
 from agents.learning.checkpoints import load_checkpoint, save_checkpoint
@@ -54,7 +58,7 @@ from swim_env.scene_yaml import parse_yaml
 # After agents.vec_env, which says in one line what is missing where this is not installed.
 from stable_baselines3.common.utils import FloatSchedule, set_random_seed  # isort: skip
 
-__all__ = ["EVALUATION_COLUMNS", "RunExistsError", "run_status", "train"]
+__all__ = ["EVALUATION_COLUMNS", "RunExistsError", "check_run", "run_status", "train"]
 
 #: Columns of ``progress.csv`` that every algorithm has, and those of each.
 _COMMON = ("steps", "seconds", "return_mean", "length_mean", "success_rate", "learning_rate")
@@ -163,31 +167,77 @@ def train(
     CheckpointError, SwimError
         If a file cannot be written or read; the last checkpoint is intact.
     """
-    if isinstance(seed, bool) or not 0 <= seed < 2**31:
-        raise ConfigError(f"seed must be a whole number from 0 to {2**31 - 1}, got {seed!r}")
     place = Path(folder)
+    _check_seed(config, seed)
     device = checked_device(device)
     try:
         place.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise SwimError(f"cannot make the run's folder: {error.strerror} ({place})") from None
     with _alone(place), torch_threads(config.torch_threads):
-        before = run_status(place)
-        if before is None and (place / "checkpoint.zip").exists():
-            raise RunExistsError(
-                f"the folder holds a checkpoint but no run.json, so that nothing says which run it "
-                f"belongs to; name another folder ({place})"
-            )
+        before = _run_before(config, place, seed, resume, device)
         _clear_scratch(place)
-        if before is not None:
-            _check_same(before, config, seed, device, place, resume)
-            if before["finished"]:
-                return before
-        run = _Run(config, place, seed, device, threads, command)
+        if before is not None and before["finished"]:
+            return before
+        run = _Run(config, place, seed, device, threads, command, before)
         try:
             return run.play(progress)
         finally:
             run.close()
+
+
+def check_run(
+    config: TrainingConfig,
+    folder: str | os.PathLike[str],
+    seed: int,
+    *,
+    resume: bool = False,
+    device: str = "cpu",
+) -> dict[str, Any] | None:
+    """Refuse what `train` would refuse, without touching anything.
+
+    Returns
+    -------
+    dict or None
+        What ``run.json`` says of the run that would be gone on with, None without one.
+
+    Raises
+    ------
+    ConfigError, RunExistsError, SwimError
+        As `train` does.
+    """
+    place = Path(folder)
+    _check_seed(config, seed)
+    device = checked_device(device)
+    if not (place / ".lock").exists():
+        return _run_before(config, place, seed, resume, device)
+    with _alone(place):
+        return _run_before(config, place, seed, resume, device)
+
+
+def _check_seed(config: TrainingConfig, seed: int) -> None:
+    most = config.evaluation.seed // config.members
+    if isinstance(seed, bool) or not 0 <= seed < most:
+        raise ConfigError(
+            f"seed must be a whole number from 0 to {most - 1}, so that training draws other "
+            f"starts than evaluations, got {seed!r}"
+        )
+
+
+def _run_before(
+    config: TrainingConfig, place: Path, seed: int, resume: bool, device: str
+) -> dict[str, Any] | None:
+    """Return the record of the run that is to be gone on with, None without one."""
+    before = run_status(place)
+    if before is None:
+        if (place / "checkpoint.zip").exists():
+            raise RunExistsError(
+                "the folder holds a checkpoint but no run.json, so that nothing says which run it "
+                f"belongs to; name another folder ({place})"
+            )
+        return None
+    _check_same(before, config, seed, device, place, resume)
+    return before
 
 
 def _clear_scratch(folder: Path) -> None:
@@ -216,7 +266,8 @@ def _alone(folder: Path) -> Iterator[None]:
         ) from None
     with file:
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if fcntl is not None:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise RunExistsError(f"another process is training there ({folder})") from None
         yield
@@ -268,6 +319,7 @@ class _Run:
         device: str,
         threads: int | None,
         command: str | None,
+        before: dict[str, Any] | None,
     ) -> None:
         self.config, self.folder = config, folder
         self.seconds = 0.0
@@ -286,6 +338,11 @@ class _Run:
             "version": __version__,
             **where_and_when(),
         }
+        if before is not None:
+            # What a run was begun with stays; what goes on with it is added.
+            now = {name: self.about[name] for name in ("command", "commit", "versions", "date")}
+            self.about = {name: before[name] for name in self.about if name in before}
+            self.about["resumed"] = [*before.get("resumed", []), now]
         self.model.set_logger(_quiet_logger())
         self._kept = folder / "checkpoint.zip"
         if self._kept.exists():

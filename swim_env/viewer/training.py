@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swim_env.viewer.gaits import COLOURS
-from swim_env.viewer.stills import GREY, SMALL, new_figure, style_axes
+from swim_env.viewer.stills import SMALL, new_figure, style_axes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,7 +21,6 @@ Curve = Mapping[str, Sequence[float]]
 def draw_training(
     curves: Mapping[str, Sequence[Curve]],
     task: str = "forward",
-    levels: Mapping[str, float] | None = None,
 ) -> Figure:
     """Draw periodic evaluations over steps and over time, a line for each training seed.
 
@@ -32,8 +31,6 @@ def draw_training(
         `agents.learning.logs.read_log`.
     task : str
         ``forward`` draws the net displacement, ``target`` the share of targets reached.
-    levels : mapping of str to float, optional
-        Scores to draw as lines across, such as the tuned wave's.
     """
     figure = new_figure(7.2, 2.9)
     target = task == "target"
@@ -55,17 +52,6 @@ def draw_training(
                 if not target:
                     low, high = run["net_displacement_min"], run["net_displacement_max"]
                     axes.fill_between(at, low, high, color=colour, alpha=0.2, linewidth=0)
-        for name, level in (levels or {}).items():
-            axes.axhline(level, color=GREY, linewidth=0.8, linestyle="--")
-            axes.annotate(
-                name,
-                (1.0, level),
-                xycoords=("axes fraction", "data"),
-                ha="right",
-                va="bottom",
-                fontsize=SMALL - 1,
-                color=GREY,
-            )
         what = "share of targets reached" if target else "net displacement (body lengths)"
         style_axes(axes, label, what if place == 0 else "")
         if place == 0:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Sequence
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +19,12 @@ from agents.comparison.contest import (
     REFERENCES,
     Contest,
     Entry,
+    _summary,
     entries_of,
     hold_contest,
     steps_to_play,
 )
-from agents.comparison.performance import measure_performance
+from agents.comparison.performance import Performance, measure_performance
 from agents.evaluation import play_episodes
 from swim_env import (
     OptionError,
@@ -179,14 +181,45 @@ def test_ratios_are_quotients_of_the_medians(contest: Contest) -> None:
         for name, one in record["policies"].items():
             assert one["median"][kind] == pytest.approx(middle[name], rel=1e-12)
             for reference in REFERENCES:
-                ratio = middle[name] / middle[reference]
-                assert one[f"{prefix}ratio_to_{reference}"] == pytest.approx(ratio, rel=1e-12)
+                found = one[f"{prefix}ratio_to_{reference}"]
+                # Being so many times as far as what swims backwards means nothing.
+                if middle[reference] <= 0.0:
+                    assert found is None
+                else:
+                    ratio = middle[name] / middle[reference]
+                    assert found == pytest.approx(ratio, rel=1e-12)
     for name, ratios in record["ratios"].items():
         assert ratios == {
             reference: record["policies"][name][f"ratio_to_{reference}"] for reference in REFERENCES
         }
-    for reference in REFERENCES:
-        assert record["ratios"][reference][reference] == 1.0
+
+
+def test_in_the_target_task_there_are_no_ratios_and_the_finer_computation_must_reach_it() -> None:
+    scene = load_scene("swimmer", ["episode.duration=2.0", "initial.velocity=[-0.3, 0.0]"])
+    near = {"target_distance": (0.3, 0.3), "target_bearing": 0.05}
+    record = plain(
+        hold_contest(
+            scene, entries_of(["zero"], scene, "target"), [1, 2], "target", environment=near
+        )
+    )
+    assert record["environment"] == {"target_distance": [0.3, 0.3], "target_bearing": 0.05}
+    assert record["target_radius"] == 0.1
+    zero = record["policies"]["zero"]
+    assert (zero["success_rate"], zero["verified_success_rate"]) == (1.0, 1.0)
+    assert all(0.09 < distance <= 0.11 for distance in zero["fine_distance"])
+    assert record["ratios"]["zero"] == {"paper_wave": None, "tuned_wave": None}
+    # What the finer computation does not reach does not count.
+    far = [replace(one, fine_distance=0.12) for one in _performances(record, zero)]
+    assert _summary(far, 0.1)["verified_success_rate"] == 0.0
+    assert _summary(far, 0.1)["success_rate"] == 1.0
+
+
+def _performances(record: dict[str, Any], one: dict[str, Any]) -> list[Performance]:
+    names = [spec.name for spec in fields(Performance) if spec.name not in ("seed", "gait")]
+    return [
+        Performance(seed=seed, gait=None, **{name: one[name][i] for name in names})
+        for i, seed in enumerate(record["seeds"])
+    ]
 
 
 def test_a_cost_that_is_infinite_counts_in_the_median() -> None:
@@ -254,7 +287,7 @@ def test_without_noise_all_starts_are_the_same() -> None:
     assert zero["gait"] == [None, None]
     assert zero["median"]["wave"] is None
     assert zero["median"]["cost_of_transport"] is None
-    assert zero["ratio_to_tuned_wave"] == 0.0
+    assert zero["ratio_to_paper_wave"] == 0.0
     assert zero["verified"] == [True, True]
     json.dumps(record, allow_nan=False)
 
@@ -266,7 +299,6 @@ def test_nothing_is_divided_by_a_reference_that_stays_where_it_is() -> None:
     assert record["net_displacement"]["paper_wave"] == [0.0]
     assert record["ratios"]["tuned_wave"]["paper_wave"] is None
     assert record["ratios"]["paper_wave"]["paper_wave"] is None
-    assert record["ratios"]["tuned_wave"]["tuned_wave"] == 1.0
     json.dumps(record, allow_nan=False)
 
 
@@ -416,13 +448,13 @@ def groups_of(entries: Sequence[Entry]) -> dict[str, list[str]]:
 def test_a_folder_of_runs_is_a_group_with_its_spread(runs: Path) -> None:
     scene = short()
     entries = entries_of([str(runs)], scene)
-    names = ["tiny_runs/seed_0", "tiny_runs/seed_1"]
+    names = ["tiny/seed_0", "tiny/seed_1"]
     assert [entry.name for entry in entries] == [*REFERENCES, *names]
-    assert groups_of(entries)["tiny_runs"] == names
+    assert groups_of(entries)["tiny"] == names
     assert [entry.about.get("seed") for entry in entries[2:]] == [0, 1]
     record = plain(hold_contest(scene, entries, [0, 1, 2], threads=2))
-    assert list(record["groups"]) == ["tiny_runs"]
-    group = record["groups"]["tiny_runs"]
+    assert list(record["groups"]) == ["tiny"]
+    group = record["groups"]["tiny"]
     assert group["members"] == names
     for key in ("net_displacement", "fine_displacement"):
         medians = [record["policies"][name]["median"][key] for name in names]
@@ -433,6 +465,9 @@ def test_a_folder_of_runs_is_a_group_with_its_spread(runs: Path) -> None:
         }
         assert group[key]["min"] < group[key]["median"] < group[key]["max"]
     for key in ("ratio_to_paper_wave", "fine_ratio_to_tuned_wave", "verified_share"):
+        if record["policies"][names[0]][key] is None:
+            assert key not in group
+            continue
         values = [record["policies"][name][key] for name in names]
         assert group[key]["min"] == min(values) <= group[key]["median"] <= group[key]["max"]
         assert group[key]["max"] == max(values)
@@ -459,17 +494,17 @@ def test_runs_are_counted_in_the_order_of_their_seeds(runs: Path, tmp_path: Path
         shutil.copytree(runs / "seed_0", many / f"seed_{seed}")
     (many / "seed_3").mkdir()  # begun, and no agent yet
     names = [entry.name for entry in entries_of([str(many)], short())[2:]]
-    assert names == ["many/seed_2", "many/seed_9", "many/seed_10"]
+    assert names == ["tiny/seed_2", "tiny/seed_9", "tiny/seed_10"]
 
 
 def test_one_run_and_its_agents_folder_are_named_after_the_run(runs: Path) -> None:
     scene = short()
     one = entries_of([str(runs / "seed_1")], scene)[2]
-    assert (one.name, one.about["seed"]) == ("tiny_runs/seed_1", 1)
+    assert (one.name, one.about["seed"]) == ("tiny/seed_1", 1)
     inside = entries_of([str(runs / "seed_1" / "agent")], scene)[2]
-    assert (inside.name, inside.about["seed"]) == ("tiny_runs/seed_1", 1)
+    assert (inside.name, inside.about["seed"]) == ("tiny/seed_1", 1)
     assert list(groups_of([one, *entries_of([], scene)]).values()) == [
-        ["tiny_runs/seed_1"],
+        ["tiny/seed_1"],
         ["paper_wave"],
         ["tuned_wave"],
     ]

@@ -116,7 +116,7 @@ def test_a_killed_run_goes_on_to_the_same_end(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [pytest.param(1, marks=pytest.mark.ci_slice), 2])
 @pytest.mark.parametrize("kind", ["ppo", "sac"])
 def test_a_run_that_was_killed_again_and_again_ends_like_one_that_was_not(
     kind: str, seed: int, tmp_path: Path

@@ -477,7 +477,8 @@ def test_a_bare_model_is_read_only_if_it_is_trusted(
     task = small_config(kind).task
     assert load_bare_model(path, scene, True).description["task"] == task
     message = refusal(lambda: load_policy(path, "swimmer", trust=True))
-    assert f"observes {9 + (task == 'target')} numbers, scene swimmer gives 21 (or 22" in message
+    assert f"observes ({9 + (task == 'target')},) and acts in (2,) numbers" in message
+    assert "scene swimmer has (21,) (or (22,) with a target) and (8,)" in message
     other = "target" if task == "forward" else "forward"
     message = refusal(lambda: load_policy(path, scene, task=other, trust=True))
     assert f"trained for task {task}, not for {other}" in message

@@ -265,7 +265,11 @@ def test_an_error_in_the_scene_names_the_configurations_file(text: str, tmp_path
         ("ppo: {clip_range: .nan}", "ppo.clip_range must be a finite number, got nan"),
         ("sac: {}", "a block sac has no meaning with algorithm PPO"),
         ("algorithm: SAC\nppo: {}", "a block ppo has no meaning with algorithm SAC"),
-        ("algorithm: SAC\nsac: {buffer: 8}", "sac.buffer must be at least members = 64, got 8"),
+        (
+            "algorithm: SAC\nreward_scale: 1\nsac: {buffer: 8}",
+            "sac.buffer must be at least members = 64, got 8",
+        ),
+        ("algorithm: SAC", "reward_scale must be a number with algorithm SAC"),
         ("algorithm: SAC\nsac: {tau: 0}", "sac.tau must be above 0, got 0"),
         ("algorithm: SAC\nsac: {updates: 0}", "sac.updates must be at least 1, got 0"),
         ("algorithm: SAC\nsac: {temperature: 0}", "sac.temperature must be above 0, got 0"),
