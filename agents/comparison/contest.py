@@ -199,7 +199,7 @@ def hold_contest(
     scene : Scene
         What swims; its episode says for how long.
     entries : sequence of Entry
-        Who plays; the REFERENCES must be among them.
+        Who plays; in the forward task the REFERENCES must be among them.
     seeds : sequence of int
         Of the starts and, in the target task, of the targets.
     task : str
@@ -231,14 +231,14 @@ def hold_contest(
     ------
     OptionError
         If there are no seeds, or some are equal or negative; if there is no such task, or one of
-        the REFERENCES does not take part.
+        the REFERENCES does not take part in the forward task.
     """
     count = len(seeds)
     if not seeds or len(set(seeds)) < count or min(seeds) < 0:
         raise OptionError(f"seeds must be different whole numbers of at least 0, got {list(seeds)}")
     check_task(task)
     missing = [name for name in REFERENCES if name not in [entry.name for entry in entries]]
-    if missing:
+    if missing and task == "forward":
         raise OptionError(
             f"every contest needs {' and '.join(REFERENCES)}, {missing[0]} is missing"
         )
@@ -312,7 +312,7 @@ def _record(
         prefix = "" if kind == "net_displacement" else "fine_"
         for reference in REFERENCES:
             # Waves aim at no target: being so many times as near to it as they are means nothing.
-            base = None if task == "target" else policies[reference]["median"][kind]
+            base = policies[reference]["median"][kind] if task == "forward" else None
             for one in policies.values():
                 one[f"{prefix}ratio_to_{reference}"] = _ratio(one["median"][kind], base)
     return {

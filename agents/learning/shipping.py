@@ -43,11 +43,18 @@ def command_of(run: str | os.PathLike[str]) -> str:
     status = run_status(place)
     if status is None:
         raise SwimError(f"no training run there ({place})")
-    kept = load_config(place / "config.yaml").to_dict()
+    kept = _settings(place / "config.yaml")
     name = str(status["name"])
-    if name in config_names() and load_config(name).to_dict() == kept:
+    if name in config_names() and _settings(name) == kept:
         return f"python scripts/train.py {name} --seeds {status['seed']}"
     return str(status["command"])
+
+
+def _settings(config: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return all of a configuration that decides a run."""
+    data = load_config(config).to_dict()
+    del data["description"], data["scene"]["description"]
+    return data
 
 
 def scores_of(record: Mapping[str, Any], name: str) -> dict[str, Any]:
