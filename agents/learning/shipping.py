@@ -61,6 +61,7 @@ def scores_of(record: Mapping[str, Any], name: str) -> dict[str, Any]:
     """Return an agent's part of a contest's record, without the gait of every single start."""
     one = {key: value for key, value in record["policies"][name].items() if key != "training"}
     one.pop("gait", None)
+    one["durations"] = one.pop("duration")
     about = (
         "scene",
         "task",
