@@ -1,0 +1,115 @@
+"""The agents that ship: complete, loadable without a scene, and as good as their record says."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agents import load_policy, play_episode, policy_names
+from agents.policies import PRETRAINED_FOLDER, pretrained_names
+from swim_env import OptionError, SwimEnv, SwimTargetEnv, load_scene
+
+pytest.importorskip("stable_baselines3")
+
+from agents.comparison.contest import FIRST_SEED, entries_of, hold_contest
+from agents.learning.config import config_names, load_config
+from agents.learning.logs import read_log
+from agents.learning.saved import AgentError, AgentPolicy, load_agent
+from agents.learning.shipping import SHIPPED_FILES, command_of, scores_of, ship_agent
+from agents.learning.trainer import train
+from tests.learning.small_runs import small_config
+
+NAMES = ("ppo_forward", "sac_forward", "ppo_target")
+
+
+def scores(name: str) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((PRETRAINED_FOLDER / name / "scores.json").read_text())
+    return found
+
+
+def test_the_agents_that_are_promised_are_there() -> None:
+    assert set(pretrained_names()) == set(NAMES)
+    assert set(NAMES) < set(policy_names())
+    assert {*NAMES, "ppo_stiff_head", "demo"} == set(config_names())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_agent_ships_with_all_its_files(name: str) -> None:
+    folder = PRETRAINED_FOLDER / name
+    assert sorted(path.name for path in folder.iterdir()) == sorted(SHIPPED_FILES)
+    assert sum(path.stat().st_size for path in folder.iterdir()) < 1_000_000
+    training = load_agent(folder).description["training"]
+    assert training["command"] == f"python scripts/train.py {name} --seeds {training['seed']}"
+    assert training["run_seconds"] >= training["seconds"] > 0.0
+    curve = read_log(folder / "evaluations.csv")
+    assert curve["steps"][-1] == training["run_steps"]
+    text = "".join(
+        path.read_text() for path in folder.iterdir() if path.suffix in (".json", ".csv")
+    )
+    assert "/tmp" not in text and "/home" not in text
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_command_of_an_agent_trains_with_its_configuration(name: str) -> None:
+    kept = load_config(PRETRAINED_FOLDER / name / "config.yaml").to_dict()
+    shipped = load_config(name).to_dict()
+    for data in (kept, shipped):
+        del data["description"], data["scene"]["description"]
+    assert kept == shipped
+
+
+@pytest.mark.parametrize("name", ["ppo_forward", "sac_forward"])
+def test_a_forward_agent_does_as_its_record_says_and_more_than_the_tuned_wave(name: str) -> None:
+    record = scores(name)
+    assert record["seeds"][0] == FIRST_SEED and len(record["seeds"]) >= 20
+    assert all(record["verified"])
+    assert record["fine_ratio_to_tuned_wave"] > 1.5 and record["fine_ratio_to_paper_wave"] > 50.0
+    rollout = play_episode(SwimEnv("swimmer"), load_policy(name), FIRST_SEED)
+    # A network's products round otherwise for one observation than for a batch.
+    assert rollout.net_displacement == pytest.approx(record["net_displacement"][0], rel=0.02)
+
+
+def test_the_target_agent_does_as_its_record_says() -> None:
+    record = scores("ppo_target")
+    assert len(record["seeds"]) >= 100 and record["success_rate"] >= 0.9
+    assert 0.5 < record["verified_success_rate"] <= record["success_rate"]
+    policy, env = load_policy("ppo_target", task="target"), SwimTargetEnv("swimmer")
+    reached = [
+        bool(play_episode(env, policy, seed).info["success"]) for seed in record["seeds"][:4]
+    ]
+    assert reached == record["success"][:4]
+
+
+def test_an_agent_plays_another_solver_and_refuses_another_body() -> None:
+    assert isinstance(load_policy("ppo_forward", "paper_i"), AgentPolicy)
+    with pytest.raises(AgentError, match="cannot play scene paper_ii: beam.bending_stiffness"):
+        load_policy("ppo_forward", "paper_ii")
+    with pytest.raises(AgentError, match="cannot play scene paper_iv: beam.elements is 3"):
+        load_policy("ppo_forward", "paper_iv")
+    with pytest.raises(AgentError, match="trained for task target, not for forward"):
+        load_policy("ppo_target", task="forward")
+    with pytest.raises(OptionError, match=r"unknown policy 'ppo_forwrd' \(nearest: ppo_forward\)"):
+        load_policy("ppo_forwrd")
+
+
+def test_an_agent_ships_from_a_finished_run_with_its_true_command(tmp_path: Path) -> None:
+    config = small_config(steps=128)
+    run = tmp_path / "run"
+    train(config, run, 3, command="python scripts/train.py mine.yaml --seeds 3")
+    assert command_of(run) == "python scripts/train.py mine.yaml --seeds 3"
+    scene = load_scene(config.scene)
+    entries = entries_of([str(run / "agent")], scene)
+    record = hold_contest(scene, entries, [FIRST_SEED, FIRST_SEED + 1]).record
+    found = scores_of(record, entries[-1].name)
+    assert found["duration"] == 0.4 and found["durations"] == [0.4, 0.4]
+    ship_agent(run, tmp_path / "ready" / "mine", found)
+    shipped = load_agent(tmp_path / "ready" / "mine")
+    assert shipped.name == "mine"
+    assert shipped.description["training"]["command"].endswith("mine.yaml --seeds 3")
+    assert shipped.description["training"]["run_steps"] == 128
+    start = np.zeros(shipped.description["observation"]["size"], dtype=np.float32)
+    assert (shipped.predict(start)[0] == load_agent(run / "agent").predict(start)[0]).all()
