@@ -219,13 +219,23 @@ def test_a_kill_while_a_file_takes_its_place_does_no_harm(
     assert_finished_like(folder, tmp_path / "whole", 1600)
 
 
+def hear_interrupts() -> None:
+    """Undo that shells let what they start in the background ignore interrupts."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def test_an_interrupted_run_says_so_and_goes_on(tmp_path: Path) -> None:
     config = small_config("ppo", steps=3200)
     arguments = command(written(config, tmp_path), tmp_path / "runs")
     folder = tmp_path / "runs" / f"seed_{SEED}"
     with open(tmp_path / "errors.txt", "w+") as errors:
         process = subprocess.Popen(
-            arguments, cwd=ROOT, env=ENVIRONMENT, stdout=subprocess.DEVNULL, stderr=errors
+            arguments,
+            cwd=ROOT,
+            env=ENVIRONMENT,
+            stdout=subprocess.DEVNULL,
+            stderr=errors,
+            preexec_fn=hear_interrupts,
         )
         try:
             limit = time.monotonic() + PATIENCE
