@@ -8,6 +8,17 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+from agents.learning.settings import (
+    ALGORITHMS,
+    BLOCKS,
+    MOST,
+    Evaluations,
+    Network,
+    PPOSettings,
+    SACSettings,
+    build_settings,
+    store,
+)
 from swim_env.errors import SceneError, SwimError
 from swim_env.files import write_atomically
 from swim_env.scene import Scene, load_scene
@@ -18,7 +29,6 @@ from swim_env.scene_checks import (
     check_real,
     check_text,
     got,
-    listed,
     nearest,
 )
 from swim_env.scene_parts import plain
@@ -26,21 +36,11 @@ from swim_env.scene_yaml import dump_yaml, parse_overrides, parse_yaml, read_tex
 from swim_env.task import TASKS, Task
 
 __all__ = [
-    "ACTIVATIONS",
-    "ALGORITHMS",
     "ConfigError",
-    "Evaluations",
-    "Network",
-    "PPOSettings",
-    "SACSettings",
     "TrainingConfig",
     "config_names",
     "load_config",
-    "network_of",
 ]
-
-ALGORITHMS = ("PPO", "SAC")
-ACTIVATIONS = ("tanh", "relu", "elu")
 
 _TASK_OPTIONS = {
     "forward": ("effort_weight", "heading_weight"),
@@ -52,7 +52,6 @@ _TASK_OPTIONS = {
         "target_radius",
     ),
 }
-_MOST = 10**12
 
 
 class ConfigError(SwimError, ValueError):
@@ -74,189 +73,6 @@ class ConfigError(SwimError, ValueError):
     def __str__(self) -> str:
         """Return the message, with the source in brackets where known."""
         return self.problem if self.source is None else f"{self.problem} ({self.source})"
-
-
-def _set(block: object, **values: object) -> None:
-    """Store checked values in a frozen dataclass; only for use in ``__post_init__``."""
-    for name, value in values.items():
-        object.__setattr__(block, name, value)
-
-
-@dataclass(frozen=True)
-class Network:
-    """The policy's network; the critic has one of the same shape.
-
-    Attributes
-    ----------
-    layers : tuple of int
-        Widths of the hidden layers.
-    activation : str
-        One of ACTIVATIONS.
-    log_std : float
-        Logarithm, at the start, of the standard deviation of independent noise or, where the noise
-        depends on the state, of the weights with which the last layer's activations make it.
-    """
-
-    layers: tuple[int, ...] = (64, 64)
-    activation: str = "tanh"
-    log_std: float = -1.0
-
-    def __post_init__(self) -> None:
-        """Check every field and store it in its final form."""
-        widths = listed(self.layers)
-        if not widths:
-            raise SceneError(
-                f"network.layers must be a list of widths such as [64, 64], got {got(self.layers)}"
-            )
-        _set(
-            self,
-            layers=tuple(
-                check_integer(width, f"network.layers[{i}]", 1, 65536)
-                for i, width in enumerate(widths)
-            ),
-            activation=check_name(self.activation, "network.activation", ACTIVATIONS),
-            log_std=check_real(self.log_std, "network.log_std", at_least=-20.0, at_most=2.0),
-        )
-
-
-@dataclass(frozen=True)
-class PPOSettings:
-    """What proximal policy optimisation (Schulman et al. 2017) has of its own.
-
-    Attributes
-    ----------
-    rollout : int
-        Actions that each member plays between updates.
-    minibatch : int
-        Samples of one gradient step; divides ``members * rollout``.
-    epochs : int
-        Passes over the samples of an update.
-    gae_lambda : float
-        Of the generalised advantage estimate, in [0, 1].
-    clip_range : float
-        Bound on the change of the probability ratio.
-    entropy_coefficient, value_coefficient : float
-        Weights in the loss.
-    max_gradient_norm : float
-        Gradients are shortened to it.
-    target_kl : float or None
-        An update ends early beyond 1.5 times this divergence.
-    """
-
-    rollout: int = 128
-    minibatch: int = 2048
-    epochs: int = 5
-    gae_lambda: float = 0.95
-    clip_range: float = 0.2
-    entropy_coefficient: float = 0.0
-    value_coefficient: float = 0.5
-    max_gradient_norm: float = 0.5
-    target_kl: float | None = None
-
-    def __post_init__(self) -> None:
-        """Check every field and store it in its final form."""
-        kl = self.target_kl
-        _set(
-            self,
-            rollout=check_integer(self.rollout, "ppo.rollout", 2, _MOST),
-            minibatch=check_integer(self.minibatch, "ppo.minibatch", 2, _MOST),
-            epochs=check_integer(self.epochs, "ppo.epochs", 1, 10_000),
-            gae_lambda=check_real(self.gae_lambda, "ppo.gae_lambda", at_least=0.0, at_most=1.0),
-            clip_range=check_real(self.clip_range, "ppo.clip_range", above=0.0, at_most=10.0),
-            entropy_coefficient=check_real(
-                self.entropy_coefficient, "ppo.entropy_coefficient", at_least=0.0
-            ),
-            value_coefficient=check_real(
-                self.value_coefficient, "ppo.value_coefficient", at_least=0.0
-            ),
-            max_gradient_norm=check_real(
-                self.max_gradient_norm, "ppo.max_gradient_norm", above=0.0
-            ),
-            target_kl=None if kl is None else check_real(kl, "ppo.target_kl", above=0.0),
-        )
-
-
-@dataclass(frozen=True)
-class SACSettings:
-    """What soft actor-critic (Haarnoja et al. 2018) has of its own.
-
-    Attributes
-    ----------
-    buffer : int
-        Transitions that the replay buffer holds.
-    minibatch : int
-        Transitions of one update.
-    rollout : int
-        Actions that each member plays between updates; exploration that depends on the state is
-        drawn anew at their start at the latest.
-    updates : int
-        Updates after each of these.
-    learning_starts : int
-        Steps with random actions before the first update.
-    tau : float
-        Share by which the target critic follows, in (0, 1].
-    return_steps : int
-        Rewards that a target of the critic sums before it relies on the critic (n-step returns).
-    temperature : float
-        Weight of the entropy at the start, which is then tuned. Rewards of a swimmer are small: the
-        usual 1 keeps it from learning anything else for long.
-    target_entropy : float or None
-        Entropy that the temperature is tuned for; minus the number of joints where None.
-    """
-
-    buffer: int = 300_000
-    minibatch: int = 256
-    rollout: int = 4
-    updates: int = 16
-    learning_starts: int = 10_000
-    tau: float = 0.01
-    return_steps: int = 3
-    temperature: float = 0.01
-    target_entropy: float | None = None
-
-    def __post_init__(self) -> None:
-        """Check every field and store it in its final form."""
-        entropy = self.target_entropy
-        _set(
-            self,
-            buffer=check_integer(self.buffer, "sac.buffer", 1, _MOST),
-            minibatch=check_integer(self.minibatch, "sac.minibatch", 1, _MOST),
-            rollout=check_integer(self.rollout, "sac.rollout", 1, _MOST),
-            updates=check_integer(self.updates, "sac.updates", 1, 100_000),
-            learning_starts=check_integer(self.learning_starts, "sac.learning_starts", 0, _MOST),
-            tau=check_real(self.tau, "sac.tau", above=0.0, at_most=1.0),
-            return_steps=check_integer(self.return_steps, "sac.return_steps", 1, 10_000),
-            temperature=check_real(self.temperature, "sac.temperature", above=0.0),
-            target_entropy=None if entropy is None else check_real(entropy, "sac.target_entropy"),
-        )
-
-
-@dataclass(frozen=True)
-class Evaluations:
-    """The periodic evaluation: the same starts every time, without exploration.
-
-    Attributes
-    ----------
-    every : int
-        Environment steps between two.
-    episodes : int
-        Episodes of each, with the seeds `seed`, `seed` + 1, ...
-    seed : int
-        The first seed; training uses others.
-    """
-
-    every: int = 250_000
-    episodes: int = 16
-    seed: int = 1_000_000
-
-    def __post_init__(self) -> None:
-        """Check every field and store it in its final form."""
-        _set(
-            self,
-            every=check_integer(self.every, "evaluation.every", 1, _MOST),
-            episodes=check_integer(self.episodes, "evaluation.episodes", 1, 10_000),
-            seed=check_integer(self.seed, "evaluation.seed", 0, 2**62),
-        )
 
 
 @dataclass(frozen=True)
@@ -345,13 +161,13 @@ class TrainingConfig:
                 + got(self.state_dependent_noise)
             )
         final = self.final_learning_rate
-        _set(
+        store(
             self,
             description=check_text(self.description, "description"),
             algorithm=check_name(self.algorithm, "algorithm", ALGORITHMS),
             task=check_name(self.task, "task", tuple(TASKS)),
             members=check_integer(self.members, "members", 1, 100_000),
-            steps=check_integer(self.steps, "steps", 1, _MOST),
+            steps=check_integer(self.steps, "steps", 1, MOST),
             discount=_discount(self.discount),
             learning_rate=check_real(self.learning_rate, "learning_rate", above=0.0, at_most=1.0),
             final_learning_rate=None
@@ -361,12 +177,12 @@ class TrainingConfig:
             if self.reward_scale is None
             else check_real(self.reward_scale, "reward_scale", above=0.0),
             noise_hold=check_integer(self.noise_hold, "noise_hold", 1, 1_000_000),
-            checkpoint_every=check_integer(self.checkpoint_every, "checkpoint_every", 1, _MOST),
+            checkpoint_every=check_integer(self.checkpoint_every, "checkpoint_every", 1, MOST),
             torch_threads=check_integer(self.torch_threads, "torch_threads", 1, 1024),
         )
-        for name, block in _BLOCKS.items():
+        for name in BLOCKS:
             if getattr(self, name) is not None or name in ("network", "evaluation"):
-                _set(self, **{name: _build(name, block, getattr(self, name))})
+                store(self, **{name: build_settings(name, getattr(self, name))})
         if not isinstance(self.scene, Scene):
             raise ConfigError(f"scene must be a Scene, got {got(self.scene)}")
         self._check_algorithm()
@@ -377,7 +193,7 @@ class TrainingConfig:
         if getattr(self, other) is not None:
             raise ConfigError(f"a block {other} has no meaning with algorithm {self.algorithm}")
         if getattr(self, own) is None:
-            _set(self, **{own: PPOSettings() if own == "ppo" else SACSettings()})
+            store(self, **{own: PPOSettings() if own == "ppo" else SACSettings()})
         if self.sac is not None and self.reward_scale is None:
             raise ConfigError(
                 "reward_scale must be a number with algorithm SAC, whose buffer keeps rewards for "
@@ -407,7 +223,7 @@ class TrainingConfig:
                     f"unknown field environment.{name}{nearest(str(name), known)}; known fields "
                     f"with task {self.task}: {', '.join(known)}"
                 )
-        _set(self, environment={key: plain(value) for key, value in self.environment.items()})
+        store(self, environment={key: plain(value) for key, value in self.environment.items()})
         try:
             self.make_task()
         except SwimError as error:
@@ -493,9 +309,9 @@ class TrainingConfig:
                 given["scene"] = _scene(given.pop("scene", "swimmer"), given.pop("overrides", None))
             except (SceneError, ConfigError) as error:
                 raise ConfigError(f"scene: {error.problem}", source or error.source) from None
-            for name, block in _BLOCKS.items():
+            for name in BLOCKS:
                 if given.get(name) is not None:
-                    given[name] = _build(name, block, given[name])
+                    given[name] = build_settings(name, given[name])
                 else:
                     given.pop(name, None)
             return cls(**given)
@@ -524,7 +340,7 @@ class TrainingConfig:
             block, _, rest = str(path).partition(".")
             if block == "scene" and rest:
                 scene[rest] = value
-            elif rest and (block in _BLOCKS or block == "environment"):
+            elif rest and (block in BLOCKS or block == "environment"):
                 inner = data.get(block) or {}
                 if not isinstance(inner, Mapping):
                     raise ConfigError(f"{block} must be a mapping of fields, got {got(inner)}")
@@ -537,27 +353,6 @@ class TrainingConfig:
             except SceneError as error:
                 raise ConfigError(f"scene: {error.problem}") from None
         return TrainingConfig.from_dict(data)
-
-
-_BLOCKS: dict[str, type] = {
-    "network": Network,
-    "ppo": PPOSettings,
-    "sac": SACSettings,
-    "evaluation": Evaluations,
-}
-
-
-def network_of(mapping: Mapping[str, Any]) -> Network:
-    """Make a network from what `TrainingConfig.to_dict` says of it.
-
-    Raises
-    ------
-    SceneError
-        If a field is unknown or out of range.
-    """
-    network = _build("network", Network, mapping)
-    assert isinstance(network, Network)
-    return network
 
 
 def _plain(value: object) -> Any:
@@ -577,13 +372,6 @@ def _checked_fields(mapping: object, path: str, known: list[str]) -> dict[str, A
     if not isinstance(mapping, Mapping) and not path:
         raise ConfigError(f"a configuration must be a mapping of fields, got {got(mapping)}")
     return check_fields(mapping, path, known)
-
-
-def _build(name: str, block: type, value: object) -> object:
-    if isinstance(value, block):
-        return value
-    known = [spec.name for spec in fields(block)]
-    return block(**_checked_fields(value, name, known))
 
 
 def _scene(scene: object, overrides: object) -> Scene:

@@ -11,7 +11,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from agents.learning.config import Network, TrainingConfig
+from agents.learning.config import TrainingConfig
+from agents.learning.settings import Network
 from agents.vec_env import TrainingExtraError
 
 try:

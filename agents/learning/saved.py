@@ -24,7 +24,8 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agents.learning.config import ALGORITHMS, ConfigError, TrainingConfig, network_of
+from agents.learning.config import ConfigError, TrainingConfig
+from agents.learning.settings import ALGORITHMS, network_of
 from swim_env.assessment import OBSERVATION_LAYOUT, observation_size
 from swim_env.env_interface import action_space_of, observation_space_of
 from swim_env.errors import OptionError, SceneError, SwimError
