@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -41,7 +41,7 @@ from swim_env.task import (
 )
 from swim_env.threads import usable_threads
 
-__all__ = ["SwimTargetVectorEnv", "SwimVectorEnv"]
+__all__ = ["VECTOR_ENVIRONMENTS", "SwimTargetVectorEnv", "SwimVectorEnv"]
 
 Booleans = NDArray[np.bool_]
 
@@ -400,6 +400,13 @@ class SwimTargetVectorEnv(SwimVectorEnv):
             heading_weight,
         )
         self._set_up(task, num_envs, render_mode, autoreset_mode, max_episode_steps, num_threads)
+
+
+#: The batched environment of each task, see `swim_env.task.TASKS`.
+VECTOR_ENVIRONMENTS: dict[str, Callable[..., SwimVectorEnv]] = {
+    "forward": SwimVectorEnv,
+    "target": SwimTargetVectorEnv,
+}
 
 
 def _described(mask: object) -> str:

@@ -27,7 +27,7 @@ from swim_env.scene import Scene
 from swim_env.task import check_task
 from swim_env.threads import usable_threads
 from swim_env.trajectory import Trajectory
-from swim_env.vector_env import SwimTargetVectorEnv, SwimVectorEnv
+from swim_env.vector_env import VECTOR_ENVIRONMENTS
 
 __all__ = [
     "FIRST_SEED",
@@ -243,7 +243,7 @@ def hold_contest(
             f"every contest needs {' and '.join(REFERENCES)}, {missing[0]} is missing"
         )
     workers = threads or usable_threads()
-    made = SwimTargetVectorEnv if task == "target" else SwimVectorEnv
+    made = VECTOR_ENVIRONMENTS[task]
     performances: dict[str, list[Performance]] = {}
     kept: dict[str, list[Rollout]] = {}
     trajectories: dict[str, list[Trajectory]] = {}

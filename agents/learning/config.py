@@ -228,8 +228,8 @@ class TrainingConfig:
             self.make_task()
         except SwimError as error:
             raise ConfigError(f"environment: {error}") from None
-        # An environment would refuse a control interval that is no whole number of time steps.
-        assert self.scene.steps_per_action > 0
+        # Refuses a control interval that is no whole number of time steps, as an environment would.
+        _ = self.scene.steps_per_action
 
     # ---- what follows from it ------------------------------------------------------------------
 
@@ -261,12 +261,8 @@ class TrainingConfig:
             value = getattr(self, spec.name)
             if spec.name == "scene":
                 data["scene"] = value.to_dict()
-            elif isinstance(value, (Network, PPOSettings, SACSettings, Evaluations)):
-                data[spec.name] = {
-                    part.name: _plain(getattr(value, part.name)) for part in fields(value)
-                }
             elif value is not None or spec.name in ("final_learning_rate", "reward_scale"):
-                data[spec.name] = dict(value) if isinstance(value, dict) else _plain(value)
+                data[spec.name] = dict(value) if isinstance(value, dict) else plain(value)
         return data
 
     def to_yaml(self) -> str:
@@ -304,7 +300,11 @@ class TrainingConfig:
         """
         known = [spec.name for spec in fields(cls)]
         try:
-            given = _checked_fields(mapping, "", [*known, "overrides"])
+            if not isinstance(mapping, Mapping):
+                raise ConfigError(
+                    f"a configuration must be a mapping of fields, got {got(mapping)}"
+                )
+            given = check_fields(mapping, "", [*known, "overrides"])
             try:
                 given["scene"] = _scene(given.pop("scene", "swimmer"), given.pop("overrides", None))
             except (SceneError, ConfigError) as error:
@@ -315,9 +315,7 @@ class TrainingConfig:
                 else:
                     given.pop(name, None)
             return cls(**given)
-        except ConfigError as error:
-            raise ConfigError(error.problem, error.source or source) from None
-        except SceneError as error:
+        except (ConfigError, SceneError) as error:
             raise ConfigError(error.problem, error.source or source) from None
 
     def change(self, changes: Mapping[str, Any]) -> TrainingConfig:
@@ -355,23 +353,11 @@ class TrainingConfig:
         return TrainingConfig.from_dict(data)
 
 
-def _plain(value: object) -> Any:
-    if isinstance(value, tuple):
-        return [_plain(item) for item in value]
-    return value
-
-
 def _discount(value: object) -> float:
     number = check_real(value, "discount", above=0.0)
     if not number < 1.0:
         raise ConfigError(f"discount must be below 1, got {number:g}")
     return number
-
-
-def _checked_fields(mapping: object, path: str, known: list[str]) -> dict[str, Any]:
-    if not isinstance(mapping, Mapping) and not path:
-        raise ConfigError(f"a configuration must be a mapping of fields, got {got(mapping)}")
-    return check_fields(mapping, path, known)
 
 
 def _scene(scene: object, overrides: object) -> Scene:
@@ -449,7 +435,5 @@ def load_config(
         return found
     try:
         return found.change(parse_overrides(overrides))
-    except SceneError as error:
-        raise ConfigError(error.problem, f"{source} with overrides") from None
-    except ConfigError as error:
+    except (ConfigError, SceneError) as error:
         raise ConfigError(error.problem, f"{source} with overrides") from None

@@ -12,7 +12,7 @@ from agents.learning.config import TrainingConfig
 from agents.vec_env import SwimVecEnv
 from swim_env.env_interface import EnvSnapshot
 from swim_env.episodes import EpisodesSnapshot
-from swim_env.vector_env import SwimTargetVectorEnv, SwimVectorEnv
+from swim_env.vector_env import VECTOR_ENVIRONMENTS, SwimVectorEnv
 
 # After agents.vec_env, which says in one line what is missing where this is not installed.
 from stable_baselines3.common.running_mean_std import RunningMeanStd  # isort: skip
@@ -33,8 +33,7 @@ def make_batch(
     mode: AutoresetMode = AutoresetMode.SAME_STEP,
 ) -> SwimVectorEnv:
     """Make a batch of a configuration's scene and task."""
-    made = SwimTargetVectorEnv if config.task == "target" else SwimVectorEnv
-    return made(
+    return VECTOR_ENVIRONMENTS[config.task](
         members, config.scene, autoreset_mode=mode, num_threads=threads, **config.environment
     )
 

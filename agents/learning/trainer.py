@@ -38,7 +38,7 @@ except ImportError:  # no such locks on this system
 
 from agents.evaluation import play_episodes
 from agents.learning.checkpoints import load_checkpoint, save_checkpoint
-from agents.learning.config import ConfigError, TrainingConfig
+from agents.learning.config import ConfigError, TrainingConfig, load_config
 from agents.learning.environment import make_batch, make_training_env
 from agents.learning.logs import CsvLog, TensorBoardLog
 from agents.learning.models import (
@@ -50,10 +50,9 @@ from agents.learning.models import (
 )
 from agents.learning.saved import save_agent
 from swim_env import __version__
-from swim_env.errors import SceneError, SwimError
+from swim_env.errors import SwimError
 from swim_env.files import write_atomically
 from swim_env.provenance import where_and_when
-from swim_env.scene_yaml import parse_yaml
 
 # After agents.vec_env, which says in one line what is missing where this is not installed.
 from stable_baselines3.common.utils import FloatSchedule, set_random_seed  # isort: skip
@@ -289,10 +288,8 @@ def _check_same(
             f"({folder})"
         )
     try:
-        text = (folder / "config.yaml").read_text(encoding="utf-8")
-        kept: Any = parse_yaml(text, os.fspath(folder / "config.yaml"))
-        kept = TrainingConfig.from_dict(kept).to_dict()
-    except (OSError, ValueError, SceneError) as error:
+        kept = load_config(folder / "config.yaml").to_dict()
+    except ConfigError as error:
         raise SwimError(f"cannot read the run's configuration: {error} ({folder})") from None
     now = config.to_dict()
     for name in dict.fromkeys([*kept, *now]):
@@ -435,7 +432,7 @@ class _Run:
         with _random_numbers_kept():
             rollouts = play_episodes(
                 self.judge,
-                _Deterministic(self.model.policy),
+                self.model.policy,
                 range(first, first + config.evaluation.episodes),
             )
         reached = [one.net_displacement for one in rollouts]
@@ -509,23 +506,6 @@ class _Run:
         self.env.set_state(state["environment"])
         set_model_state(self.model, state["model"])
         self.seconds, self.best, self.last = state["seconds"], state["best"], state["last"]
-
-
-class _Deterministic:
-    """A model's policy as one that plays episodes."""
-
-    def __init__(self, policy: Any) -> None:
-        self._policy = policy
-
-    def predict(
-        self,
-        observation: Any,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
-    ) -> tuple[Any, Any]:
-        actions, _ = self._policy.predict(observation, deterministic=deterministic)
-        return actions, state
 
 
 def _passed(before: int, now: int, every: int) -> bool:
