@@ -12,6 +12,12 @@ from numpy.typing import NDArray
 from swim_env.errors import SimulationEndedError
 from swim_env.physics.added_mass import FLUID_MODELS, FluidConstants
 from swim_env.physics.beam import BeamConstants
+from swim_env.physics.fluid_terms import (
+    expansion_terms,
+    frozen_terms,
+    plate_added_mass,
+    strip_terms,
+)
 from swim_env.physics.integrator import (
     RECORD_NAMES,
     MemberViews,
@@ -28,7 +34,7 @@ from swim_env.physics.integrator import (
 from swim_env.physics.loading import load_kernels
 from swim_env.physics.outline import FluidGeometry
 from swim_env.physics.status import TERMINATION_REASONS, describe
-from swim_env.scene import Initial, Scene
+from swim_env.scene import Fluid, Initial, Scene
 from swim_env.threads import share
 
 __all__ = ["Bodies", "aligned_zeros", "minimal_start", "scene_constants"]
@@ -259,13 +265,32 @@ def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, Solver
             stiffness,
             stiffness * retardation,
         ),
-        FluidConstants(model, geometry, density, scene.axial_added_mass is not None),
+        FluidConstants(
+            model,
+            geometry,
+            density,
+            scene.axial_added_mass is not None,
+            _fluid_terms(fluid, geometry),
+        ),
         SolverConstants(
             scene.integrator.time_step,
             scene.integrator.tolerance,
             _most_solves(beam.elements * panels + 2 * caps),
         ),
     )
+
+
+def _fluid_terms(fluid: Fluid | None, geometry: FluidGeometry) -> Array:
+    """Return the constants of a fluid model, none where it has none."""
+    if fluid is None or fluid.density is None or fluid.model == "panels":
+        return np.zeros(0)
+    if fluid.model == "strip":
+        length = geometry.elements * geometry.element_length
+        given = fluid.added_mass_per_length
+        mass = plate_added_mass(fluid.density, length) if given is None else given
+        return strip_terms(geometry, mass)
+    made = frozen_terms if fluid.model == "frozen" else expansion_terms
+    return made(geometry, fluid.density)
 
 
 def _most_solves(panels: int) -> int:

@@ -16,6 +16,7 @@ from swim_env.errors import SceneError
 from swim_env.scene_checks import check_fields, check_text, nearest
 from swim_env.scene_parts import (
     FLUID_MODEL_NAMES,
+    MOST_ELEMENTS_OF_EXPANSION,
     MOST_PANELS_IN_ALL,
     SCHEME_NAMES,
     TOLERANCE_RANGE,
@@ -160,9 +161,19 @@ class Scene:
         if self.axial_added_mass is not None and (
             self.fluid is None or self.fluid.model != "panels"
         ):
+            model = "none" if self.fluid is None else self.fluid.model
             raise SceneError(
-                "axial_added_mass has no meaning without fluid.model panels; leave it out or "
-                "give the scene a fluid"
+                "axial_added_mass has no meaning without fluid.model panels, as it is that of the "
+                f"end panels; leave it out or change the model, got {model}"
+            )
+        if (
+            self.fluid is not None
+            and self.fluid.model == "expansion"
+            and beam.elements > MOST_ELEMENTS_OF_EXPANSION
+        ):
+            raise SceneError(
+                f"fluid.model expansion takes at most {MOST_ELEMENTS_OF_EXPANSION} elements, as "
+                f"its tensor grows with their fourth power, got {beam.elements}; take panels"
             )
 
     # ---- views ---------------------------------------------------------------------------------

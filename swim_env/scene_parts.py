@@ -28,8 +28,11 @@ from swim_env.scene_checks import (
     listed,
 )
 
-FLUID_MODEL_NAMES: tuple[str, ...] = ("none", "panels")
-"""Names that `Fluid.model` may have; the physics room holds one function for each."""
+FLUID_MODEL_NAMES: tuple[str, ...] = ("none", "strip", "frozen", "expansion", "panels")
+"""Names that `Fluid.model` may have, from the crudest to the full one."""
+
+MOST_ELEMENTS_OF_EXPANSION = 27
+"""Largest `Beam.elements` with the fluid model ``expansion``, whose tensor grows as N^4."""
 
 SCHEME_NAMES: tuple[str, ...] = ("paper",)
 """Names that `Integrator.scheme` may have."""
@@ -304,19 +307,27 @@ class Fluid:
     Attributes
     ----------
     model : str
-        One of `FLUID_MODEL_NAMES`; ``none`` is the same as no fluid at all.
+        One of `FLUID_MODEL_NAMES`. ``none`` is the same as no fluid at all; ``strip`` gives every
+        element the added mass of its own length; ``frozen`` takes the straight body's whatever the
+        shape; ``expansion`` adds its second derivatives by the joint angles; ``panels`` evaluates
+        every shape.
     density : float or None
         Fluid density [kg/m^3, at unit depth], above 0; None with the model ``none``.
     panels_per_element : int
         Panels on both sides of an element together, even, 2 to 1000.
     cap_panels : int
-        Panels that close each end of the body, 1 to 1000.
+        Panels that close each end of the body, 1 to 1000. Strips have no panels and leave both
+        alone.
+    added_mass_per_length : float or None
+        With the model ``strip`` alone: an element's added mass per length [kg/m], at least 0; the
+        mean value of a straight plate, pi/4 density length, where None.
     """
 
     model: str = "panels"
     density: float | None = None
     panels_per_element: int = 4
     cap_panels: int = 1
+    added_mass_per_length: float | None = None
 
     def __post_init__(self) -> None:
         """Check every field and store it in its final form."""
@@ -329,7 +340,9 @@ class Fluid:
                     f"got {got(density)}"
                 )
         elif density is None:
-            raise SceneError(f"{model} need fluid.density, a number above 0 in kg/m^3, got null")
+            raise SceneError(
+                f"fluid.model {model} needs fluid.density, a number above 0 in kg/m^3, got null"
+            )
         else:
             density = check_real(density, "fluid.density", "kg/m^3", above=0.0)
         panels = check_integer(
@@ -341,7 +354,21 @@ class Fluid:
                 f"got {panels}"
             )
         caps = check_integer(self.cap_panels, "fluid.cap_panels", at_least=1, at_most=MOST_PANELS)
-        _set(self, density=density, panels_per_element=panels, cap_panels=caps)
+        strip = self.added_mass_per_length
+        if strip is not None:
+            if model != "strip":
+                raise SceneError(
+                    f"fluid.added_mass_per_length has no meaning with fluid.model {model}, only "
+                    f"with strip; it needs null, got {got(strip)}"
+                )
+            strip = check_real(strip, "fluid.added_mass_per_length", "kg/m", at_least=0.0)
+        _set(
+            self,
+            density=density,
+            panels_per_element=panels,
+            cap_panels=caps,
+            added_mass_per_length=strip,
+        )
 
     @property
     def present(self) -> bool:

@@ -78,10 +78,20 @@ SMALLEST_PIVOT = 0.05
 
 NO_FLUID = 0
 PANELS = 1
+CONSTANT = 2
+EXPANSION = 3
 
-#: Fluid models that a scene may name, and the code by which the kernels know them. A new model is
-#: one line here, a branch in `added_mass` and one in `shape_force`.
-FLUID_MODELS: dict[str, int] = {"none": NO_FLUID, "panels": PANELS}
+#: Fluid models that a scene may name, from the crudest to the full one, and the code by which the
+#: kernels know them. Models whose added mass is constant in the elements' frames differ only in
+#: their terms, see `swim_env.physics.fluid_terms`. A new model is one line here, a branch in
+#: `added_mass` and one in `shape_force`.
+FLUID_MODELS: dict[str, int] = {
+    "none": NO_FLUID,
+    "strip": CONSTANT,
+    "frozen": CONSTANT,
+    "expansion": EXPANSION,
+    "panels": PANELS,
+}
 
 
 class FluidConstants(NamedTuple):
@@ -97,12 +107,17 @@ class FluidConstants(NamedTuple):
         rho (kg/m^3, unit depth).
     axial : bool
         Whether the ends' axial added mass is part of the model.
+    terms : (T,) array
+        Constants of the model, see `swim_env.physics.fluid_terms`: the lower triangle of A for a
+        constant added mass, behind it those of the second derivatives for the expansion; none
+        otherwise.
     """
 
     model: int
     geometry: FluidGeometry
     density: float
     axial: bool
+    terms: Array = np.zeros(0)
 
 
 class FluidWork(NamedTuple):
@@ -130,7 +145,9 @@ class FluidWork(NamedTuple):
     half_log : (M + 1,) array
         Scratch.
     joint_gradient : (N + 1,) array
-        Scratch.
+        Scratch; the joint angles in the expansion.
+    joint_scratch : (K (K + 1) / 2,) array
+        Scratch of the expansion, empty otherwise.
     permutation : (M,) int array
         Row exchanges of the inversion.
     """
@@ -144,6 +161,7 @@ class FluidWork(NamedTuple):
     vectors: Array
     half_log: Array
     joint_gradient: Array
+    joint_scratch: Array
     permutation: NDArray[np.int64]
 
 
@@ -174,13 +192,21 @@ def fluid_work_sizes(fluid: FluidConstants) -> tuple[int, int]:
         + (PANEL_ROWS + _SCRATCH + 1) * m
         + LANES
         + padded((NODE_ROWS + 1) * (n + 1))
+        + padded(_expansion_entries(fluid))
     )
     return floats, 2 * m
 
 
 @shared
+def _expansion_entries(fluid: FluidConstants) -> int:
+    """Return the length of a triangle of A where the model is an expansion."""
+    motions = motion_count(fluid)
+    return motions * (motions + 1) // 2 if fluid.model == EXPANSION else 0
+
+
+@shared
 def _padded_panels(fluid: FluidConstants) -> int:
-    return 0 if fluid.model == NO_FLUID else padded(panel_count(fluid.geometry))
+    return padded(panel_count(fluid.geometry)) if fluid.model == PANELS else 0
 
 
 @shared
@@ -222,6 +248,7 @@ def carve_fluid_work(
         vectors,
         half_log,
         floats[start : start + n + 1],
+        floats[start + n + 1 : start + n + 1 + _expansion_entries(fluid)],
         integers[m : 2 * m],
     )
 
@@ -335,6 +362,75 @@ def _panel_shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, ou
         out[k] *= -0.5 * fluid.density
 
 
+@inlined
+def _constant_added_mass(fluid: FluidConstants, out: Array) -> None:
+    entry = 0
+    for a in range(motion_count(fluid)):
+        for b in range(a + 1):
+            out[a, b] = fluid.terms[entry]
+            out[b, a] = fluid.terms[entry]
+            entry += 1
+
+
+@inlined
+def _expanded_added_mass(
+    joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array
+) -> None:
+    """Sum A_0 + sum_ij a_i a_j A_ij / 2 over joints, and keep the angles for the shape force."""
+    motions = motion_count(fluid)
+    entries = motions * (motions + 1) // 2
+    total = work.joint_scratch
+    for entry in range(entries):
+        total[entry] = fluid.terms[entry]
+    start = entries
+    for i in range(joint_angles.size):
+        work.joint_gradient[i] = joint_angles[i]
+        for j in range(i + 1):
+            weight = joint_angles[i] * joint_angles[j] * (0.5 if i == j else 1.0)
+            row = fluid.terms[start : start + entries]
+            for entry in range(entries):
+                total[entry] += weight * row[entry]
+            start += entries
+    entry = 0
+    for a in range(motions):
+        for b in range(a + 1):
+            out[a, b] = total[entry]
+            out[b, a] = total[entry]
+            entry += 1
+
+
+@inlined
+def _expanded_shape_force(
+    motion: Array, fluid: FluidConstants, work: FluidWork, out: Array
+) -> None:
+    """Differentiate V^T A V / 2: sum_j a_j V^T A_ij V / 2 for joint i, then by elements."""
+    elements = fluid.geometry.elements
+    motions = motion_count(fluid)
+    entries = motions * (motions + 1) // 2
+    squares = work.joint_scratch
+    entry = 0
+    for a in range(motions):
+        for b in range(a + 1):
+            squares[entry] = motion[a] * motion[b] * (0.5 if a == b else 1.0)
+            entry += 1
+    out[:] = 0.0
+    angles = work.joint_gradient
+    start = entries
+    for i in range(elements - 1):
+        for j in range(i + 1):
+            row = fluid.terms[start : start + entries]
+            energy = 0.0
+            for entry in range(entries):
+                energy += row[entry] * squares[entry]
+            start += entries
+            # A joint turns the element behind it against the one in front.
+            out[i + 1] += angles[j] * energy
+            out[i] -= angles[j] * energy
+            if j < i:
+                out[j + 1] += angles[i] * energy
+                out[j] -= angles[i] * energy
+
+
 @entry_kernel
 def added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> int:
     """Evaluate the added mass of a shape with the scene's fluid model.
@@ -358,7 +454,12 @@ def added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out:
     """
     if fluid.model == PANELS:
         return _panel_added_mass(joint_angles, fluid, work, out)
-    out[:] = 0.0
+    if fluid.model == CONSTANT:
+        _constant_added_mass(fluid, out)
+    elif fluid.model == EXPANSION:
+        _expanded_added_mass(joint_angles, fluid, work, out)
+    else:
+        out[:] = 0.0
     return FINE
 
 
@@ -382,5 +483,7 @@ def shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, out: Arra
     """
     if fluid.model == PANELS:
         _panel_shape_force(motion, fluid, work, out)
+    elif fluid.model == EXPANSION:
+        _expanded_shape_force(motion, fluid, work, out)
     else:
         out[:] = 0.0

@@ -168,7 +168,7 @@ def pack_constants(
     integers = [beam.elements, geometry.side_panels, geometry.cap_panels]
     integers += [fluid.model, int(fluid.axial), solver.most_solves]
     joints = (beam.joint_stiffness, beam.joint_damping)
-    return np.concatenate([reals, *joints]), np.array(integers, dtype=np.int64)
+    return np.concatenate([reals, *joints, fluid.terms]), np.array(integers, dtype=np.int64)
 
 
 @shared
@@ -188,7 +188,8 @@ def unpack_constants(
     damping = reals[6 + elements : 5 + 2 * elements]
     beam = BeamConstants(elements, reals[0], reals[1], reals[2], stiffness, damping)
     geometry = FluidGeometry(elements, reals[0], reals[3], side_panels, cap_panels)
-    fluid = FluidConstants(model, geometry, reals[4], axial == 1)
+    terms = reals[5 + 2 * elements :]
+    fluid = FluidConstants(model, geometry, reals[4], axial == 1, terms)
     return beam, fluid, SolverConstants(reals[5], reals[6], most_solves)
 
 

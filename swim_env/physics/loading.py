@@ -119,7 +119,7 @@ def _sample() -> _Sample:
     elements = 2
     beam = BeamConstants(elements, 0.5, 0.1, 1e-3, np.ones(1), np.zeros(1))
     geometry = FluidGeometry(elements, 0.5, 0.01, 1, 1)
-    fluid = FluidConstants(FLUID_MODELS["panels"], geometry, 1.0, False)
+    fluid = FluidConstants(FLUID_MODELS["panels"], geometry, 1.0, False, np.zeros(0))
     constants = pack_constants(beam, fluid, SolverConstants(0.01, 1e-10, 1))
     floats, integers = work_sizes(beam, fluid)
     return _Sample(
