@@ -264,6 +264,7 @@ def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, Solver
             dl * beam.rotary_inertia,
             stiffness,
             stiffness * retardation,
+            scene.integrator.strain == "mean_angles",
         ),
         FluidConstants(
             model,
@@ -276,6 +277,7 @@ def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, Solver
             scene.integrator.time_step,
             scene.integrator.tolerance,
             _most_solves(beam.elements * panels + 2 * caps),
+            scene.integrator.scheme == "composed",
         ),
     )
 

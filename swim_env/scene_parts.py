@@ -34,8 +34,11 @@ FLUID_MODEL_NAMES: tuple[str, ...] = ("none", "strip", "frozen", "expansion", "p
 MOST_ELEMENTS_OF_EXPANSION = 27
 """Largest `Beam.elements` with the fluid model ``expansion``, whose tensor grows as N^4."""
 
-SCHEME_NAMES: tuple[str, ...] = ("paper",)
-"""Names that `Integrator.scheme` may have."""
+SCHEME_NAMES: tuple[str, ...] = ("paper", "composed")
+"""Names that `Integrator.scheme` may have: of first order, and of second."""
+
+STRAIN_NAMES: tuple[str, ...] = ("averaged_directors", "mean_angles")
+"""Names that `Integrator.strain` may have."""
 
 TOLERANCE_RANGE: tuple[float, float] = (1e-13, 1e-4)
 """Smallest and largest `Integrator.tolerance`."""
@@ -635,12 +638,18 @@ class Integrator:
     tolerance : float
         Largest scaled residual of the step equations, dimensionless, 1e-13 to 1e-4.
     scheme : str
-        One of `SCHEME_NAMES`.
+        One of `SCHEME_NAMES`: ``paper`` has the fluid's inertia at the beginning of a step and is
+        of first order in it; ``composed`` is half a step of that followed by its adjoint, of
+        second order, and takes prescribed torques at the middle of a step.
+    strain : str
+        One of `STRAIN_NAMES`: that of the directors averaged over a step, as in the paper, which
+        softens where elements turn far in a step; or sin(a)/dl at the mean joint angle a.
     """
 
     time_step: float = 0.01
     tolerance: float = 1e-10
     scheme: str = "paper"
+    strain: str = "averaged_directors"
 
     def __post_init__(self) -> None:
         """Check every field and store it in its final form."""
@@ -652,6 +661,7 @@ class Integrator:
                 self.tolerance, "integrator.tolerance", at_least=low, at_most=high
             ),
             scheme=check_name(self.scheme, "integrator.scheme", SCHEME_NAMES),
+            strain=check_name(self.strain, "integrator.strain", STRAIN_NAMES),
         )
 
 

@@ -347,12 +347,13 @@ class Simulator:
     def prescribed_torques(self, steps: int) -> Array:
         """Return the scene's torques (N m) for the next steps, (steps, N - 1).
 
-        Each row holds the value at its step's beginning; all are zero in a scene without
-        actuation.
+        Each row holds the value at its step's beginning, with the composed scheme at its middle;
+        all are zero in a scene without actuation.
         """
         if self.scene.actuation is None:
             return np.zeros((steps, self.elements - 1))
-        times = (self.steps + np.arange(steps)) * self.time_step
+        into = 0.5 if self.scene.integrator.scheme == "composed" else 0.0
+        times = (self.steps + np.arange(steps) + into) * self.time_step
         return self.scene.actuation.torques(times, self.scene.beam)
 
     # ---- snapshots -----------------------------------------------------------------------------

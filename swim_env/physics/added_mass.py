@@ -64,6 +64,7 @@ __all__ = [
     "added_mass",
     "carve_fluid_work",
     "fluid_work_sizes",
+    "hangs_on_shape",
     "motion_count",
     "shape_force",
 ]
@@ -171,6 +172,12 @@ class FluidWork(NamedTuple):
 _SIGMA, _MU, _PHI, _VELOCITY, _WEIGHT, _LOAD, _GRADIENT = range(7)
 _SHAPE = _GRADIENT + 5
 _SCRATCH = _SHAPE + SHAPE_SCRATCH
+
+
+@shared
+def hangs_on_shape(fluid: FluidConstants) -> bool:
+    """Tell whether the model's added mass changes with the joint angles."""
+    return fluid.model != NO_FLUID and fluid.model != CONSTANT
 
 
 @shared

@@ -38,6 +38,9 @@ class BeamConstants(NamedTuple):
         EI/dl (N m).
     joint_damping : (N - 1,) array
         EI t_kv/dl (N m s).
+    strain_of_angles : bool
+        Whether the strain of a step is that of the mean joint angles, sin(a)/dl at
+        a_{n+1/2} = (a_n + a_{n+1})/2, instead of that of the averaged directors (16).
     """
 
     elements: int
@@ -46,6 +49,7 @@ class BeamConstants(NamedTuple):
     element_inertia: float
     joint_stiffness: Array
     joint_damping: Array
+    strain_of_angles: bool = False
 
 
 @kernel

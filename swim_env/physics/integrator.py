@@ -29,6 +29,7 @@ from swim_env.physics.added_mass import (
     added_mass,
     carve_fluid_work,
     fluid_work_sizes,
+    hangs_on_shape,
     motion_count,
 )
 from swim_env.physics.beam import BeamConstants
@@ -42,9 +43,13 @@ from swim_env.physics.dense import (
     lu_solve,
 )
 from swim_env.physics.lagrangian import (
+    ADDED_ANGLES,
     CHANGE,
     DIRECTION,
     INCREMENT,
+    PART_P,
+    PART_Q,
+    PART_TOTAL,
     PREPARED,
     PREPARED_P,
     PROPOSED,
@@ -57,12 +62,14 @@ from swim_env.physics.lagrangian import (
     START,
     TOTAL,
     TRIAL,
+    TRIAL_ANGLES,
     VELOCITY,
     StepArrays,
     carve_step_arrays,
     evaluate_held_step,
     evaluate_step,
     mass_matrix,
+    pose_jacobian,
     round_off_floor,
     set_pose,
     step_array_size,
@@ -111,6 +118,9 @@ ROUND_OFF_MARGIN = 32.0
 _MOST_PASSES = 4
 _MOST_IN_PASS = 8
 _MOST_LAST = 3
+#: Where an element turns by more than this in the guess of a step (rad), Newton's matrix is that of
+#: the guess; else that of the pose serves, which costs a tenth.
+_SMALL_TURN = 0.1
 _FIRST_PASS = 1e-4
 _PASS_TOLERANCE = 0.1
 
@@ -148,11 +158,14 @@ class SolverConstants(NamedTuple):
         Largest scaled residual accepted.
     most_solves : int
         Bound on the attempts to solve a part of one outer step.
+    composed : bool
+        Whether a step is one of half the length followed by its adjoint.
     """
 
     time_step: float
     tolerance: float
     most_solves: int
+    composed: bool = False
 
 
 def pack_constants(
@@ -166,7 +179,8 @@ def pack_constants(
     reals = [beam.element_length, beam.element_mass, beam.element_inertia]
     reals += [geometry.half_thickness, fluid.density, solver.time_step, solver.tolerance]
     integers = [beam.elements, geometry.side_panels, geometry.cap_panels]
-    integers += [fluid.model, int(fluid.axial), solver.most_solves]
+    integers += [fluid.model, int(fluid.axial), solver.most_solves, int(solver.composed)]
+    integers += [int(beam.strain_of_angles)]
     joints = (beam.joint_stiffness, beam.joint_damping)
     return np.concatenate([reals, *joints, fluid.terms]), np.array(integers, dtype=np.int64)
 
@@ -176,21 +190,20 @@ def unpack_constants(
     reals: Array, integers: NDArray[np.int64]
 ) -> tuple[BeamConstants, FluidConstants, SolverConstants]:
     """Return the constants that `pack_constants` has put into arrays."""
-    elements, side_panels, cap_panels, model, axial, most_solves = (
-        integers[0],
-        integers[1],
-        integers[2],
-        integers[3],
-        integers[4],
-        integers[5],
-    )
+    elements = integers[0]
+    side_panels = integers[1]
+    cap_panels = integers[2]
+    model = integers[3]
     stiffness = reals[7 : 6 + elements]
     damping = reals[6 + elements : 5 + 2 * elements]
-    beam = BeamConstants(elements, reals[0], reals[1], reals[2], stiffness, damping)
+    beam = BeamConstants(
+        elements, reals[0], reals[1], reals[2], stiffness, damping, integers[7] == 1
+    )
     geometry = FluidGeometry(elements, reals[0], reals[3], side_panels, cap_panels)
     terms = reals[5 + 2 * elements :]
-    fluid = FluidConstants(model, geometry, reals[4], axial == 1, terms)
-    return beam, fluid, SolverConstants(reals[5], reals[6], most_solves)
+    fluid = FluidConstants(model, geometry, reals[4], integers[4] == 1, terms)
+    solver = SolverConstants(reals[5], reals[6], integers[5], integers[6] == 1)
+    return beam, fluid, solver
 
 
 def state_size(elements: int) -> int:
@@ -263,6 +276,29 @@ def _energy(p: Array, beam: BeamConstants, w: StepArrays) -> float:
 
 
 @kernel
+def _find_added_mass(
+    joint_angles: Array, fluid: FluidConstants, fluid_work: FluidWork, w: StepArrays
+) -> int:
+    """Evaluate the added mass of a shape unless it is the last one that was evaluated."""
+    if fluid.model == NO_FLUID:
+        return FINE
+    known = w.unknowns[ADDED_ANGLES]
+    same = known[0] == 1.0
+    if hangs_on_shape(fluid):
+        for j in range(joint_angles.size):
+            same = same and known[1 + j] == joint_angles[j]
+    if same:
+        return FINE
+    known[0] = 0.0
+    status = added_mass(joint_angles, fluid, fluid_work, w.added_mass)
+    if status == FINE:
+        known[0] = 1.0
+        for j in range(joint_angles.size):
+            known[1 + j] = joint_angles[j]
+    return status
+
+
+@kernel
 def prepare(
     q: Array,
     p: Array,
@@ -292,10 +328,9 @@ def prepare(
         u[PREPARED, 0] = 0.0
         u[PREPARED_P] = np.nan
         set_pose(q, w)
-        if fluid.model != NO_FLUID:
-            status = added_mass(q[3:], fluid, fluid_work, w.added_mass)
-            if status != FINE:
-                return status
+        status = _find_added_mass(q[3:], fluid, fluid_work, w)
+        if status != FINE:
+            return status
         mass_matrix(beam, fluid, fluid_work, w)
         if not cholesky(w.mass):
             return MASS_NOT_POSITIVE
@@ -320,6 +355,25 @@ def _correction_size(z: Array, dl: float) -> float:
         if not abs(turn) <= largest:
             largest = abs(turn) if turn == turn else math.inf
     return largest
+
+
+@kernel
+def _evaluate(
+    m: MemberViews, torques: Array, z: Array, h: float, beam: BeamConstants, fluid: FluidConstants
+) -> float:
+    """Evaluate the residual at an increment z with all that hangs on z; infinite where none is.
+
+    That is the shape force, or in the adjoint the added mass of the shape at the end.
+    """
+    w = m.step
+    if w.adjoint[0] == 0.0:
+        return evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, w)
+    angles = w.unknowns[TRIAL_ANGLES]
+    for j in range(torques.size):
+        angles[j] = m.q[3 + j] + z[3 + j]
+    if _find_added_mass(angles[: torques.size], fluid, m.fluid_work, w) != FINE:
+        return np.inf
+    return evaluate_held_step(m.p, torques, z, h, beam, fluid, w)
 
 
 @kernel
@@ -379,18 +433,23 @@ def _newton_in_passes(
     if shape_known:
         norm = evaluate_held_step(m.p, torques, z, h, beam, fluid, w)
     else:
-        norm = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, w)
+        norm = _evaluate(m, torques, z, h, beam, fluid)
         report[3] += 1.0
     report[0] = norm
     if not norm < np.inf:
         return False
     if norm <= solver.tolerance and not shape_known:
         return True
-    step_jacobian(h, beam, fluid, m.fluid_work, 0.0, w)
+    if _turns_beyond(z, _SMALL_TURN):
+        step_jacobian(h, beam, fluid, m.fluid_work, 0.0, w)
+    else:
+        pose_jacobian(h, beam, w)
     if not lu_factor(w.jacobian, m.permutation):
         return False
-    # The first pass works with a guess of the shape force and need not go far.
-    enough = _FIRST_PASS * norm
+    # The first pass works with a guess of what is held and need not go far; where nothing is held,
+    # it goes all the way.
+    held = hangs_on_shape(fluid)
+    enough = _FIRST_PASS * norm if held else 0.0
     for _ in range(_MOST_PASSES):
         enough = max(enough, _PASS_TOLERANCE * solver.tolerance)
         size = np.inf
@@ -407,13 +466,18 @@ def _newton_in_passes(
             report[1] += 1.0
             if norm <= enough:
                 break
-        norm = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, w)
-        report[3] += 1.0
+        if held:
+            norm = _evaluate(m, torques, z, h, beam, fluid)
+            report[3] += 1.0
         report[0] = norm
         enough = 0.0
         if norm <= solver.tolerance:
-            _correct_once_more(m, torques, h, beam, fluid)
+            # The adjoint's added mass is to stay that of the increment.
+            if held and w.adjoint[0] == 0.0:
+                _correct_once_more(m, torques, h, beam, fluid)
             return not _turns_beyond(z, TRUSTED_TURN)
+        if not held:
+            break
     return False
 
 
@@ -443,7 +507,7 @@ def _newton(
     proposed = u[PROPOSED]
     report = w.report
     report[2] = 0.0
-    norm = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, w)
+    norm = _evaluate(m, torques, z, h, beam, fluid)
     report[3] += 1.0
     report[0] = norm
     if not norm < np.inf:
@@ -472,7 +536,7 @@ def _newton(
             for i in range(z.size):
                 trial[i] = z[i] + length * direction[i]
             if not _turns_beyond(trial, TRUSTED_TURN):
-                norm = evaluate_step(m.p, torques, trial, h, beam, fluid, m.fluid_work, w)
+                norm = _evaluate(m, torques, trial, h, beam, fluid)
                 report[1] += 1.0
                 report[3] += 1.0
                 if norm <= solver.tolerance:
@@ -510,7 +574,7 @@ def _newton(
             return False
         difference = SHAPE_DIFFERENCE
         renew = True
-        report[0] = evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, w)
+        report[0] = _evaluate(m, torques, z, h, beam, fluid)
         report[3] += 1.0
     return False
 
@@ -573,7 +637,8 @@ def _solve_part(
         if not tried:
             tried = True
             copy(increment, u[START])
-            extrapolated = start == 0
+            # The adjoint has nothing to guess from: its added mass is that of the end.
+            extrapolated = start == 0 and (m.step.adjoint[0] == 0.0 or not hangs_on_shape(fluid))
             solved = _newton_in_passes(m, torques, h, beam, fluid, solver, extrapolated)
             if not solved:
                 copy(u[START], increment)
@@ -609,15 +674,38 @@ def _outer_step(
     copy(m.p, u[SAVED_P])
     u[TOTAL] = 0.0
     status = prepare(m.q, m.p, beam, fluid, m.fluid_work, w)
+    second = False
+    lost = 0.0
     while status == FINE and done < whole:
         h = solver.time_step * (part / whole)
+        if solver.composed:
+            h *= 0.5
+            if not second:
+                copy(m.q, u[PART_Q])
+                copy(m.p, u[PART_P])
+                copy(u[TOTAL], u[PART_TOTAL])
+                lost = record[DISSIPATED]
+        w.adjoint[0] = 1.0 if second else 0.0
         outcome = _solve_part(m, torques, h, part, beam, fluid, solver)
         solves += 1
         if outcome != FINE:
             if part == 1 or solves >= solver.most_solves:
                 status = outcome
             part //= 2
+            if second:
+                # Both halves or none.
+                second = False
+                copy(u[PART_Q], m.q)
+                copy(u[PART_P], m.p)
+                copy(u[PART_TOTAL], u[TOTAL])
+                record[DISSIPATED] = lost
+                m.counters[KNOWN_INCREMENTS] = 0.0
+                if status == FINE:
+                    status = prepare(m.q, m.p, beam, fluid, m.fluid_work, w)
             continue
+        if second:
+            # The change of the momentum wants the shape force at the end.
+            evaluate_step(m.p, torques, u[INCREMENT], h, beam, fluid, m.fluid_work, w)
         for j in range(torques.size):
             change = u[INCREMENT, 3 + j]
             record[DISSIPATED] += beam.joint_damping[j] * change * change / h
@@ -636,6 +724,13 @@ def _outer_step(
         m.counters[KNOWN_INCREMENTS] = min(known + 1.0, 3.0)
         m.counters[LAST_PART] = part
         record[RESIDUAL_MET] = max(record[RESIDUAL_MET], report[0])
+        if solver.composed and not second:
+            second = True
+            set_pose(m.q, w)
+            u[PREPARED, 0] = 0.0
+            continue
+        second = False
+        w.adjoint[0] = 0.0
         record[PARTS] += 1.0
         record[AT_ROUND_OFF] = max(record[AT_ROUND_OFF], report[2])
         done += part
