@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from swim_env.errors import SimulationEndedError
 from swim_env.physics.added_mass import FLUID_MODELS, FluidConstants
 from swim_env.physics.beam import BeamConstants
+from swim_env.physics.centreline import VARIANTS
 from swim_env.physics.fluid_terms import (
     expansion_terms,
     frozen_terms,
@@ -34,6 +35,7 @@ from swim_env.physics.integrator import (
 from swim_env.physics.loading import load_kernels
 from swim_env.physics.outline import FluidGeometry
 from swim_env.physics.status import TERMINATION_REASONS, describe
+from swim_env.recorder import Recorder
 from swim_env.scene import Fluid, Initial, Scene
 from swim_env.threads import share
 
@@ -67,6 +69,8 @@ class Bodies:
         Steps taken by the last advance, and 0 or the code of the reason for an early end.
     everyone : (M,) array of int
         The indices of all members.
+    recorder : Recorder or None
+        What keeps their steps, where the scene has the effect `recording`.
     """
 
     def __init__(self, scene: Scene, count: int = 1) -> None:
@@ -83,7 +87,12 @@ class Bodies:
         self.outcome = np.zeros((count, 2), dtype=np.int64)
         self.everyone = np.arange(count)
         self._steps_column = steps_column(scene.beam.elements)
-        self._no_trace = np.zeros((count, 0, self.unknowns))
+        #: Columns of a trace: coordinates, momenta, and internal forces where the scene has them.
+        self.trace_columns = 2 * self.unknowns
+        if scene.internal_forces is not None:
+            self.trace_columns += 2 * (scene.beam.elements - 1)
+        self.recorder = Recorder(scene, count) if scene.recording is not None else None
+        self._no_trace = np.zeros((count, 0, self.trace_columns))
 
     @property
     def coordinates(self) -> Array:
@@ -126,6 +135,14 @@ class Bodies:
         self.states[member] = state
         self.velocities[member] = velocity
         self.outcome[member] = 0
+        self.begin_recording(member)
+
+    def begin_recording(self, member: int) -> None:
+        """Let a recording begin at the member's present state; without a recorder do nothing."""
+        if self.recorder is not None:
+            steps = int(self.steps_taken[member])
+            state = self.states[member, : 2 * self.unknowns]
+            self.recorder.begin(member, steps, self.weigh(member)[0], state)
 
     def weigh(self, member: int) -> tuple[float, Array, int]:
         """Return a member's energy (J), its velocity M^-1 p (N + 2,), and a code that is 0.
@@ -155,7 +172,7 @@ class Bodies:
         return member_views(self.states[index], beam, fluid, floats, integers)
 
     def new_record(self, steps: int) -> Array:
-        """Return an array for `advance` to write to: (M, steps, 9), columns RECORD_NAMES."""
+        """Return an array for `advance` to write to: (M, steps, 12), columns RECORD_NAMES."""
         return np.zeros((len(self.states), steps, len(RECORD_NAMES)))
 
     def advance(
@@ -165,7 +182,7 @@ class Bodies:
         record: Array,
         members: Indices | None = None,
         threads: int = 1,
-        trace: tuple[Array, Array] | None = None,
+        trace: Array | None = None,
     ) -> None:
         """Advance members by all their rows of torques, in up to that many threads.
 
@@ -175,16 +192,18 @@ class Bodies:
             Joint torques (N m), not checked here.
         hold : int
             Steps over which each row is held.
-        record : (M, R hold, 9) array
+        record : (M, R hold, 12) array
             Overwritten for these members; see `swim_env.physics.integrator.advance`.
         members : (K,) array of int, optional
             Which ones; all of them unless given.
         threads : int
             Largest number of threads to use; 1 starts none.
-        trace : pair of (M, R hold, N + 2) arrays, optional
-            Overwritten with coordinates and momenta after each step.
+        trace : (M, R hold, trace_columns) array, optional
+            Overwritten with coordinates and momenta after each step, and internal forces.
         """
-        trace_q, trace_p = trace if trace is not None else (self._no_trace, self._no_trace)
+        traced = self._no_trace if trace is None else trace
+        if self.recorder is not None and trace is None:
+            traced = np.empty((len(self.states), record.shape[1], self.trace_columns))
 
         def run(some: Indices) -> None:
             advance(
@@ -195,14 +214,23 @@ class Bodies:
                 *self._constants,
                 self._floats,
                 self._integers,
-                trace_q,
-                trace_p,
+                traced,
                 record,
                 self.velocities,
                 self.outcome,
             )
 
-        share(run, self.everyone if members is None else members, threads)
+        chosen = self.everyone if members is None else members
+        share(run, chosen, threads)
+        if self.recorder is not None:
+            for member in chosen:
+                taken = slice(int(self.outcome[member, 0]))
+                self.recorder.add(
+                    int(member),
+                    traced[member, taken],
+                    np.repeat(torques[member], hold, axis=0)[taken],
+                    record[member, taken],
+                )
 
 
 def aligned_zeros(rows: int, columns: int) -> Array:
@@ -253,9 +281,12 @@ def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, Solver
     fluid = scene.fluid
     model = FLUID_MODELS[fluid.model] if fluid else FLUID_MODELS["none"]
     panels = fluid.panels_per_element if fluid else 2
-    caps = fluid.cap_panels if fluid else 1
+    caps = fluid.panels_per_end if fluid else 1
     density = fluid.density if fluid and fluid.density is not None else 0.0
-    geometry = FluidGeometry(beam.elements, dl, beam.half_thickness, panels // 2, caps)
+    # On the centre line there is one side.
+    on_a_side = panels if fluid and fluid.model == "centreline" else panels // 2
+    geometry = FluidGeometry(beam.elements, dl, beam.half_thickness, on_a_side, caps)
+    drag, stream = scene.cross_flow_drag, scene.stream
     return (
         BeamConstants(
             beam.elements,
@@ -264,7 +295,9 @@ def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, Solver
             dl * beam.rotary_inertia,
             stiffness,
             stiffness * retardation,
+            bool(stiffness.any()),
             scene.integrator.strain == "mean_angles",
+            beam.half_thickness if scene.self_contact else 0.0,
         ),
         FluidConstants(
             model,
@@ -272,12 +305,15 @@ def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, Solver
             density,
             scene.axial_added_mass is not None,
             _fluid_terms(fluid, geometry),
+            0.5 * density * drag.coefficient if drag else 0.0,
+            *(stream.velocity if stream else (0.0, 0.0)),
         ),
         SolverConstants(
             scene.integrator.time_step,
             scene.integrator.tolerance,
             _most_solves(beam.elements * panels + 2 * caps),
             scene.integrator.scheme == "composed",
+            scene.internal_forces is not None,
         ),
     )
 
@@ -286,6 +322,8 @@ def _fluid_terms(fluid: Fluid | None, geometry: FluidGeometry) -> Array:
     """Return the constants of a fluid model, none where it has none."""
     if fluid is None or fluid.density is None or fluid.model == "panels":
         return np.zeros(0)
+    if fluid.model == "centreline":
+        return np.array(VARIANTS[fluid.variant or "consistent"])
     if fluid.model == "strip":
         length = geometry.elements * geometry.element_length
         given = fluid.added_mass_per_length

@@ -36,6 +36,7 @@ from swim_env.task import (
     TargetTask,
     Task,
 )
+from swim_env.trajectory import Trajectory
 
 __all__ = ["SwimEnv", "SwimTargetEnv"]
 
@@ -171,6 +172,16 @@ class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
     def goal(self) -> NDArray[np.float64]:
         """The direction of the episode, a unit vector (2,), or its target (m)."""
         return np.array(self.episodes.goals[0], dtype=np.float64)
+
+    def recorded(self) -> Trajectory:
+        """Return the episode's trajectory so far, of a scene with the effect recording.
+
+        Raises
+        ------
+        OptionError
+            If the scene has no recording.
+        """
+        return self.episodes.recorded(0)
 
     # ---- Gymnasium's methods -------------------------------------------------------------------
 

@@ -24,8 +24,10 @@ from swim_env.bodies import Bodies
 from swim_env.errors import ActionError, OptionError, SimulationEndedError, SwimError
 from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
 from swim_env.physics.status import describe
+from swim_env.recorder import needs_recording
 from swim_env.scene_checks import got
 from swim_env.task import StartPlan, Task
+from swim_env.trajectory import Trajectory
 
 __all__ = ["TERMINATION_REASONS", "Episodes", "EpisodesSnapshot", "reason_of", "whole_number"]
 
@@ -337,6 +339,18 @@ class Episodes:
             infos[name] = self._everyone_there
         return BatchResults(observations, columns[0], flags[0], flags[1], infos)
 
+    def recorded(self, member: int) -> Trajectory:
+        """Return a member's trajectory since its start, of a scene with the effect recording.
+
+        Raises
+        ------
+        OptionError
+            If the scene has no recording.
+        """
+        recorder = needs_recording(self.bodies.recorder)
+        status = int(self.bodies.outcome[member, 1])
+        return recorder.trajectory(member, PHYSICS_REASONS[status])
+
     # ---- snapshots -----------------------------------------------------------------------------
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
@@ -377,6 +391,8 @@ class Episodes:
             )
         for name, array in self._arrays().items():
             array[:] = snapshot.arrays[name]
+        for member in range(len(randoms)):
+            self.bodies.begin_recording(member)
         self.someone_ended = bool(self.counters[:, END_CODE:].any())
         for random, state in zip(randoms, snapshot.randoms, strict=True):
             random.bit_generator.state = deepcopy(state)

@@ -23,14 +23,19 @@ from swim_env.scene_parts import (
     Actuation,
     AxialAddedMass,
     Beam,
+    CrossFlowDrag,
     Damping,
     Episode,
     Fluid,
     Initial,
     Integrator,
+    InternalForces,
     LinearStiffness,
     PiecewiseStiffness,
+    Recording,
+    SelfContact,
     StiffnessPiece,
+    Stream,
     build_block,
     plain,
 )
@@ -44,33 +49,54 @@ __all__ = [
     "Actuation",
     "AxialAddedMass",
     "Beam",
+    "CrossFlowDrag",
     "Damping",
     "Episode",
     "Fluid",
     "Initial",
     "Integrator",
+    "InternalForces",
     "LinearStiffness",
     "PiecewiseStiffness",
+    "Recording",
     "Scene",
+    "SelfContact",
     "StiffnessPiece",
+    "Stream",
     "load_scene",
     "scene_names",
 ]
 
-EFFECT_NAMES: tuple[str, ...] = ("axial_added_mass", "damping")
-"""Names of the optional effects; each is also the name of its block in a scene."""
+EFFECT_NAMES: tuple[str, ...] = (
+    "bending_stiffness",
+    "axial_added_mass",
+    "damping",
+    "cross_flow_drag",
+    "stream",
+    "self_contact",
+    "internal_forces",
+    "recording",
+)
+"""Names of the effects; each is also the name of its block in a scene, the first one in `beam`."""
 
 _BLOCKS: dict[str, type] = {
     "beam": Beam,
     "fluid": Fluid,
     "axial_added_mass": AxialAddedMass,
     "damping": Damping,
+    "cross_flow_drag": CrossFlowDrag,
+    "stream": Stream,
+    "self_contact": SelfContact,
+    "internal_forces": InternalForces,
+    "recording": Recording,
     "actuation": Actuation,
     "initial": Initial,
     "integrator": Integrator,
     "episode": Episode,
 }
-_OPTIONAL = ("fluid", "axial_added_mass", "damping", "actuation")
+_OPTIONAL = ("fluid", *EFFECT_NAMES[1:], "actuation")
+#: Blocks without fields, which are there or not.
+_BARE = tuple(name for name, cls in _BLOCKS.items() if not fields(cls))
 _NOTHING: Any = object()
 
 #: Largest number of time steps in a control interval, which are recorded one by one, and of actions
@@ -96,6 +122,16 @@ class Scene:
         Effect, present or not; needs a fluid of panels.
     damping : Damping or None
         Effect, present or not; needs a beam with stiffness.
+    cross_flow_drag : CrossFlowDrag or None
+        Effect, present or not; needs a fluid.
+    stream : Stream or None
+        Effect, present or not; needs a fluid.
+    self_contact : SelfContact or None
+        Effect, present or not; needs a thickness.
+    internal_forces : InternalForces or None
+        Effect, present or not.
+    recording : Recording or None
+        Effect, present or not.
     actuation : Actuation or None
         The prescribed torque; None for a passive body.
     initial : Initial
@@ -112,6 +148,11 @@ class Scene:
     fluid: Fluid | None = None
     axial_added_mass: AxialAddedMass | None = None
     damping: Damping | None = None
+    cross_flow_drag: CrossFlowDrag | None = None
+    stream: Stream | None = None
+    self_contact: SelfContact | None = None
+    internal_forces: InternalForces | None = None
+    recording: Recording | None = None
     actuation: Actuation | None = None
     initial: Initial = Initial()
     integrator: Integrator = Integrator()
@@ -147,7 +188,7 @@ class Scene:
                     f"beam.half_thickness must be above 0 and below a quarter of the length, "
                     f"{limit:.6g} m, for an outline of panels, got {beam.half_thickness!r}"
                 )
-            panels = beam.elements * self.fluid.panels_per_element + 2 * self.fluid.cap_panels
+            panels = beam.elements * self.fluid.panels_per_element + 2 * self.fluid.panels_per_end
             if panels > MOST_PANELS_IN_ALL:
                 raise SceneError(
                     f"beam.elements times fluid.panels_per_element and the ends' panels must be "
@@ -166,6 +207,15 @@ class Scene:
                 "axial_added_mass has no meaning without fluid.model panels, as it is that of the "
                 f"end panels; leave it out or change the model, got {model}"
             )
+        for name in ("cross_flow_drag", "stream"):
+            if getattr(self, name) is not None and not (self.fluid and self.fluid.present):
+                raise SceneError(
+                    f"{name} has no meaning without a fluid; leave it out or give the scene a fluid"
+                )
+        if self.self_contact is not None and beam.half_thickness == 0.0:
+            raise SceneError(
+                "self_contact needs beam.half_thickness, a number above 0 in m, got 0.0"
+            )
         if (
             self.fluid is not None
             and self.fluid.model == "expansion"
@@ -181,7 +231,12 @@ class Scene:
     @property
     def effects(self) -> tuple[str, ...]:
         """Names of the effects that are present, in the order of `EFFECT_NAMES`."""
-        return tuple(name for name in EFFECT_NAMES if getattr(self, name) is not None)
+        stiff = bool(self.beam.stiffness_at_joints().any())
+        return tuple(
+            name
+            for name in EFFECT_NAMES
+            if (stiff if name == "bending_stiffness" else getattr(self, name) is not None)
+        )
 
     @property
     def steps_per_action(self) -> int:
@@ -268,8 +323,8 @@ class Scene:
         ----------
         mapping : mapping
             Fields and blocks by name; what is left out has its default, optional blocks left
-            out or null are absent. Only `axial_added_mass`, which has no fields, may not be null,
-            since a bare ``axial_added_mass:`` might be meant as its presence.
+            out or null are absent. Only those that have no fields may not be null, since a bare
+            ``axial_added_mass:`` might be meant as its presence.
         source : str, optional
             Where the mapping came from, for messages.
 
@@ -374,12 +429,12 @@ def _known_path(path: object) -> str:
 
 def _build(name: str, cls: type, value: object) -> object:
     """Make one block of a scene from what a file has for it."""
-    if name == "axial_added_mass":
+    if name in _BARE:
         if value is True:
-            return AxialAddedMass()
+            return cls()
         if value is None or value is False:
             raise SceneError(
-                "axial_added_mass must be {} or true, or left out to have none, got "
+                f"{name} must be {{}} or true, or left out to have none, got "
                 + ("null" if value is None else "false")
             )
     if value is None and name in _OPTIONAL:

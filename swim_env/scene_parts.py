@@ -28,8 +28,27 @@ from swim_env.scene_checks import (
     listed,
 )
 
-FLUID_MODEL_NAMES: tuple[str, ...] = ("none", "strip", "frozen", "expansion", "panels")
-"""Names that `Fluid.model` may have, from the crudest to the full one."""
+FLUID_MODEL_NAMES: tuple[str, ...] = (
+    "none",
+    "strip",
+    "frozen",
+    "expansion",
+    "panels",
+    "centreline",
+)
+"""Names that `Fluid.model` may have, from the crudest to the full one; the last one is there for
+comparison with the printed equations only."""
+
+CENTRELINE_VARIANTS: tuple[str, ...] = (
+    "consistent",
+    "printed_factor",
+    "arm_from_start",
+    "printed_factor_arm_from_start",
+)
+"""Names that `Fluid.variant` may have."""
+
+PROPORTIONAL = "proportional"
+"""What `Fluid.cap_panels` may be instead of a number."""
 
 MOST_ELEMENTS_OF_EXPANSION = 27
 """Largest `Beam.elements` with the fluid model ``expansion``, whose tensor grows as N^4."""
@@ -218,6 +237,8 @@ def _check_stiffness(value: object, elements: int) -> Stiffness:
                 f"{elements}, got {len(values)}"
             )
         return values
+    if value is None:
+        return 0.0
     if is_number(value):
         return check_real(value, field, "N m^2", at_least=0.0)
     raise SceneError(
@@ -246,7 +267,7 @@ class Beam:
     bending_stiffness : float, tuple of float, PiecewiseStiffness or LinearStiffness
         Bending stiffness EI [N m^2], at least 0: one value, one value for each of the N - 1
         joints, or a law in s/l, which means the same at every N. Lists and mappings, as YAML
-        has them, are converted.
+        has them, are converted. The effect is absent at 0 or null.
     """
 
     length: float = 1.0
@@ -313,24 +334,30 @@ class Fluid:
         One of `FLUID_MODEL_NAMES`. ``none`` is the same as no fluid at all; ``strip`` gives every
         element the added mass of its own length; ``frozen`` takes the straight body's whatever the
         shape; ``expansion`` adds its second derivatives by the joint angles; ``panels`` evaluates
-        every shape.
+        every shape; ``centreline`` is the letter of the printed equations, for comparison only:
+        sources on one side of the centre line.
     density : float or None
         Fluid density [kg/m^3, at unit depth], above 0; None with the model ``none``.
     panels_per_element : int
-        Panels on both sides of an element together, even, 2 to 1000.
-    cap_panels : int
-        Panels that close each end of the body, 1 to 1000. Strips have no panels and leave both
-        alone.
+        Panels on both sides of an element together, or on its centre line; even, 2 to 1000.
+    cap_panels : int or str
+        Panels that close each end of the body, 1 to 1000; or ``proportional`` for a quarter of the
+        panels per element and at least one, which refines the ends with the sides. Strips have no
+        panels and leave both alone, the centre line has no ends.
     added_mass_per_length : float or None
         With the model ``strip`` alone: an element's added mass per length [kg/m], at least 0; the
         mean value of a straight plate, pi/4 density length, where None.
+    variant : str or None
+        With the model ``centreline`` alone: one of `CENTRELINE_VARIANTS`, the boundary value of a
+        turning element; ``consistent`` where None.
     """
 
     model: str = "panels"
     density: float | None = None
     panels_per_element: int = 4
-    cap_panels: int = 1
+    cap_panels: int | str = 1
     added_mass_per_length: float | None = None
+    variant: str | None = None
 
     def __post_init__(self) -> None:
         """Check every field and store it in its final form."""
@@ -356,7 +383,19 @@ class Fluid:
                 "fluid.panels_per_element must be even, as it counts both sides of an element, "
                 f"got {panels}"
             )
-        caps = check_integer(self.cap_panels, "fluid.cap_panels", at_least=1, at_most=MOST_PANELS)
+        caps = self.cap_panels
+        if isinstance(caps, str):
+            check_name(caps, "fluid.cap_panels", (PROPORTIONAL,))
+        else:
+            caps = check_integer(caps, "fluid.cap_panels", at_least=1, at_most=MOST_PANELS)
+        variant = self.variant
+        if variant is not None:
+            if model != "centreline":
+                raise SceneError(
+                    f"fluid.variant has no meaning with fluid.model {model}, only with centreline; "
+                    f"it needs null, got {got(variant)}"
+                )
+            variant = check_name(variant, "fluid.variant", CENTRELINE_VARIANTS)
         strip = self.added_mass_per_length
         if strip is not None:
             if model != "strip":
@@ -371,7 +410,15 @@ class Fluid:
             panels_per_element=panels,
             cap_panels=caps,
             added_mass_per_length=strip,
+            variant=variant,
         )
+
+    @property
+    def panels_per_end(self) -> int:
+        """Number of panels that close each end."""
+        if isinstance(self.cap_panels, str):
+            return max(1, self.panels_per_element // 4)
+        return self.cap_panels
 
     @property
     def present(self) -> bool:
@@ -400,6 +447,62 @@ class Damping:
         """Check every field and store it in its final form."""
         time = check_real(self.retardation_time, "damping.retardation_time", "s", above=0.0)
         _set(self, retardation_time=time)
+
+
+@dataclass(frozen=True)
+class CrossFlowDrag:
+    """Effect: quadratic drag of the flow across the body, -rho C |u| u/2 per length.
+
+    u is the velocity along the normal, relative to the stream. It stands for the vortices that an
+    ideal fluid does not shed, and is the one force here that takes momentum from the body.
+
+    Attributes
+    ----------
+    coefficient : float
+        Drag coefficient C, above 0; about 2 for a flat plate across a steady flow.
+    """
+
+    coefficient: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check every field and store it in its final form."""
+        value = check_real(self.coefficient, "cross_flow_drag.coefficient", above=0.0)
+        _set(self, coefficient=value)
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Effect: the fluid far away moves with one velocity.
+
+    A body in a uniform stream does what it would do at rest and is carried along; what it starts
+    with and what drag feels is the velocity relative to the stream.
+
+    Attributes
+    ----------
+    velocity : tuple of float
+        (x, y) [m/s].
+    """
+
+    velocity: Pair
+
+    def __post_init__(self) -> None:
+        """Check every field and store it in its final form."""
+        _set(self, velocity=check_pair(self.velocity, "stream.velocity", "m/s"))
+
+
+@dataclass(frozen=True)
+class SelfContact:
+    """Effect: a run ends where the body, as thick as it is, touches itself. It has no fields."""
+
+
+@dataclass(frozen=True)
+class InternalForces:
+    """Effect: trajectories hold the forces between the elements. It has no fields."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Effect: simulators and environments keep the trajectory since the start. It has no fields."""
 
 
 # ---- actuation ---------------------------------------------------------------------------------

@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from swim_env.bodies import Bodies, minimal_start
 from swim_env.errors import SimulationEndedError, SwimError, TorqueError
-from swim_env.physics.beam import centres, centres_of_trajectory
+from swim_env.physics.beam import centres
 from swim_env.physics.integrator import RECORD_NAMES
 from swim_env.physics.invariants import momentum_map
 from swim_env.physics.status import TERMINATION_REASONS, describe
+from swim_env.recorder import needs_recording, trajectory_of
 from swim_env.scene import Initial, Scene, load_scene
 from swim_env.trajectory import Trajectory
 
@@ -270,11 +271,9 @@ class Simulator:
         n = self.elements + 2
         total = len(held)
         first, start = self.steps, self.energy()
-        q = np.empty((total + 1, n))
-        p = np.empty((total + 1, n))
+        trace = np.empty((1, total + 1, self._bodies.trace_columns))
         record = np.zeros((total, len(RECORD_NAMES)))
-        q[0] = self._state[:n]
-        p[0] = self._state[n : 2 * n]
+        trace[0, 0, : 2 * n] = self._state[: 2 * n]
         taken = 0
         while taken < total and not self._reason:
             chunk = slice(taken, min(total, taken + _CHUNK) if progress else total)
@@ -283,7 +282,7 @@ class Simulator:
                 held[None, chunk],
                 1,
                 record[None, chunk],
-                trace=(q[None, after], p[None, after]),
+                trace=trace[:, after],
             )
             steps, status = (int(n) for n in self._bodies.outcome[0])
             taken += steps
@@ -292,27 +291,27 @@ class Simulator:
             if progress:
                 progress(steps)
         upto = slice(taken + 1)
-        return self._trajectory(first, start, q[upto], p[upto], held[:taken], record[:taken])
-
-    def _trajectory(
-        self, first: int, start: float, q: Array, p: Array, torques: Array, record: Array
-    ) -> Trajectory:
-        positions = np.empty((len(q), self.elements, 2))
-        centres_of_trajectory(q, self.scene.beam.element_length, positions)
-        columns = dict(zip(RECORD_NAMES, record.T.copy(), strict=True))
-        # The kernel records the energy at the end of each step.
-        energy = np.concatenate([[start], columns.pop("energy")])
-        return Trajectory(
-            scene=self.scene,
-            termination_reason=self._reason,
-            time=np.arange(first, first + len(q), dtype=np.float64) * self.time_step,
-            centres=positions,
-            angles=np.cumsum(q[:, 2:], axis=1),
-            torques=torques.copy(),
-            momentum=momentum_map(q, p),
-            energy=energy,
-            **columns,
+        return trajectory_of(
+            self.scene,
+            self._reason,
+            first,
+            start,
+            trace[0, upto],
+            held[:taken],
+            record[:taken],
         )
+
+    def recorded(self) -> Trajectory:
+        """Return the trajectory of all steps since the start, of a scene with the effect recording.
+
+        After `restore` it begins at the snapshot.
+
+        Raises
+        ------
+        OptionError
+            If the scene has no recording.
+        """
+        return needs_recording(self._bodies.recorder).trajectory(0, self._reason)
 
     def _refuse_after_end(self) -> None:
         if self._reason:
@@ -377,3 +376,4 @@ class Simulator:
             )
         self._state[:] = np.frombuffer(snapshot.state)
         self._reason = snapshot.reason
+        self._bodies.begin_recording(0)

@@ -22,8 +22,10 @@ __all__ = ["Trajectory"]
 
 Array = NDArray[np.float64]
 
-#: Version of the file format; a reader refuses versions that it does not know.
-FORMAT_VERSION = 2
+#: Version of the file format; a reader refuses versions that it does not know. Version 2 had no
+#: impulse from outside.
+FORMAT_VERSION = 3
+_READABLE = (2, FORMAT_VERSION)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +51,9 @@ class Trajectory:
         Linear momentum (kg m/s) and angular momentum about the origin (kg m^2/s).
     energy : (T + 1,) array
         H(q_n, p_n) (J).
+    impulse : (T, 3) array
+        Linear and angular impulse from outside in each step, of drag and stream, in the units of
+        `momentum`: what the momentum changes by.
     work, positive_work, dissipated : (T,) arrays
         Work of the torques in each step, the sum of its positive parts over joints, and the loss
         to damping (J).
@@ -62,6 +67,11 @@ class Trajectory:
         Parts that a step had to be cut into; 1 where it was solved whole.
     at_round_off : (T,) array
         1 where rounding kept the residual above the tolerance.
+    internal_forces : (T, N - 1, 2) array or None
+        Force (N) with which what is behind a joint pulls at what is in front of it, at the
+        beginning of each step; not numbers at the beginning of a run. None unless the scene asks
+        for them. It follows from the momentum balance of the elements, the fluid's impulse on an
+        element's own panels included.
     """
 
     scene: Scene
@@ -80,6 +90,8 @@ class Trajectory:
     evaluations: Array
     parts: Array
     at_round_off: Array
+    impulse: Array
+    internal_forces: Array | None = None
 
     # ---- figures -------------------------------------------------------------------------------
 
@@ -144,7 +156,7 @@ class Trajectory:
             "positive_work": float(self.positive_work.sum()),
             "dissipated": float(self.dissipated.sum()),
             "energy_drift": energy_drift(self.energy, self.work, self.dissipated),
-            "momentum_drift": momentum_drift(self.momentum),
+            "momentum_drift": momentum_drift(self.momentum, self.impulse),
             "max_residual": float(self.residual.max(initial=0.0)),
             "newton_iterations_mean": float(self.iterations.mean()) if steps else 0.0,
             "evaluations_mean": float(self.evaluations.mean()) if steps else 0.0,
@@ -168,6 +180,8 @@ class Trajectory:
             If the file cannot be written.
         """
         arrays = {name: getattr(self, name) for name in _ARRAYS}
+        if self.internal_forces is not None:
+            arrays["internal_forces"] = self.internal_forces
 
         def write(file: IO[bytes]) -> None:
             np.savez_compressed(
@@ -205,15 +219,17 @@ class Trajectory:
             raise TrajectoryError(
                 f"not a trajectory file, or a damaged one: {error} ({name})"
             ) from None
+        if content.get("format_version", np.array(0)).tolist() == 2 and "torques" in content:
+            content["impulse"] = np.zeros((len(content["torques"]), 3))
         wanted = ("format_version", "scene", "termination_reason", *_ARRAYS)
         missing = [key for key in wanted if key not in content]
         if missing:
             raise TrajectoryError(f"not a trajectory file, it lacks {', '.join(missing)} ({name})")
         version = content["format_version"].tolist()
-        if version != FORMAT_VERSION:
+        if version not in _READABLE:
             raise TrajectoryError(
                 f"the trajectory has format version {version}, this version of swim_env reads "
-                f"{FORMAT_VERSION} ({name})"
+                f"{' and '.join(str(number) for number in _READABLE)} ({name})"
             )
         reason = str(content["termination_reason"])
         if reason not in TERMINATION_REASONS.values():
@@ -224,7 +240,11 @@ class Trajectory:
         except SceneError as error:
             raise TrajectoryError(f"the trajectory's scene is not valid: {error}") from None
         try:
-            arrays = {key: np.asarray(content[key], dtype=np.float64) for key in _ARRAYS}
+            arrays = {
+                key: np.asarray(content[key], dtype=np.float64)
+                for key in (*_ARRAYS, "internal_forces")
+                if key in content
+            }
         except (TypeError, ValueError) as error:
             raise TrajectoryError(f"the trajectory holds no numbers: {error} ({name})") from None
         trajectory = cls(scene=scene, termination_reason=reason, **arrays)
@@ -241,7 +261,10 @@ class Trajectory:
             "torques": (steps, elements - 1),
             "momentum": (steps + 1, 3),
             "energy": (steps + 1,),
+            "impulse": (steps, 3),
         }
+        if self.internal_forces is not None:
+            shapes["internal_forces"] = (steps, elements - 1, 2)
         for key, shape in shapes.items():
             if getattr(self, key).shape != shape:
                 raise TrajectoryError(
@@ -251,5 +274,7 @@ class Trajectory:
 
 
 _ARRAYS = tuple(
-    field.name for field in fields(Trajectory) if field.name not in ("scene", "termination_reason")
+    field.name
+    for field in fields(Trajectory)
+    if field.name not in ("scene", "termination_reason", "internal_forces")
 )

@@ -40,6 +40,7 @@ from swim_env.task import (
     Task,
 )
 from swim_env.threads import usable_threads
+from swim_env.trajectory import Trajectory
 
 __all__ = ["VECTOR_ENVIRONMENTS", "SwimTargetVectorEnv", "SwimVectorEnv"]
 
@@ -135,6 +136,18 @@ class SwimVectorEnv(
     def scene(self) -> Scene:
         """The scene."""
         return self.task.scene
+
+    def recorded(self, member: int) -> Trajectory:
+        """Return a member's trajectory since its last reset, of a scene with the effect recording.
+
+        Raises
+        ------
+        OptionError
+            If the scene has no recording, or there is no such member.
+        """
+        if not 0 <= member < self.num_envs:
+            raise OptionError(f"member must be 0 to {self.num_envs - 1}, got {member}")
+        return self.episodes.recorded(member)
 
     # ---- Gymnasium's methods -------------------------------------------------------------------
 

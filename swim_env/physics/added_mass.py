@@ -19,7 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics._compile import entry_kernel, inlined, shared
+from swim_env.physics._compile import entry_kernel, inlined, kernel, shared
+from swim_env.physics.centreline import build_chain, chain_count, chain_gradient
 from swim_env.physics.dense import (
     add_multiple,
     invert,
@@ -81,17 +82,19 @@ NO_FLUID = 0
 PANELS = 1
 CONSTANT = 2
 EXPANSION = 3
+CENTRELINE = 4
 
-#: Fluid models that a scene may name, from the crudest to the full one, and the code by which the
-#: kernels know them. Models whose added mass is constant in the elements' frames differ only in
-#: their terms, see `swim_env.physics.fluid_terms`. A new model is one line here, a branch in
-#: `added_mass` and one in `shape_force`.
+#: Fluid models that a scene may name, from the crudest to the full one and the one that is there
+#: for comparison only, and the code by which the kernels know them. Models whose added mass is
+#: constant in the elements' frames differ only in their terms, see `swim_env.physics.fluid_terms`.
+#: A new model is one line here, a branch in `added_mass` and one in `shape_force`.
 FLUID_MODELS: dict[str, int] = {
     "none": NO_FLUID,
     "strip": CONSTANT,
     "frozen": CONSTANT,
     "expansion": EXPANSION,
     "panels": PANELS,
+    "centreline": CENTRELINE,
 }
 
 
@@ -110,8 +113,13 @@ class FluidConstants(NamedTuple):
         Whether the ends' axial added mass is part of the model.
     terms : (T,) array
         Constants of the model, see `swim_env.physics.fluid_terms`: the lower triangle of A for a
-        constant added mass, behind it those of the second derivatives for the expansion; none
-        otherwise.
+        constant added mass, behind it those of the second derivatives for the expansion; factor
+        and origin of the arm for the centre line; none otherwise.
+    drag : float
+        rho C/2, cross-flow drag per length and squared velocity (kg/m^2 per metre of depth); 0 for
+        none.
+    stream_x, stream_y : float
+        Velocity of the uniform stream (m/s).
     """
 
     model: int
@@ -119,6 +127,9 @@ class FluidConstants(NamedTuple):
     density: float
     axial: bool
     terms: Array = np.zeros(0)
+    drag: float = 0.0
+    stream_x: float = 0.0
+    stream_y: float = 0.0
 
 
 class FluidWork(NamedTuple):
@@ -213,6 +224,8 @@ def _expansion_entries(fluid: FluidConstants) -> int:
 
 @shared
 def _padded_panels(fluid: FluidConstants) -> int:
+    if fluid.model == CENTRELINE:
+        return padded(chain_count(fluid.geometry))
     return padded(panel_count(fluid.geometry)) if fluid.model == PANELS else 0
 
 
@@ -321,6 +334,13 @@ def _panel_added_mass(
         if not invert(work.inverse, work.permutation):
             return INFLUENCE_SINGULAR
     _collect_motions(fluid, work)
+    _weigh_motions(fluid, work, out)
+    return FINE
+
+
+@kernel
+def _weigh_motions(fluid: FluidConstants, work: FluidWork, out: Array) -> None:
+    """Write -rho sym(B^T L P G^-1 B) from its two factors."""
     motions = motion_count(fluid)
     multiply(work.loads, work.strengths, work.product[:motions])
     half = -0.5 * fluid.density
@@ -329,15 +349,64 @@ def _panel_added_mass(
             value = half * (work.product[a, b] + work.product[b, a])
             out[a, b] = value
             out[b, a] = value
+
+
+@inlined
+def _centreline_added_mass(
+    joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array
+) -> int:
+    geometry = fluid.geometry
+    outline = work.outline
+    panels = outline.panels
+    count = chain_count(geometry)
+    elements = geometry.elements
+    side = geometry.side_panels
+    status = build_chain(
+        joint_angles, fluid.terms[0], fluid.terms[1], geometry, work.vectors, outline
+    )
+    if status != FINE:
+        return status
+    body_length = elements * geometry.element_length
+    influence(panels, count, body_length, work.half_log, work.layers)
+    normal_influence(panels, count, work.layers, work.inverse)
+    # The panel that ends the chain is neither a source nor a boundary.
+    last = count - 1
+    for j in range(work.inverse.shape[1]):
+        work.inverse[last, j] = 0.0
+        work.inverse[j, last] = 0.0
+        work.layers[POTENTIAL, last, j] = 0.0
+    for i in range(count):
+        work.layers[POTENTIAL, i, last] = 0.0
+    work.inverse[last, last] = 1.0
+    if not invert(work.inverse, work.permutation):
+        return INFLUENCE_SINGULAR
+    work.loads[:] = 0.0
+    for k in range(elements):
+        first = (elements - 1 - k) * side
+        for i in range(count):
+            lateral = 0.0
+            rotary = 0.0
+            for p in range(first, first + side):
+                lateral += work.inverse[i, p] * panels[LATERAL, p]
+                rotary += work.inverse[i, p] * panels[ROTARY, p]
+            work.strengths[i, k] = lateral
+            work.strengths[i, elements + k] = rotary
+        for p in range(first, first + side):
+            potential = work.layers[POTENTIAL, p]
+            add_multiple(work.loads[k], potential, panels[LENGTH, p] * panels[LATERAL, p])
+            add_multiple(work.loads[elements + k], potential, panels[LENGTH, p] * panels[ROTARY, p])
+    _weigh_motions(fluid, work, out)
     return FINE
 
 
 @inlined
 def _panel_shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> None:
+    """Differentiate by one adjoint, for the closed outline and for the centre line."""
     elements = fluid.geometry.elements
     outline = work.outline
     panels = outline.panels
-    count = panel_count(fluid.geometry)
+    open_chain = fluid.model == CENTRELINE
+    count = chain_count(fluid.geometry) if open_chain else panel_count(fluid.geometry)
     sigma = work.vectors[_SIGMA]
     mu = work.vectors[_MU]
     phi = work.vectors[_PHI]
@@ -364,7 +433,10 @@ def _panel_shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, ou
         gradient[4, i] = (panels[LENGTH, i] * phi[i] + mu[i]) * panels[LATERAL, i] * turning
     scratch = work.vectors[_SHAPE:]
     shape_gradient(panels, count, work.layers, weight, sigma, mu, load, scratch, gradient)
-    gradient_to_element_angles(fluid.geometry, outline, gradient, work.joint_gradient, out)
+    if open_chain:
+        chain_gradient(fluid.geometry, outline, gradient, out)
+    else:
+        gradient_to_element_angles(fluid.geometry, outline, gradient, work.joint_gradient, out)
     for k in range(elements):
         out[k] *= -0.5 * fluid.density
 
@@ -461,6 +533,8 @@ def added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out:
     """
     if fluid.model == PANELS:
         return _panel_added_mass(joint_angles, fluid, work, out)
+    if fluid.model == CENTRELINE:
+        return _centreline_added_mass(joint_angles, fluid, work, out)
     if fluid.model == CONSTANT:
         _constant_added_mass(fluid, out)
     elif fluid.model == EXPANSION:
@@ -488,7 +562,7 @@ def shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, out: Arra
     out : (N,) array
         Overwritten: the derivative, in units of V^T A V.
     """
-    if fluid.model == PANELS:
+    if fluid.model == PANELS or fluid.model == CENTRELINE:
         _panel_shape_force(motion, fluid, work, out)
     elif fluid.model == EXPANSION:
         _expanded_shape_force(motion, fluid, work, out)

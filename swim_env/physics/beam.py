@@ -9,6 +9,7 @@ and the angular momentum are plain sums.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from swim_env.physics._compile import entry_kernel, kernel
 
-__all__ = ["BeamConstants", "centres", "centres_of_trajectory"]
+__all__ = ["BeamConstants", "centres", "centres_of_trajectory", "touches_itself"]
 
 Array = NDArray[np.float64]
 
@@ -38,9 +39,13 @@ class BeamConstants(NamedTuple):
         EI/dl (N m).
     joint_damping : (N - 1,) array
         EI t_kv/dl (N m s).
+    elastic : bool
+        Whether any joint has a stiffness.
     strain_of_angles : bool
         Whether the strain of a step is that of the mean joint angles, sin(a)/dl at
         a_{n+1/2} = (a_n + a_{n+1})/2, instead of that of the averaged directors (16).
+    contact_radius : float
+        Half the thickness (m) of the body that is watched for touching itself; 0 for no watch.
     """
 
     elements: int
@@ -49,7 +54,9 @@ class BeamConstants(NamedTuple):
     element_inertia: float
     joint_stiffness: Array
     joint_damping: Array
+    elastic: bool = True
     strain_of_angles: bool = False
+    contact_radius: float = 0.0
 
 
 @kernel
@@ -90,3 +97,98 @@ def centres_of_trajectory(q: Array, element_length: float, out: Array) -> None:
     """Write the element centres (T, N, 2) in m of a trajectory q (T, N + 2)."""
     for n in range(q.shape[0]):
         centres(q[n], element_length, out[n])
+
+
+@kernel
+def _distance_from_segment(
+    x: float, y: float, start_x: float, start_y: float, along_x: float, along_y: float, dl: float
+) -> float:
+    """Return the distance (m) of a point from a segment of length dl with the given direction."""
+    dx = x - start_x
+    dy = y - start_y
+    along = min(max(dx * along_x + dy * along_y, 0.0), dl)
+    dx -= along * along_x
+    dy -= along * along_y
+    distance: float = np.sqrt(dx * dx + dy * dy)
+    return distance
+
+
+@kernel
+def touches_itself(
+    d3x: Array, d3y: Array, radius: float, dl: float, node_x: Array, node_y: Array
+) -> bool:
+    """Tell whether the body touches itself.
+
+    Every element counts as a stadium, all points within the radius of its centre line. Two of them
+    touch where they overlap, and are further apart along the body than half a turn around the
+    radius: what is nearer is bent, not touching. Neighbours, which overlap at their node whatever
+    they do, touch where the joint folds so far that their other ends do. Exact; elements that are
+    far apart cost one comparison.
+
+    Parameters
+    ----------
+    d3x, d3y : (N,) arrays
+        Tangents of the elements.
+    radius : float
+        Half the thickness (m).
+    dl : float
+        Length of an element (m).
+    node_x, node_y : (N,) arrays
+        Scratch: the node in front of every element.
+    """
+    elements = d3x.size
+    width = 2.0 * radius
+    x = 0.0
+    y = 0.0
+    for k in range(elements):
+        node_x[k] = x
+        node_y[k] = y
+        x += dl * d3x[k]
+        y += dl * d3y[k]
+    far = dl + width
+    half_turn = math.pi * radius
+    for k in range(elements):
+        ax = d3x[k]
+        ay = d3y[k]
+        for m in range(k + 1, elements):
+            if max(m - k - 1, 1) * dl < half_turn:
+                continue
+            bx = d3x[m]
+            by = d3y[m]
+            # From centre to centre.
+            dx = node_x[m] - node_x[k] + 0.5 * dl * (bx - ax)
+            dy = node_y[m] - node_y[k] + 0.5 * dl * (by - ay)
+            if dx * dx + dy * dy > far * far:
+                continue
+            end_x = node_x[m] + dl * bx
+            end_y = node_y[m] + dl * by
+            if m == k + 1:
+                gap = min(
+                    _distance_from_segment(end_x, end_y, node_x[k], node_y[k], ax, ay, dl),
+                    _distance_from_segment(node_x[k], node_y[k], node_x[m], node_y[m], bx, by, dl),
+                )
+                if gap < width:
+                    return True
+                continue
+            # Sides of one segment's ends from the other's line, for segments that cross.
+            first = ax * (node_y[m] - node_y[k]) - ay * (node_x[m] - node_x[k])
+            second = ax * (end_y - node_y[k]) - ay * (end_x - node_x[k])
+            third = bx * (node_y[k] - node_y[m]) - by * (node_x[k] - node_x[m])
+            tip_x = node_x[k] + dl * ax
+            tip_y = node_y[k] + dl * ay
+            fourth = bx * (tip_y - node_y[m]) - by * (tip_x - node_x[m])
+            if first * second < 0.0 and third * fourth < 0.0:
+                return True
+            gap = min(
+                min(
+                    _distance_from_segment(node_x[m], node_y[m], node_x[k], node_y[k], ax, ay, dl),
+                    _distance_from_segment(end_x, end_y, node_x[k], node_y[k], ax, ay, dl),
+                ),
+                min(
+                    _distance_from_segment(node_x[k], node_y[k], node_x[m], node_y[m], bx, by, dl),
+                    _distance_from_segment(tip_x, tip_y, node_x[m], node_y[m], bx, by, dl),
+                ),
+            )
+            if gap < width:
+                return True
+    return False

@@ -32,7 +32,7 @@ from swim_env.physics.added_mass import (
     hangs_on_shape,
     motion_count,
 )
-from swim_env.physics.beam import BeamConstants
+from swim_env.physics.beam import BeamConstants, touches_itself
 from swim_env.physics.dense import (
     cholesky,
     cholesky_product,
@@ -45,11 +45,22 @@ from swim_env.physics.dense import (
 from swim_env.physics.lagrangian import (
     ADDED_ANGLES,
     CHANGE,
+    D3X,
+    D3Y,
     DIRECTION,
+    DRAG_X,
+    DRAG_Y,
+    FORCES_P,
     INCREMENT,
+    MOMENTUM_X,
+    MOMENTUM_Y,
+    NET_X,
+    NET_Y,
     PART_P,
     PART_Q,
     PART_TOTAL,
+    PAST_X,
+    PAST_Y,
     PREPARED,
     PREPARED_P,
     PROPOSED,
@@ -60,12 +71,16 @@ from swim_env.physics.lagrangian import (
     SHAPE_DIFFERENCE,
     SIN_JOINT,
     START,
+    SUM_X,
+    SUM_Y,
     TOTAL,
     TRIAL,
     TRIAL_ANGLES,
     VELOCITY,
     StepArrays,
     carve_step_arrays,
+    drag_loss,
+    drag_moment,
     evaluate_held_step,
     evaluate_step,
     mass_matrix,
@@ -79,6 +94,7 @@ from swim_env.physics.outline import FluidGeometry, padded
 from swim_env.physics.status import (
     FINE,
     MASS_NOT_POSITIVE,
+    SELF_CONTACT,
     STATE_NOT_FINITE,
     STEP_NOT_SOLVED,
     TURN_TOO_LARGE,
@@ -142,9 +158,13 @@ RECORD_NAMES = (
     "evaluations",
     "parts",
     "at_round_off",
+    "impulse_x",
+    "impulse_y",
+    "angular_impulse",
 )
 ENERGY, WORK, POSITIVE_WORK, DISSIPATED, RESIDUAL_MET, ITERATIONS = range(6)
 EVALUATIONS, PARTS, AT_ROUND_OFF = range(6, 9)
+IMPULSE_X, IMPULSE_Y, ANGULAR_IMPULSE = range(9, 12)
 
 
 class SolverConstants(NamedTuple):
@@ -160,12 +180,15 @@ class SolverConstants(NamedTuple):
         Bound on the attempts to solve a part of one outer step.
     composed : bool
         Whether a step is one of half the length followed by its adjoint.
+    forces : bool
+        Whether internal forces are found and written to the trace.
     """
 
     time_step: float
     tolerance: float
     most_solves: int
     composed: bool = False
+    forces: bool = False
 
 
 def pack_constants(
@@ -178,9 +201,10 @@ def pack_constants(
     geometry = fluid.geometry
     reals = [beam.element_length, beam.element_mass, beam.element_inertia]
     reals += [geometry.half_thickness, fluid.density, solver.time_step, solver.tolerance]
+    reals += [beam.contact_radius, fluid.drag, fluid.stream_x, fluid.stream_y]
     integers = [beam.elements, geometry.side_panels, geometry.cap_panels]
     integers += [fluid.model, int(fluid.axial), solver.most_solves, int(solver.composed)]
-    integers += [int(beam.strain_of_angles)]
+    integers += [int(beam.strain_of_angles), int(beam.elastic), int(solver.forces)]
     joints = (beam.joint_stiffness, beam.joint_damping)
     return np.concatenate([reals, *joints, fluid.terms]), np.array(integers, dtype=np.int64)
 
@@ -194,15 +218,31 @@ def unpack_constants(
     side_panels = integers[1]
     cap_panels = integers[2]
     model = integers[3]
-    stiffness = reals[7 : 6 + elements]
-    damping = reals[6 + elements : 5 + 2 * elements]
+    first = 11
+    last = first + elements - 1
     beam = BeamConstants(
-        elements, reals[0], reals[1], reals[2], stiffness, damping, integers[7] == 1
+        elements,
+        reals[0],
+        reals[1],
+        reals[2],
+        reals[first:last],
+        reals[last : last + elements - 1],
+        integers[8] == 1,
+        integers[7] == 1,
+        reals[7],
     )
     geometry = FluidGeometry(elements, reals[0], reals[3], side_panels, cap_panels)
-    terms = reals[5 + 2 * elements :]
-    fluid = FluidConstants(model, geometry, reals[4], integers[4] == 1, terms)
-    solver = SolverConstants(reals[5], reals[6], integers[5], integers[6] == 1)
+    fluid = FluidConstants(
+        model,
+        geometry,
+        reals[4],
+        integers[4] == 1,
+        reals[last + elements - 1 :],
+        reals[8],
+        reals[9],
+        reals[10],
+    )
+    solver = SolverConstants(reals[5], reals[6], integers[5], integers[6] == 1, integers[9] == 1)
     return beam, fluid, solver
 
 
@@ -328,6 +368,12 @@ def prepare(
         u[PREPARED, 0] = 0.0
         u[PREPARED_P] = np.nan
         set_pose(q, w)
+        if beam.contact_radius > 0.0:
+            e = w.elements
+            radius = beam.contact_radius
+            dl = beam.element_length
+            if touches_itself(e[D3X], e[D3Y], radius, dl, e[SUM_X], e[SUM_Y]):
+                return SELF_CONTACT
         status = _find_added_mass(q[3:], fluid, fluid_work, w)
         if status != FINE:
             return status
@@ -440,7 +486,8 @@ def _newton_in_passes(
         return False
     if norm <= solver.tolerance and not shape_known:
         return True
-    if _turns_beyond(z, _SMALL_TURN):
+    # The mass knows nothing of drag.
+    if fluid.drag > 0.0 or _turns_beyond(z, _SMALL_TURN):
         step_jacobian(h, beam, fluid, m.fluid_work, 0.0, w)
     else:
         pose_jacobian(h, beam, w)
@@ -649,6 +696,83 @@ def _solve_part(
     return status
 
 
+@kernel
+def _begin_forces(m: MemberViews) -> None:
+    """Begin to collect internal impulses for a step; those before it count if they are its own."""
+    w = m.step
+    known = w.unknowns[FORCES_P]
+    same = m.counters[STEPS] > 0.0
+    for i in range(known.size):
+        same = same and known[i] == m.p[i]
+    if not same:
+        w.windows[0] = np.nan
+    w.windows[1] = 0.0
+    w.elements[NET_X] = 0.0
+    w.elements[NET_Y] = 0.0
+
+
+@kernel
+def _collect_forces(h: float, fluid: FluidConstants, w: StepArrays) -> None:
+    """Add what every element got from its neighbours between the last part and this one.
+
+    Its momentum P (with the fluid's impulse on its own panels) is that of the part; the drag's
+    impulse acts by halves at the ends.
+    """
+    e = w.elements
+    half = 0.5 if fluid.drag > 0.0 else 0.0
+    for k in range(e[NET_X].size):
+        e[NET_X, k] += e[MOMENTUM_X, k] - half * e[DRAG_X, k] - e[PAST_X, k]
+        e[NET_Y, k] += e[MOMENTUM_Y, k] - half * e[DRAG_Y, k] - e[PAST_Y, k]
+        e[PAST_X, k] = e[MOMENTUM_X, k] + half * e[DRAG_X, k]
+        e[PAST_Y, k] = e[MOMENTUM_Y, k] + half * e[DRAG_Y, k]
+    w.windows[1] += 0.5 * (w.windows[0] + h)
+    w.windows[0] = h
+
+
+@kernel
+def _write_forces(p: Array, w: StepArrays, out: Array) -> None:
+    """Write the force (N) on what is in front of each joint by what is behind it, x and y."""
+    copy(p, w.unknowns[FORCES_P])
+    e = w.elements
+    x = 0.0
+    y = 0.0
+    for j in range(e[NET_X].size - 1):
+        x += e[NET_X, j]
+        y += e[NET_Y, j]
+        out[2 * j] = x / w.windows[1]
+        out[2 * j + 1] = y / w.windows[1]
+
+
+@kernel
+def _drift(m: MemberViews, h: float, fluid: FluidConstants, record: Array) -> None:
+    """Carry the body along with the stream, and record the impulse that comes from outside.
+
+    Increments and momenta are those in the frame that moves with the stream, where the fluid far
+    away is at rest; only the position is that in the frame of the ground. The drag pushes at the
+    middle of the step; about an origin that moves with the ground, a momentum that is carried along
+    gains h U x p.
+    """
+    w = m.step
+    e = w.elements
+    z = w.unknowns[INCREMENT]
+    push_x = 0.0
+    push_y = 0.0
+    if fluid.drag > 0.0:
+        for k in range(e[DRAG_X].size):
+            push_x += e[DRAG_X, k]
+            push_y += e[DRAG_Y, k]
+        x = m.q[0] + 0.5 * z[0]
+        y = m.q[1] + 0.5 * z[1]
+        record[ANGULAR_IMPULSE] += drag_moment(w) + x * push_y - y * push_x
+    record[IMPULSE_X] += push_x
+    record[IMPULSE_Y] += push_y
+    drift_x = h * fluid.stream_x
+    drift_y = h * fluid.stream_y
+    record[ANGULAR_IMPULSE] += drift_x * (m.p[1] + push_y) - drift_y * (m.p[0] + push_x)
+    m.q[0] += drift_x
+    m.q[1] += drift_y
+
+
 @inlined
 def _outer_step(
     m: MemberViews,
@@ -673,9 +797,10 @@ def _outer_step(
     copy(m.q, u[SAVED_Q])
     copy(m.p, u[SAVED_P])
     u[TOTAL] = 0.0
+    if solver.forces:
+        _begin_forces(m)
     status = prepare(m.q, m.p, beam, fluid, m.fluid_work, w)
     second = False
-    lost = 0.0
     while status == FINE and done < whole:
         h = solver.time_step * (part / whole)
         if solver.composed:
@@ -684,7 +809,7 @@ def _outer_step(
                 copy(m.q, u[PART_Q])
                 copy(m.p, u[PART_P])
                 copy(u[TOTAL], u[PART_TOTAL])
-                lost = record[DISSIPATED]
+                copy(record, w.part_record)
         w.adjoint[0] = 1.0 if second else 0.0
         outcome = _solve_part(m, torques, h, part, beam, fluid, solver)
         solves += 1
@@ -698,7 +823,8 @@ def _outer_step(
                 copy(u[PART_Q], m.q)
                 copy(u[PART_P], m.p)
                 copy(u[PART_TOTAL], u[TOTAL])
-                record[DISSIPATED] = lost
+                copy(w.part_record, record)
+                w.windows[0] = np.nan
                 m.counters[KNOWN_INCREMENTS] = 0.0
                 if status == FINE:
                     status = prepare(m.q, m.p, beam, fluid, m.fluid_work, w)
@@ -709,6 +835,12 @@ def _outer_step(
         for j in range(torques.size):
             change = u[INCREMENT, 3 + j]
             record[DISSIPATED] += beam.joint_damping[j] * change * change / h
+        if fluid.drag > 0.0:
+            record[DISSIPATED] += drag_loss(u[INCREMENT], h, w)
+        if solver.forces:
+            _collect_forces(h, fluid, w)
+        if fluid.drag > 0.0 or fluid.stream_x != 0.0 or fluid.stream_y != 0.0:
+            _drift(m, h, fluid, record)
         for i in range(m.q.size):
             m.q[i] += u[INCREMENT, i]
             m.p[i] += u[CHANGE, i]
@@ -765,8 +897,7 @@ def advance(
     sizes: NDArray[np.int64],
     floats: Array,
     integers: NDArray[np.int64],
-    trace_q: Array,
-    trace_p: Array,
+    trace: Array,
     record: Array,
     velocities: Array,
     outcome: NDArray[np.int64],
@@ -791,9 +922,12 @@ def advance(
         The scene, from `pack_constants`.
     floats, integers : (M, F), (M, I) arrays
         Work space of `work_sizes`.
-    trace_q, trace_p : (M, T, N + 2) arrays
-        Overwritten: coordinates and momenta after each of the first T steps; T may be 0.
-    record : (M, R hold, 9) array
+    trace : (M, T, 2 (N + 2)) array
+        Overwritten: coordinates and momenta after each of the first T steps; T may be 0. Where the
+        solver finds internal forces, 2 (N - 1) further columns: x and y of the force (N) with which
+        what is behind a joint pulls at what is in front of it, at the step's beginning; not numbers
+        where the step before was not taken by this member's work space.
+    record : (M, R hold, 12) array
         Overwritten: a row of RECORD_NAMES per step; the energy is that at the step's end.
     velocities : (M, N + 2) array
         Overwritten: M^-1 p at the last state: velocity of the mean centre (m/s) and turning rate
@@ -811,15 +945,20 @@ def advance(
             held = torques[member, taken // hold]
             status = _outer_step(m, held, beam, fluid, solver, record[member, taken])
             if status == FINE:
-                if taken < trace_q.shape[1]:
-                    copy(m.q, trace_q[member, taken])
-                    copy(m.p, trace_p[member, taken])
+                if taken < trace.shape[1]:
+                    row = trace[member, taken]
+                    copy(m.q, row[: m.q.size])
+                    copy(m.p, row[m.q.size : 2 * m.q.size])
+                    if solver.forces:
+                        _write_forces(m.p, m.step, row[2 * m.q.size :])
                 taken += 1
         outcome[member, 0] = taken
         outcome[member, 1] = status
         # A state that is handed out has been weighed before, so this does not fail.
         prepare(m.q, m.p, beam, fluid, m.fluid_work, m.step)
         copy(m.step.unknowns[VELOCITY], velocities[member])
+        velocities[member, 0] += fluid.stream_x
+        velocities[member, 1] += fluid.stream_y
 
 
 @entry_kernel
@@ -863,9 +1002,13 @@ def weigh(
     velocity = m.step.unknowns[VELOCITY]
     if start:
         copy(given, velocity)
+        velocity[0] -= fluid.stream_x
+        velocity[1] -= fluid.stream_y
         m.step.unknowns[PREPARED_P] = np.nan
-        cholesky_product(m.step.mass, given, m.p)
+        cholesky_product(m.step.mass, velocity, m.p)
     else:
         copy(velocity, given)
+        given[0] += fluid.stream_x
+        given[1] += fluid.stream_y
     energy = _energy(m.p, beam, m.step)
     return energy, FINE if np.isfinite(energy) else STATE_NOT_FINITE

@@ -31,9 +31,19 @@ def momentum_map(q: Array, p: Array) -> Array:
     return np.stack([p[..., 0], p[..., 1], angular], axis=-1)
 
 
-def momentum_drift(momentum: Array) -> float:
-    """Return max_n |J_n - J_0| over a trajectory of momenta (T + 1, 3)."""
-    return float(np.max(np.linalg.norm(momentum - momentum[0], axis=-1)))
+def momentum_drift(momentum: Array, impulse: Array) -> float:
+    """Return max_n |J_n - J_0 - impulses| of a trajectory.
+
+    Parameters
+    ----------
+    momentum : (T + 1, 3) array
+        The momentum map.
+    impulse : (T, 3) array
+        Impulse from outside in every step, zero in a fluid that is at rest and ideal.
+    """
+    change = momentum - momentum[0]
+    change[1:] -= np.cumsum(impulse, axis=0)
+    return float(np.max(np.linalg.norm(change, axis=-1)))
 
 
 def energy_drift(energy: Array, work: Array, dissipated: Array) -> float:

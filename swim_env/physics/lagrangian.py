@@ -28,6 +28,7 @@ term in f_v d3 . dr, and D_2 L_d* has them. Composing both halves of a step is o
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -49,6 +50,8 @@ from swim_env.physics.outline import padded
 __all__ = [
     "StepArrays",
     "carve_step_arrays",
+    "drag_loss",
+    "drag_moment",
     "evaluate_held_step",
     "evaluate_step",
     "mass_matrix",
@@ -67,7 +70,11 @@ Array = NDArray[np.float64]
 # front of it (behind element 1: the row is one shorter) at q_n and at q_{n+1/2}; increment of its
 # centre (m); P^k (kg m/s); sum over k of E_kj P^k (kg m^2/s); V^T dA/dtheta V/2; h dW/dtheta at
 # q_n, its sum with that at q_{n+1} and the magnitude of the terms; impulse h F of torques and
-# damping and the magnitude of its terms; scratch.
+# damping and the magnitude of its terms; scratch; impulse of the drag (kg m/s) and its moment
+# (kg m^2/s), what the joints in front feel of it like E P, and its slopes: by the increment of the
+# centre along the normal, by the turn, and of one by the other; for the internal forces, the
+# momentum with which the element left the last part of a step, and the impulse from its neighbours
+# since.
 (
     D1X,
     D1Y,
@@ -98,8 +105,20 @@ Array = NDArray[np.float64]
     SUM_X,
     SUM_Y,
     COLUMN_SHAPE,
-) = range(29)
-_ELEMENT_ROWS = 29
+    DRAG_X,
+    DRAG_Y,
+    DRAG_TURN,
+    DRAG_BEHIND_X,
+    DRAG_BEHIND_Y,
+    DRAG_SLOPE,
+    DRAG_CROSS,
+    DRAG_TURN_SLOPE,
+    PAST_X,
+    PAST_Y,
+    NET_X,
+    NET_Y,
+) = range(41)
+_ELEMENT_ROWS = 41
 # Rows of `StepArrays.unknowns`, one number per minimal coordinate: residual of
 # p_n + D1 L_d + h F/2, the scale it is measured with, the magnitude of its terms, the change
 # D1 L_d + D2 L_d + h F of the momentum; Newton's increment, trial, correction and next correction;
@@ -107,14 +126,18 @@ _ELEMENT_ROWS = 29
 # and p at its beginning; the angles that the mass stands for, behind a flag, and the momentum that
 # the velocity stands for; the diagonal of the mass, which its Cholesky factor replaces; the joint
 # angles that the added mass stands for, behind a flag, and those of a trial; coordinates, momentum
-# and increment of the outer step at the beginning of one of its parts.
+# and increment of the outer step at the beginning of one of its parts; the momentum up to which
+# the internal forces are known.
 RESIDUAL, SCALE, SIZE, CHANGE, INCREMENT, TRIAL, DIRECTION, PROPOSED = range(8)
 START, VELOCITY, TOTAL, SAVED_Q, SAVED_P, PREPARED, PREPARED_P = range(8, 15)
 MASS_DIAGONAL, ADDED_ANGLES, TRIAL_ANGLES, PART_Q, PART_P, PART_TOTAL = range(15, 21)
-_UNKNOWN_ROWS = 21
+FORCES_P = 21
+_UNKNOWN_ROWS = 22
 # Rows of `StepArrays.motions`, one number per unit motion: V, A V/h, scratch.
 MOTION, FLUID_IMPULSE, MOVED = range(3)
 _MOTION_ROWS = 3
+# Columns of the record of a step.
+_RECORD = 12
 
 #: Smallest scale of the residual (kg m/s for c, kg m^2/s for the angles).
 SMALLEST_SCALE = 1e-3
@@ -145,6 +168,11 @@ class StepArrays(NamedTuple):
         What Newton's method says of its last attempt.
     adjoint : (1,) array
         1 where the inertia is that of q_{n+1}, 0 where it is that of q_n.
+    part_record : (12,) array
+        The record of the outer step at the beginning of one of its parts.
+    windows : (2,) array
+        For the internal forces: length of the last part (s), not a number where there was none, and
+        the time over which the impulses were collected (s).
     """
 
     elements: Array
@@ -158,6 +186,8 @@ class StepArrays(NamedTuple):
     column_impulses: Array
     report: Array
     adjoint: Array
+    part_record: Array
+    windows: Array
 
 
 @shared
@@ -170,7 +200,8 @@ def step_array_size(elements: int, motions: int) -> int:
         + _ELEMENT_ROWS * elements
         + _UNKNOWN_ROWS * n
         + 3 * n * n
-        + 5
+        + 7
+        + _RECORD
     )
 
 
@@ -202,6 +233,8 @@ def carve_step_arrays(floats: Array, elements: int, motions: int) -> StepArrays:
         derivatives[1],
         floats[squares_end : squares_end + 4],
         floats[squares_end + 4 : squares_end + 5],
+        floats[squares_end + 5 : squares_end + 5 + _RECORD],
+        floats[squares_end + 5 + _RECORD :],
     )
 
 
@@ -307,6 +340,8 @@ def _elastic_terms(h: float, beam: BeamConstants, w: StepArrays) -> None:
     e[ELASTIC] = 0.0
     e[ELASTIC_SUM] = 0.0
     e[ELASTIC_SIZE] = 0.0
+    if not beam.elastic:
+        return
     for j in range(beam.joint_stiffness.size):
         sine = e[SIN_MEAN, j]
         cosine = e[COS_MEAN, j]
@@ -344,6 +379,98 @@ def _impulses(torques: Array, z: Array, h: float, beam: BeamConstants, w: StepAr
 def _base_row(w: StepArrays) -> int:
     """Return the row of the first directors that the fluid's motions are measured with."""
     return NEW_D1X if w.adjoint[0] == 1.0 else D1X
+
+
+@kernel
+def _drag_terms(
+    z: Array, h: float, beam: BeamConstants, fluid: FluidConstants, w: StepArrays
+) -> None:
+    """Collect the impulse of quadratic cross-flow drag over the step, and its slopes.
+
+    The force per length on a place that moves with u along the normal, -rho C |u| u/2, is summed at
+    two Gauss points of every element, exact where the sign of u does not change along it. Velocity
+    and normal are those of the middle of the step, so the drag is of second order in time and takes
+    energy in every step.
+    """
+    e = w.elements
+    elements = beam.elements
+    dl = beam.element_length
+    arm = dl / (2.0 * math.sqrt(3.0))
+    weight = 0.5 * fluid.drag * dl
+    rate = 1.0 / h
+    turn = 0.0
+    total_x = 0.0
+    total_y = 0.0
+    for k in range(elements):
+        turn += z[2 + k]
+        normal_x = e[D1X, k] * e[COS_HALF, k] - e[D3X, k] * e[SIN_HALF, k]
+        normal_y = e[D1Y, k] * e[COS_HALF, k] - e[D3Y, k] * e[SIN_HALF, k]
+        across = rate * (normal_x * e[MOVE_X, k] + normal_y * e[MOVE_Y, k])
+        front = across - arm * rate * turn
+        back = across + arm * rate * turn
+        impulse = -h * weight * (abs(front) * front + abs(back) * back)
+        e[DRAG_X, k] = impulse * normal_x
+        e[DRAG_Y, k] = impulse * normal_y
+        e[DRAG_TURN, k] = -h * weight * arm * (abs(back) * back - abs(front) * front)
+        e[DRAG_SLOPE, k] = 2.0 * weight * (abs(front) + abs(back))
+        e[DRAG_CROSS, k] = 2.0 * weight * arm * (abs(back) - abs(front))
+        e[DRAG_TURN_SLOPE, k] = arm * arm * e[DRAG_SLOPE, k]
+        total_x += e[DRAG_X, k]
+        total_y += e[DRAG_Y, k]
+    _sum_from_centres(
+        e[DRAG_X], e[DRAG_Y], total_x, total_y, dl, e[DRAG_BEHIND_X], e[DRAG_BEHIND_Y]
+    )
+
+
+@kernel
+def _add_drag(
+    z: Array, h: float, beam: BeamConstants, fluid: FluidConstants, w: StepArrays
+) -> None:
+    """Add the drag to residual, scale and change of the momentum: half its impulse at each end."""
+    e = w.elements
+    u = w.unknowns
+    _drag_terms(z, h, beam, fluid, w)
+    size = 0.0
+    for k in range(beam.elements):
+        u[RESIDUAL, 0] += 0.5 * e[DRAG_X, k]
+        u[RESIDUAL, 1] += 0.5 * e[DRAG_Y, k]
+        u[CHANGE, 0] += e[DRAG_X, k]
+        u[CHANGE, 1] += e[DRAG_Y, k]
+        size += abs(e[DRAG_X, k]) + abs(e[DRAG_Y, k])
+        arm = e[D1X, k] * e[DRAG_BEHIND_X, k] + e[D1Y, k] * e[DRAG_BEHIND_Y, k]
+        new_arm = e[NEW_D1X, k] * e[DRAG_BEHIND_X, k] + e[NEW_D1Y, k] * e[DRAG_BEHIND_Y, k]
+        u[RESIDUAL, 2 + k] += 0.5 * (e[DRAG_TURN, k] + arm)
+        u[CHANGE, 2 + k] += e[DRAG_TURN, k] + 0.5 * (arm + new_arm)
+        turning = abs(e[DRAG_TURN, k]) + abs(arm)
+        u[SCALE, 2 + k] = max(u[SCALE, 2 + k], turning)
+        u[SIZE, 2 + k] += turning
+    for i in range(2):
+        u[SCALE, i] = max(u[SCALE, i], size)
+        u[SIZE, i] += size
+
+
+@kernel
+def drag_loss(z: Array, h: float, w: StepArrays) -> float:
+    """Return the energy (J) that the drag took in the step of the last evaluation, at least 0."""
+    e = w.elements
+    turn = 0.0
+    loss = 0.0
+    for k in range(z.size - 2):
+        turn += z[2 + k]
+        loss -= e[DRAG_X, k] * e[MOVE_X, k] + e[DRAG_Y, k] * e[MOVE_Y, k] + e[DRAG_TURN, k] * turn
+    return loss / h
+
+
+@kernel
+def drag_moment(w: StepArrays) -> float:
+    """Return the drag's angular impulse about the mean centre in the last evaluation (kg m^2/s)."""
+    e = w.elements
+    moment = 0.0
+    for k in range(e[D1X].size):
+        mean_x = 0.5 * (e[D1X, k] + e[NEW_D1X, k])
+        mean_y = 0.5 * (e[D1Y, k] + e[NEW_D1Y, k])
+        moment += e[DRAG_TURN, k] + mean_x * e[DRAG_BEHIND_X, k] + mean_y * e[DRAG_BEHIND_Y, k]
+    return moment
 
 
 @kernel
@@ -511,6 +638,8 @@ def _balance(
         forces = e[ELASTIC_SIZE, j] + abs(shape) + abs(munk) + e[IMPULSE_SIZE, j]
         u[SCALE, 2 + j] = max(SMALLEST_SCALE, max(abs(p[2 + j]), forces))
         u[SIZE, 2 + j] = abs(p[2 + j]) + abs(turning) + abs(arm) + forces + dl * size
+    if fluid.drag > 0.0:
+        _add_drag(z, h, beam, fluid, w)
     return residual_norm(w)
 
 
@@ -708,6 +837,46 @@ def mass_matrix(
         w.unknowns[MASS_DIAGONAL, i] = w.mass[i, i]
 
 
+@kernel
+def _add_drag_columns(beam: BeamConstants, w: StepArrays) -> None:
+    """Add the drag, with the slopes of the last evaluation; half its impulse is in the residual."""
+    e = w.elements
+    elements = beam.elements
+    for column in range(elements + 2):
+        out = w.transposed[column]
+        j = column - 2
+        _centre_column(column, beam, w)
+        total_x = 0.0
+        total_y = 0.0
+        for k in range(elements):
+            normal_x = e[D1X, k] * e[COS_HALF, k] - e[D3X, k] * e[SIN_HALF, k]
+            normal_y = e[D1Y, k] * e[COS_HALF, k] - e[D3Y, k] * e[SIN_HALF, k]
+            across = normal_x * e[SUM_X, k] + normal_y * e[SUM_Y, k]
+            push = 0.5 * e[DRAG_SLOPE, k] * across
+            turning = 0.5 * e[DRAG_CROSS, k] * across
+            if k == j:
+                push += 0.5 * e[DRAG_CROSS, k]
+                turning += 0.5 * e[DRAG_TURN_SLOPE, k]
+            out[2 + k] += turning
+            e[SUM_X, k] = push * normal_x
+            e[SUM_Y, k] = push * normal_y
+            total_x += e[SUM_X, k]
+            total_y += e[SUM_Y, k]
+        out[0] += total_x
+        out[1] += total_y
+        _sum_from_centres(
+            e[SUM_X],
+            e[SUM_Y],
+            total_x,
+            total_y,
+            beam.element_length,
+            e[DRAG_BEHIND_X],
+            e[DRAG_BEHIND_Y],
+        )
+        for k in range(elements):
+            out[2 + k] += e[D1X, k] * e[DRAG_BEHIND_X, k] + e[D1Y, k] * e[DRAG_BEHIND_Y, k]
+
+
 @inlined
 def _add_elastic_columns(h: float, beam: BeamConstants, w: StepArrays) -> None:
     """Add the elastic part to columns of the turns: the factors cos(delta/2) of the strain."""
@@ -765,6 +934,8 @@ def step_jacobian(
     e = w.elements
     elements = beam.elements
     _inertia_columns(h, beam, fluid, fluid_work, shape_difference, w)
+    if fluid.drag > 0.0:
+        _add_drag_columns(beam, w)
     _add_elastic_columns(h, beam, w)
     averaged = not beam.strain_of_angles
     # From turns of elements to turns of joints: joint j turns everything behind it.

@@ -163,7 +163,6 @@ def _call_all() -> None:
 def _call_advance() -> None:
     one = _sample()
     unknowns = one.beam.elements + 2
-    trace = np.zeros((2, 1, 1, unknowns))
     advance(
         np.zeros(1, dtype=np.int64),
         one.states,
@@ -172,8 +171,7 @@ def _call_advance() -> None:
         *one.constants,
         one.floats,
         one.integers,
-        trace[0],
-        trace[1],
+        np.zeros((1, 1, 2 * unknowns)),
         np.zeros((1, 1, len(RECORD_NAMES))),
         np.zeros((1, unknowns)),
         np.zeros((1, 2), dtype=np.int64),

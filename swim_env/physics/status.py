@@ -14,6 +14,7 @@ TERMINATION_REASONS: dict[int, str] = {
     5: "step_not_solved",
     6: "turn_too_large",
     7: "state_not_finite",
+    8: "self_contact",
 }
 
 FINE = 0
@@ -24,6 +25,7 @@ MASS_NOT_POSITIVE = 4
 STEP_NOT_SOLVED = 5
 TURN_TOO_LARGE = 6
 STATE_NOT_FINITE = 7
+SELF_CONTACT = 8
 
 _MEANING = {
     "outline_degenerate": (
@@ -46,6 +48,7 @@ _MEANING = {
         "an element or a joint turns by more than 0.5 rad in however short a part of a step"
     ),
     "state_not_finite": "the state holds a number that is not finite",
+    "self_contact": "the body, as thick as it is, touches itself (watched for by self_contact)",
 }
 
 
