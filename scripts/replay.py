@@ -121,7 +121,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command."""
     options = _parser().parse_args(arguments)
     _check_episode_options(options)
-    scene = scene_of(options)
+    scene = scene_of(options, keep_elements=options.env)
     if options.output is not None:
         require_matplotlib()
         check_result_folder(options.output)

@@ -281,7 +281,7 @@ def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, Solver
     fluid = scene.fluid
     model = FLUID_MODELS[fluid.model] if fluid else FLUID_MODELS["none"]
     panels = fluid.panels_per_element if fluid else 2
-    caps = fluid.panels_per_end if fluid else 1
+    caps = fluid.panels_per_end(beam) if fluid else 1
     density = fluid.density if fluid and fluid.density is not None else 0.0
     # On the centre line there is one side.
     on_a_side = panels if fluid and fluid.model == "centreline" else panels // 2

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 
 from tqdm import tqdm
 
+from swim_env.accuracy.choice import choose
 from swim_env.errors import SwimError
 from swim_env.scene import Scene, load_scene, scene_names
 
@@ -38,11 +39,33 @@ def add_scene_arguments(parser: argparse.ArgumentParser, default: str | None = N
         metavar="FIELD=VALUE",
         help="change fields of the scene, for example beam.elements=27 damping=null",
     )
+    parser.add_argument(
+        "--accuracy",
+        type=float,
+        metavar="TOLERANCE",
+        help="choose the cheapest settings (fluid model, panels, elements, time step, scheme) that "
+        "are known to compute the scene's displacement to this share, for example 1e-2; agents "
+        "keep their number of elements",
+    )
 
 
-def scene_of(arguments: argparse.Namespace) -> Scene:
-    """Return the scene that the arguments of `add_scene_arguments` name."""
-    return load_scene(arguments.scene, arguments.overrides)
+def scene_of(arguments: argparse.Namespace, keep_elements: bool = False) -> Scene:
+    """Return the scene that the arguments of `add_scene_arguments` name.
+
+    Parameters
+    ----------
+    arguments : argparse.Namespace
+        The arguments.
+    keep_elements : bool
+        Whether ``--accuracy`` has to leave the number of elements alone.
+    """
+    scene = load_scene(arguments.scene, arguments.overrides)
+    if arguments.accuracy is None:
+        return scene
+    with progress_bar(40, "run", "choosing settings") as progress:
+        choice = choose(scene, arguments.accuracy, keep_elements, progress)
+    print(f"chosen {choice.reason}", file=sys.stderr)
+    return choice.scene
 
 
 @contextlib.contextmanager

@@ -188,7 +188,9 @@ class Scene:
                     f"beam.half_thickness must be above 0 and below a quarter of the length, "
                     f"{limit:.6g} m, for an outline of panels, got {beam.half_thickness!r}"
                 )
-            panels = beam.elements * self.fluid.panels_per_element + 2 * self.fluid.panels_per_end
+            panels = beam.elements * self.fluid.panels_per_element + 2 * self.fluid.panels_per_end(
+                beam
+            )
             if panels > MOST_PANELS_IN_ALL:
                 raise SceneError(
                     f"beam.elements times fluid.panels_per_element and the ends' panels must be "
@@ -409,6 +411,35 @@ class Scene:
         if changes.get("fluid.model") == "none" and "fluid.density" not in changes:
             data["fluid"].pop("density", None)
         return Scene.from_dict(data)
+
+    def for_accuracy(self, tolerance: float, keep_elements: bool = False) -> Scene:
+        """Return the scene with the cheapest settings that compute it to a tolerance.
+
+        Fluid model, panels, elements, time step and scheme are chosen from the measured front of
+        accuracy against cost (docs/accuracy.md), by playing the scene with its prescribed torque: a
+        matter of seconds. Body, drive and effects stay as they are; what was chosen and why is
+        appended to the description. `swim_env.accuracy.choose` returns more about it.
+
+        Parameters
+        ----------
+        tolerance : float
+            Largest relative error of the net displacement, |dX - dX_ref| / max(|dX_ref|, 0.01 l),
+            averaged over the last period of the drive; 0.001 to 0.3.
+        keep_elements : bool
+            Whether to keep the number of elements, as an agent for so many joints needs it. The
+            error is then that of a body of so many elements.
+
+        Raises
+        ------
+        SwimError
+            If no settings are known to be good enough, or the scene has no converged reference.
+        """
+        # The one place where a scene looks at what is made of scenes, for the sake of its name.
+        from swim_env.accuracy.choice import choose
+
+        choice = choose(self, tolerance, keep_elements)
+        said = f"{self.description} Settings chosen {choice.reason}.".strip()
+        return choice.scene.replace("description", said)
 
 
 def _known_path(path: object) -> str:

@@ -341,9 +341,10 @@ class Fluid:
     panels_per_element : int
         Panels on both sides of an element together, or on its centre line; even, 2 to 1000.
     cap_panels : int or str
-        Panels that close each end of the body, 1 to 1000; or ``proportional`` for a quarter of the
-        panels per element and at least one, which refines the ends with the sides. Strips have no
-        panels and leave both alone, the centre line has no ends.
+        Panels that close each end of the body, 1 to 1000; or ``proportional`` for as many as make
+        them about a third as long as those of the sides, which refines the ends with the sides
+        (one for the paper's body with 4 panels per element). Strips have no panels and leave both
+        alone, the centre line has no ends.
     added_mass_per_length : float or None
         With the model ``strip`` alone: an element's added mass per length [kg/m], at least 0; the
         mean value of a straight plate, pi/4 density length, where None.
@@ -413,11 +414,11 @@ class Fluid:
             variant=variant,
         )
 
-    @property
-    def panels_per_end(self) -> int:
-        """Number of panels that close each end."""
+    def panels_per_end(self, beam: Beam) -> int:
+        """Return the number of panels that close each end of a body."""
         if isinstance(self.cap_panels, str):
-            return max(1, self.panels_per_element // 4)
+            on_a_side = 2.0 * beam.element_length / self.panels_per_element
+            return max(1, round(2.0 * beam.half_thickness / (on_a_side / 3.0)))
         return self.cap_panels
 
     @property

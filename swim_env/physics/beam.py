@@ -17,7 +17,13 @@ from numpy.typing import NDArray
 
 from swim_env.physics._compile import entry_kernel, kernel
 
-__all__ = ["BeamConstants", "centres", "centres_of_trajectory", "touches_itself"]
+__all__ = [
+    "BeamConstants",
+    "centres",
+    "centres_of_trajectory",
+    "chain_levers",
+    "touches_itself",
+]
 
 Array = NDArray[np.float64]
 
@@ -63,6 +69,14 @@ class BeamConstants(NamedTuple):
 def chain_weight(element: int, elements: int) -> float:
     """Return how far the mean centre moves along d3^j per length that element j (0-based) adds."""
     return (elements - element - 0.5) / elements
+
+
+def chain_levers(elements: int, element_length: float) -> Array:
+    """Return E, (N, N): centre k moves by E_kj (m) times the change of d3 of element j."""
+    k, j = np.indices((elements, elements))
+    weight = (elements - j - 0.5) / elements
+    levers: Array = element_length * (np.where(j < k, 1.0, 0.0) + 0.5 * (j == k) - weight)
+    return levers
 
 
 @entry_kernel

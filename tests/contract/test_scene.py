@@ -23,18 +23,24 @@ from swim_env.scene import (
     Actuation,
     AxialAddedMass,
     Beam,
+    CrossFlowDrag,
     Damping,
     Episode,
     Fluid,
     Initial,
     Integrator,
+    InternalForces,
     LinearStiffness,
     PiecewiseStiffness,
+    Recording,
     Scene,
+    SelfContact,
     StiffnessPiece,
+    Stream,
     load_scene,
     scene_names,
 )
+from swim_env.scene_parts import STRAIN_NAMES
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE_ROOM = ("errors", "files", "scene", "scene_checks", "scene_parts", "scene_yaml")
@@ -42,6 +48,7 @@ PAPER = ["i", "ii", "iii", "iv", "v", "vi", "vii", "viii", "ix", "x", "xi", "xii
 SHIPPED = [f"paper_{number}" for number in PAPER] + ["swimmer"]
 WATER = Fluid("panels", 10.0)
 TWO_PI = 2.0 * math.pi
+MODELS = "none, strip, frozen, expansion, panels, centreline"
 
 
 def fails(call, *parts: str) -> SceneError:
@@ -90,9 +97,9 @@ def test_table_1(number, amplitude, stiffness, length, elements, velocity) -> No
     assert (beam.line_density, beam.rotary_inertia, beam.half_thickness) == (0.31, 7.8e-6, 0.01)
     np.testing.assert_allclose(beam.stiffness_at_joints(), stiffness, rtol=1e-15)
     assert scene.fluid == Fluid("panels", 10.0, 12 if elements == 3 else 4, 1)
-    assert scene.effects == ()
+    assert scene.effects == ("bending_stiffness",)
     assert scene.initial == Initial(velocity=velocity)
-    assert scene.integrator == Integrator(time_step=0.01, tolerance=1e-10, scheme="paper")
+    assert scene.integrator == Integrator(0.01, 1e-10, "paper", "averaged_directors")
     assert scene.episode.duration == 100.0
     if amplitude is None:
         assert scene.actuation is None
@@ -114,7 +121,7 @@ def test_swimmer_is_paper_i_with_damping() -> None:
         }
     )
     assert load_scene("swimmer") == expected
-    assert expected.effects == ("damping",)
+    assert expected.effects == ("bending_stiffness", "damping")
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -153,8 +160,14 @@ def test_round_trip_of_everything_else(tmp_path) -> None:
         fluid=WATER,
         axial_added_mass=AxialAddedMass(),
         damping=Damping(1e-300),
+        cross_flow_drag=CrossFlowDrag(1e-7),
+        stream=Stream((-1e22, 1 / 3)),
+        self_contact=SelfContact(),
+        internal_forces=InternalForces(),
+        recording=Recording(),
         actuation=Actuation(-1.0, -2.0, 0.1, 3.0, 0.5, 0.0, 1e-9),
         initial=turn,
+        integrator=Integrator(scheme="composed", strain="mean_angles"),
     )
     path = tmp_path / "s.yaml"
     scene.save(path)
@@ -351,7 +364,7 @@ BAD = [
     ("beam.rotary_inertia", -1e-9, "must be at least 0 kg m, got -1e-09"),
     ("beam.bending_stiffness", -5.0, "must be at least 0 N m^2, got -5.0"),
     ("fluid.density", 0.0, "must be above 0 kg/m^3, got 0.0"),
-    ("fluid.density", None, "panels need fluid.density"),
+    ("fluid.density", None, "panels needs fluid.density"),
     ("fluid.panels_per_element", 5, "must be even"),
     ("fluid.panels_per_element", 0, "must be at least 2, got 0"),
     ("fluid.cap_panels", 0, "must be at least 1, got 0"),
@@ -393,9 +406,15 @@ BAD = [
     ("axial_added_mass", 1, "axial_added_mass must be a mapping"),
     ("axial_added_mass", {"factor": 1}, "unknown field axial_added_mass.factor; it has no fields"),
     # names
-    ("fluid.model", "panel", "must be one of none, panels, got 'panel' (nearest: panels)"),
-    ("fluid.model", None, "must be one of none, panels, got null"),
-    ("integrator.scheme", "Paper", "must be one of paper, got 'Paper' (nearest: paper)"),
+    ("fluid.model", "panel", f"must be one of {MODELS}, got 'panel' (nearest: panels)"),
+    ("fluid.model", None, f"must be one of {MODELS}, got null"),
+    ("integrator.scheme", "Paper", "must be one of paper, composed, got 'Paper' (nearest: paper)"),
+    (
+        "integrator.strain",
+        "mean_angle",
+        "must be one of averaged_directors, mean_angles, got 'mean_angle' (nearest: mean_angles)",
+    ),
+    ("integrator.strain", None, "must be one of averaged_directors, mean_angles, got null"),
     # stiffness
     ("beam.bending_stiffness", [5.0] * 9, "one value per joint, 8 for beam.elements = 9, got 9"),
     ("beam.bending_stiffness", [], "one value per joint, 8 for beam.elements = 9, got 0"),
@@ -471,8 +490,8 @@ def test_message_of_a_file(tmp_path, monkeypatch) -> None:
         ({"fluid": {"qqq": 1}}, ["unknown field fluid.qqq; known fields: model, density"]),
         ({"damping": {}}, ["damping.retardation_time is missing"]),
         ({"actuation": {"frequency": 1}}, ["actuation.amplitude is missing"]),
-        ({"fluid": {"model": "panels"}}, ["panels need fluid.density"]),
-        ({"fluid": {}}, ["panels need fluid.density"]),
+        ({"fluid": {"model": "panels"}}, ["panels needs fluid.density"]),
+        ({"fluid": {}}, ["panels needs fluid.density"]),
         ({"fluid": {"model": "none", "density": 10}}, ["fluid.density has no meaning", "got 10"]),
         ({"axial_added_mass": None}, ["axial_added_mass must be {} or true", "null"]),
         ({"name": None}, ["name must be text, got null"]),
@@ -561,7 +580,7 @@ def test_replace_makes_and_removes_blocks() -> None:
     assert scene.replace("damping", None) == scene
     for block in (True, {}, AxialAddedMass()):
         axial = scene.replace("axial_added_mass", block)
-        assert axial.effects == ("axial_added_mass",)
+        assert axial.effects == ("bending_stiffness", "axial_added_mass")
     assert axial.replace("axial_added_mass", None) == scene
     passive = load_scene("paper_xi")
     fails(lambda: passive.replace("actuation.frequency", 1.0), "actuation.amplitude is missing")
@@ -584,7 +603,7 @@ def test_switching_the_fluid_off_and_on() -> None:
     assert not dry.fluid.present
     assert load_scene("paper_i", ["fluid.model=none"]) == dry
     assert scene.replace("fluid", None).fluid is None
-    fails(lambda: dry.replace("fluid.model", "panels"), "panels need fluid.density")
+    fails(lambda: dry.replace("fluid.model", "panels"), "panels needs fluid.density")
     assert dry.replace({"fluid.model": "panels", "fluid.density": 10.0}) == scene
     fails(
         lambda: scene.replace({"fluid.model": "none", "fluid.density": 5}), "fluid.density has no"
@@ -796,7 +815,29 @@ def test_scene_imports_neither_physics_nor_gymnasium() -> None:
 
 
 def test_constants() -> None:
-    """Effect names are fields of a scene, and default names are allowed ones."""
-    assert set(EFFECT_NAMES) <= {spec.name for spec in dataclasses.fields(Scene)}
-    assert Integrator().scheme in SCHEME_NAMES
+    """Effects are those of the manual, all but the first fields of a scene; so are other names."""
+    assert EFFECT_NAMES == (
+        "bending_stiffness",
+        "axial_added_mass",
+        "damping",
+        "cross_flow_drag",
+        "stream",
+        "self_contact",
+        "internal_forces",
+        "recording",
+    )
+    assert set(EFFECT_NAMES[1:]) <= {spec.name for spec in dataclasses.fields(Scene)}
+    assert EFFECT_NAMES[0] in {spec.name for spec in dataclasses.fields(Beam)}
+    assert SCHEME_NAMES == ("paper", "composed")
+    assert STRAIN_NAMES == ("averaged_directors", "mean_angles")
+    assert Integrator().scheme == SCHEME_NAMES[0]
+    assert Integrator().strain == STRAIN_NAMES[0]
+    assert ", ".join(FLUID_MODEL_NAMES) == MODELS
     assert WATER.model in FLUID_MODEL_NAMES
+
+
+def test_effects_of_a_scene() -> None:
+    """A beam without stiffness has not even the first effect; any stiffness at all counts."""
+    assert Scene(beam=Beam(bending_stiffness=0.0)).effects == ()
+    assert Scene(beam=Beam(bending_stiffness=[0.0] * 7 + [1e-300])).effects == EFFECT_NAMES[:1]
+    assert Scene(recording=Recording()).effects == ("bending_stiffness", "recording")

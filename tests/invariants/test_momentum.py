@@ -18,6 +18,17 @@ SCENES: dict[str, tuple[str, dict[str, object]]] = {
         "swimmer",
         {"axial_added_mass": {}, "fluid.panels_per_element": 8, "fluid.cap_panels": 2},
     ),
+    "mean angles": ("paper_i", {"integrator.strain": "mean_angles"}),
+    "composed": ("paper_i", {"integrator.scheme": "composed"}),
+    "composed, none": ("paper_i", {"integrator.scheme": "composed", "fluid": None}),
+    "composed, mean angles, damped, axial": (
+        "swimmer",
+        {
+            "integrator.scheme": "composed",
+            "integrator.strain": "mean_angles",
+            "axial_added_mass": {},
+        },
+    ),
 }
 TOLERANCES = (1e-6, 1e-10, 1e-13)
 STEPS = 300
@@ -76,9 +87,10 @@ def test_random_torques_keep_the_momentum_of_a_moving_start(name: str, tolerance
     _assert_constant(trajectory, tolerance)
 
 
+@pytest.mark.parametrize("name", ["damped", "composed, mean angles, damped, axial"])
 @pytest.mark.parametrize("tolerance", TOLERANCES)
-def test_steps_cut_into_parts_keep_the_momentum(tolerance: float) -> None:
-    scene = _scene("damped", tolerance, integrator__time_step=0.01, initial__velocity=(0.2, 0.1))
+def test_steps_cut_into_parts_keep_the_momentum(tolerance: float, name: str) -> None:
+    scene = _scene(name, tolerance, integrator__time_step=0.01, initial__velocity=(0.2, 0.1))
     simulator = Simulator(scene)
     torques = _random_torques(scene, 200, 3)
     torques[::20] = 20.0 * np.tile([1.0, -1.0], 4)

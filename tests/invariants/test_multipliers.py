@@ -149,7 +149,7 @@ def by_kernels(case: Case) -> tuple[Array, Array, Array]:
     _, status = weigh(states[0], case.velocity.copy(), True, *constants, floats, integers)
     assert status == 0
     count = case.torques.shape[0]
-    q, p = np.zeros((2, 1, count, case.q0.size))
+    trace = np.zeros((1, count, 2 * case.q0.size))
     record = np.zeros((1, count, len(RECORD_NAMES)))
     outcome = np.zeros((1, 2), dtype=np.int64)
     advance(
@@ -160,8 +160,7 @@ def by_kernels(case: Case) -> tuple[Array, Array, Array]:
         *constants,
         floats[None],
         integers[None],
-        q,
-        p,
+        trace,
         record,
         np.zeros((1, case.q0.size)),
         outcome,
@@ -169,7 +168,8 @@ def by_kernels(case: Case) -> tuple[Array, Array, Array]:
     assert outcome.tolist() == [[count, 0]]
     # Only whole steps can be compared: the form with multipliers does not cut them.
     assert (record[0, :, RECORD_NAMES.index("parts")] == 1.0).all()
-    return q[0], p[0], record[0]
+    q, p = np.split(trace[0], 2, axis=1)
+    return q, p, record[0]
 
 
 def by_multipliers(case: Case) -> MultiplierTrajectory:

@@ -1,0 +1,168 @@
+#!/usr/bin/env python
+"""Measure what accuracy costs in time: errors against costs of many settings on several scenes.
+
+Writes runs.jsonl, references.json, front.json, tables.md, study.json and work_precision.png. A
+study that is interrupted goes on where it stopped when it is started again with the same --output.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from swim_env.accuracy.front import front_to_json, make_front, pareto
+from swim_env.accuracy.grid import (
+    CHOSEN_TOLERANCES,
+    Case,
+    full_grid,
+    held_out_scenes,
+    quick_grid,
+    study_scenes,
+)
+from swim_env.accuracy.held_out import judge
+from swim_env.accuracy.picture import draw_study
+from swim_env.accuracy.report import budget_of, held_out_table, study_tables
+from swim_env.accuracy.settings import Settings
+from swim_env.accuracy.study import Study
+from swim_env.command_line import progress_bar, run
+from swim_env.errors import SwimError
+from swim_env.files import write_atomically
+from swim_env.physics.loading import load_kernels
+from swim_env.provenance import where_and_when
+from swim_env.viewer import require_matplotlib, save_figure
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument(
+        "--output",
+        metavar="FOLDER",
+        default="results/accuracy",
+        help="where everything goes; results/accuracy unless given",
+    )
+    parser.add_argument(
+        "--quick",
+        action="store_true",
+        help="few settings on the first two scenes, in less than three minutes",
+    )
+    parser.add_argument(
+        "--scenes", nargs="+", metavar="NAME", help="only these scenes of the study"
+    )
+    parser.add_argument(
+        "--held-out",
+        action="store_true",
+        help="instead, judge the choices of Scene.for_accuracy on scenes that the study does not "
+        "use; writes held_out.json and held_out.md",
+    )
+    parser.add_argument(
+        "--refresh-front",
+        action="store_true",
+        help="put the measured front in the place of the one that Scene.for_accuracy reads",
+    )
+    parser.add_argument("--json", action="store_true", help="end with the figures as one JSON line")
+    return parser
+
+
+def _cases(options: argparse.Namespace, cases: list[Case]) -> list[Case]:
+    names = [case.scene.name for case in cases]
+    if options.scenes is None:
+        return cases[:2] if options.quick and not options.held_out else cases
+    unknown = [name for name in options.scenes if name not in names]
+    if unknown:
+        raise SwimError(f"--scenes must be among {', '.join(names)}, got {unknown[0]}")
+    return [case for case in cases if case.scene.name in options.scenes]
+
+
+def _write(path: Path, text: str) -> None:
+    write_atomically(path, lambda file: file.write(text.encode()))
+
+
+def _judge(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
+    """Judge the held-out scenes."""
+    cases = _cases(options, held_out_scenes())
+    tolerances = CHOSEN_TOLERANCES[:1] if options.quick else CHOSEN_TOLERANCES
+    with progress_bar(len(cases) * len(tolerances), "choice", "held-out scenes") as progress:
+        judged = judge(cases, tolerances, full_grid(), progress)
+    met = sum(1 for one in judged if one["met"])
+    ratios = [one["cost_ratio"] for one in judged if one["cost_ratio"] is not None]
+    summary = {
+        **where_and_when(),
+        "choices": len(judged),
+        "met": met,
+        "largest_cost_ratio": max(ratios, default=None),
+        "judged": judged,
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    _write(folder / "held_out.json", json.dumps(summary, indent=1) + "\n")
+    _write(folder / "held_out.md", held_out_table(judged))
+    print(held_out_table(judged), file=sys.stderr)
+    return {key: value for key, value in summary.items() if key != "judged"}
+
+
+def _study(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
+    """Run the study, or what is missing of it, and write what it says."""
+    study = Study(
+        folder,
+        _cases(options, study_scenes()),
+        quick_grid() if options.quick else full_grid(),
+    )
+    with progress_bar(study.work, "run", "accuracy and cost") as progress:
+        study.run(progress)
+    origin = where_and_when()
+    runs = list(study.chosen_runs())
+    front = make_front(runs)
+    text = front_to_json(front, origin)
+    _write(folder / "front.json", text)
+    if options.refresh_front:
+        from swim_env.accuracy.front import FRONT_FILE
+
+        _write(FRONT_FILE, text)
+    _write(folder / "tables.md", study_tables(runs, study.references, origin))
+    save_figure(draw_study(runs, study.references), folder / "work_precision.png")
+    by_scene: dict[str, Any] = {}
+    for case in study.cases:
+        name = case.scene.name
+        some = [one for one in runs if one["scene"] == name]
+        by_scene[name] = {
+            "reference": study.references[name].displacement.tolist(),
+            "uncertainty": study.references[name].uncertainty,
+            "paper_settings": budget_of(some, study.references[name]),
+            "front": [
+                {
+                    "settings": Settings.from_dict(one).label,
+                    "cost": one["cost"],
+                    "error": one["error"],
+                }
+                for one in pareto(some)
+            ],
+        }
+    summary = {**origin, "runs": len(runs), "scenes": by_scene}
+    _write(folder / "study.json", json.dumps(summary, indent=1) + "\n")
+    return summary
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command."""
+    options = _parser().parse_args(arguments)
+    require_matplotlib()
+    load_kernels()
+    folder = Path(options.output)
+    summary = _judge(options, folder) if options.held_out else _study(options, folder)
+    if options.json:
+        print(json.dumps(summary, allow_nan=False))
+    elif not options.held_out:
+        for name, one in summary["scenes"].items():
+            print(f"{name}: known to {one['uncertainty']:.1e}; front of cost and error:")
+            for point in one["front"]:
+                print(f"  {point['cost']:8.3f}  {point['error']:.1e}  {point['settings']}")
+    else:
+        print(f"{summary['met']} of {summary['choices']} choices met their tolerance")
+    print(f"results are in {folder}", file=sys.stderr)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(run(main))

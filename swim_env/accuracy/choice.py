@@ -1,0 +1,176 @@
+"""Choosing how to compute a scene: the cheapest settings of the measured front that suffice.
+
+The study says which settings are worth a try and in which order of cost. How far off they are hangs
+on the scene: so a reference is found for it, and the candidates are played one by one, the cheap
+ones first, until one is as close as was asked for. That takes a few seconds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+from swim_env.accuracy.front import Measured, load_front
+from swim_env.accuracy.outcome import play
+from swim_env.accuracy.reference import FINE, PILOT, reference_of
+from swim_env.accuracy.settings import Settings
+from swim_env.errors import SceneError, SwimError
+from swim_env.scene import Scene
+
+__all__ = ["Choice", "choose"]
+
+#: Longest run that a choice is made on (s): errors of a steady gait do not grow with time.
+_LONGEST = 20.0
+#: Share of the tolerance that a candidate may use up; the rest is for what the reference is off.
+_SHARE = 0.7
+_SMALLEST, _LARGEST = 1e-3, 0.3
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Settings for a scene, and why.
+
+    Attributes
+    ----------
+    scene : Scene
+        The scene with its new settings.
+    settings : Settings
+        The settings.
+    tolerance : float
+        What was asked for.
+    error : float
+        What was found: relative error of the displacement.
+    uncertainty : float
+        How far the reference itself may be off.
+    cost : float
+        Measured cost in units of the paper's settings on scene paper_i.
+    tried : int
+        Number of candidates that were played.
+    reason : str
+        All of it in words.
+    """
+
+    scene: Scene
+    settings: Settings
+    tolerance: float
+    error: float
+    uncertainty: float
+    cost: float
+    tried: int
+    reason: str
+
+
+def choose(
+    scene: Scene,
+    tolerance: float,
+    keep_elements: bool = False,
+    progress: Callable[[int], object] | None = None,
+) -> Choice:
+    """Choose the cheapest settings whose displacement is within a tolerance.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene; it is played with its prescribed torque for its duration, 20 s at most.
+    tolerance : float
+        Largest |dX - dX_ref| / max(|dX_ref|, 0.01 l), with dX the displacement of the mean centre
+        averaged over the last period; 0.001 to 0.3.
+    keep_elements : bool
+        Keep the number of elements, as an agent for so many joints needs it; the error is then that
+        of a body of so many elements.
+    progress : callable, optional
+        Called with 1 after every run.
+
+    Returns
+    -------
+    Choice
+        The scene with these settings, and why.
+
+    Raises
+    ------
+    SwimError
+        If the scene has no converged reference, or no settings of the front are good enough.
+    """
+    if not _SMALLEST <= tolerance <= _LARGEST:
+        raise SwimError(
+            f"the tolerance must be {_SMALLEST:g} to {_LARGEST:g}, got {tolerance!r}: smaller ones "
+            "are beyond the reference, larger ones say nothing"
+        )
+    duration = min(scene.episode.duration, _LONGEST)
+    reference = reference_of(scene, duration, PILOT, keep_elements, progress)
+    if reference.uncertainty > (1.0 - _SHARE) * tolerance:
+        reference = reference_of(scene, duration, FINE, keep_elements, progress)
+    if reference.uncertainty > 0.5 * tolerance:
+        raise SwimError(
+            f"scene {scene.name} has no reference that is good enough for {tolerance:g}: what it "
+            f"converges to is known to {reference.uncertainty:.1e} only"
+        )
+    best = math.inf
+    tried = 0
+    for candidate in _candidates(scene, keep_elements):
+        try:
+            outcome = play(candidate.settings.apply(scene), duration)
+        except SwimError:
+            continue
+        tried += 1
+        if progress is not None:
+            progress(1)
+        error = reference.error(outcome)
+        best = min(best, error)
+        if error <= _SHARE * tolerance:
+            return _choice(
+                scene, candidate, tolerance, error, reference.uncertainty, tried, keep_elements
+            )
+    raise SwimError(
+        f"no settings of the measured front compute scene {scene.name} to within {tolerance:g}: "
+        f"the best of {tried} is off by {best:.1e}"
+    )
+
+
+def _candidates(scene: Scene, keep_elements: bool) -> Iterator[Measured]:
+    """Return what may be tried on a scene, by cost; the steps fit the control interval."""
+    seen: set[Settings] = set()
+    for one in load_front():
+        settings = one.settings
+        if keep_elements:
+            settings = replace(settings, elements=scene.beam.elements)
+        if scene.fluid is None or not scene.fluid.present:
+            # Settings that differ in the fluid alone are the same here.
+            settings = replace(settings, fluid_model="none", panels_per_element=4, cap_panels=1)
+        if settings in seen:
+            continue
+        seen.add(settings)
+        try:
+            settings.apply(scene).steps_per_action  # noqa: B018
+        except SceneError:
+            continue
+        yield Measured(settings, one.cost, one.errors)
+
+
+def _choice(
+    scene: Scene,
+    chosen: Measured,
+    tolerance: float,
+    error: float,
+    uncertainty: float,
+    tried: int,
+    keep_elements: bool,
+) -> Choice:
+    settings = chosen.settings
+    panels = (
+        ""
+        if settings.fluid_model in ("none", "strip")
+        else (f", {settings.panels_per_element} panels an element")
+    )
+    kept = " (kept)" if keep_elements else ""
+    reason = (
+        f"for {tolerance:g} of the displacement: fluid model {settings.fluid_model}{panels}, "
+        f"{settings.elements} elements{kept}, steps of {1e3 * settings.time_step:g} ms of the "
+        f"{settings.scheme} scheme; off by {error:.1e} from a reference good to "
+        f"{uncertainty:.1e}, {chosen.cost:.2g} times the cost of the paper's settings; the "
+        f"{tried - 1} cheaper ones tried were further off"
+    )
+    return Choice(
+        settings.apply(scene), settings, tolerance, error, uncertainty, chosen.cost, tried, reason
+    )

@@ -1,0 +1,117 @@
+"""The work-precision picture: error against cost, a panel for every scene."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from swim_env.accuracy.front import pareto
+from swim_env.accuracy.reference import Reference
+from swim_env.accuracy.settings import PAPER_SETTINGS, Settings
+from swim_env.viewer import require_matplotlib
+from swim_env.viewer.stills import GREY, SMALL, new_figure, style_axes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["draw_study"]
+
+Run = Mapping[str, Any]
+
+#: Of Okabe & Ito, told apart by the colour-blind; shapes tell the schemes apart.
+_COLOURS = {
+    "strip": "#999999",
+    "frozen": "#0072B2",
+    "expansion": "#009E73",
+    "panels": "#D55E00",
+    "centreline": "#CC79A7",
+}
+_MARKS = {"paper": "o", "composed": "^"}
+_COLUMNS = 3
+
+
+def draw_study(runs: Sequence[Run], references: Mapping[str, Reference]) -> Figure:
+    """Draw every run as a point, the front as a line and the paper's settings as a star.
+
+    Parameters
+    ----------
+    runs : sequence of mapping
+        Those of `Study.chosen_runs`.
+    references : mapping of str to Reference
+        By scene; below a reference's error bar differences mean nothing.
+
+    Raises
+    ------
+    SwimError
+        If matplotlib is not installed.
+    """
+    require_matplotlib()
+    from matplotlib.lines import Line2D
+
+    scenes = list(dict.fromkeys(run["scene"] for run in runs))
+    columns = min(_COLUMNS, len(scenes))
+    rows = -(-len(scenes) // columns)
+    figure = new_figure(3.3 * columns, 2.7 * rows + 0.6)
+    axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    for i, place in enumerate(axes.ravel()):
+        if i >= len(scenes):
+            place.set_axis_off()
+            continue
+        some = [run for run in runs if run["scene"] == scenes[i]]
+        _draw_scene(place, some, references[scenes[i]])
+        last_row = i + columns >= len(scenes)
+        style_axes(
+            place,
+            "cost (paper's settings on paper_i = 1)" if last_row else "",
+            "relative error of displacement" if i % columns == 0 else "",
+        )
+        place.set_title(scenes[i], fontsize=SMALL + 1)
+    handles = [
+        Line2D([], [], color=colour, marker="o", linestyle="", markersize=4, label=name)
+        for name, colour in _COLOURS.items()
+        if any(run["fluid_model"] == name for run in runs)
+    ]
+    handles += [
+        Line2D([], [], color=GREY, marker=mark, linestyle="", markersize=4, label=f"{name} scheme")
+        for name, mark in _MARKS.items()
+    ]
+    handles += [
+        Line2D([], [], color="black", linewidth=1.0, label="front"),
+        Line2D(
+            [], [], color="black", marker="*", linestyle="", markersize=9, label="paper's settings"
+        ),
+        Line2D([], [], color="#DDDDDD", linewidth=6, label="within the reference's error bar"),
+    ]
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=5, fontsize=SMALL, frameon=False
+    )
+    return figure
+
+
+def _draw_scene(axes: Axes, runs: Sequence[Run], reference: Reference) -> None:
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.axhspan(1e-6, max(reference.uncertainty, 1e-6), color="#DDDDDD", linewidth=0, zorder=0)
+    for run in runs:
+        axes.plot(
+            run["cost"],
+            run["error"],
+            marker=_MARKS[run["scheme"]],
+            color=_COLOURS.get(run["fluid_model"], GREY),
+            markersize=3,
+            linestyle="",
+            alpha=0.7,
+        )
+    front = pareto(runs)
+    axes.step(
+        [run["cost"] for run in front],
+        [run["error"] for run in front],
+        where="post",
+        color="black",
+        linewidth=1.0,
+    )
+    for run in runs:
+        if Settings.from_dict(run) == PAPER_SETTINGS:
+            axes.plot(run["cost"], run["error"], marker="*", color="black", markersize=10)
+    axes.set_ylim(5e-5, 5.0)

@@ -1,0 +1,272 @@
+r"""A converged reference for one scene, with an error bar, put together from single refinements.
+
+Refining everything at once is out of reach: an outline of 27 elements with 48 panels each takes
+minutes a second. But the errors of elements, panels, time step and fluid model are small and add
+up, so each is removed where it is cheap to compute,
+
+.. math::
+    X = X_{N \to \infty} + \delta_{panels} + \delta_{dt} + \delta_{model},
+
+with the frozen added mass, whose panels are free, for all but the last: what the panels' added mass
+changes is taken from a coarser body. Every part is extrapolated with its measured order (2 in 1/N,
+1 in the panels, 2 in the step of the composed scheme), and leaves an error bar of how much the
+extrapolation moved or how far two of them are apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.accuracy.outcome import SAMPLES, Outcome, play, relative_error
+from swim_env.accuracy.settings import Settings
+from swim_env.errors import SwimError
+from swim_env.scene import Scene
+
+__all__ = ["FINE", "PILOT", "Reference", "Refinements", "reference_of"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Refinements:
+    """How far a reference goes.
+
+    Attributes
+    ----------
+    elements : tuple of int
+        Three numbers N, increasing.
+    panels : int
+        Panels along the body at every N, N times the panels per element.
+    coarse_elements : int
+        N at which panels, time step and model are refined.
+    time_step : float
+        The time step (s); it is halved once.
+    model_panels : tuple of int
+        Panels per element with which the models are compared, one or two.
+    """
+
+    elements: tuple[int, int, int]
+    panels: int
+    coarse_elements: int
+    time_step: float
+    model_panels: tuple[int, ...]
+
+
+#: For the study, and for choosing settings.
+FINE = Refinements((18, 27, 36), 432, 9, 0.0025, (4, 8))
+PILOT = Refinements((9, 18, 27), 216, 9, 0.005, (4,))
+#: Where the model cannot be frozen, every step weighs the panels.
+_WITH_PANELS = Refinements((6, 9, 12), 72, 6, 0.005, (4,))
+
+#: A frozen added mass that is further off than this share cannot carry the other parts.
+_TOO_BENT = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """What a scene's run converges to.
+
+    Attributes
+    ----------
+    displacement : (2,) array
+        As in `Outcome` (m).
+    path : (SAMPLES + 1, 2) array
+        As in `Outcome` (m).
+    energy : float
+        As in `Outcome` (J).
+    length : float
+        Body length (m).
+    uncertainty : float
+        How far the displacement may be off, on the scale of `relative_error`.
+    parts : dict of str to float
+        Its parts: elements, panels, time step, model.
+    """
+
+    displacement: Array
+    path: Array
+    energy: float
+    length: float
+    uncertainty: float
+    parts: dict[str, float]
+
+    def error(self, outcome: Outcome) -> float:
+        """Return the relative error of a run's displacement; infinite where it ended early."""
+        if outcome.termination_reason:
+            return np.inf
+        return relative_error(outcome.displacement, self.displacement, self.length)
+
+    def path_error(self, outcome: Outcome) -> float:
+        """Return the largest distance between the paths, relative to the reference's extent."""
+        if outcome.termination_reason:
+            return np.inf
+        extent = max(float(np.hypot(*self.path.T).max()), 0.01 * self.length)
+        return float(np.hypot(*(outcome.path - self.path).T).max()) / extent
+
+    def energy_error(self, outcome: Outcome) -> float:
+        """Return the relative error of the mean energy."""
+        if outcome.termination_reason or self.energy == 0.0:
+            return np.inf if outcome.termination_reason else abs(outcome.energy)
+        return abs(outcome.energy - self.energy) / abs(self.energy)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers and lists, for JSON."""
+        return {
+            "displacement": self.displacement.tolist(),
+            "path": self.path.tolist(),
+            "energy": self.energy,
+            "length": self.length,
+            "uncertainty": self.uncertainty,
+            "parts": self.parts,
+        }
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Reference:
+        """Return what `to_dict` was made of."""
+        return cls(
+            np.array(data["displacement"]),
+            np.array(data["path"]),
+            data["energy"],
+            data["length"],
+            data["uncertainty"],
+            data["parts"],
+        )
+
+
+def reference_of(
+    scene: Scene,
+    duration: float,
+    refinements: Refinements = FINE,
+    keep_elements: bool = False,
+    progress: Callable[[int], object] | None = None,
+) -> Reference:
+    """Find what a scene's displacement, path and energy converge to.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene; how it is computed does not matter.
+    duration : float
+        Simulated time (s).
+    refinements : Refinements
+        How far to go.
+    keep_elements : bool
+        Whether the number of elements belongs to the scene: then the reference has as many.
+    progress : callable, optional
+        Called with 1 after every run; there are at most 10.
+
+    Raises
+    ------
+    SwimError
+        If one of the fine runs ends early.
+    """
+    return _Refiner(scene, duration, refinements, keep_elements, progress).reference()
+
+
+class _Refiner:
+    """The runs of one reference."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        duration: float,
+        refinements: Refinements,
+        keep_elements: bool,
+        progress: Callable[[int], object] | None,
+    ) -> None:
+        self._scene = scene
+        self._duration = duration
+        self._progress = progress
+        self._keep = keep_elements
+        with_fluid = scene.fluid is not None and scene.fluid.present
+        self._can_freeze = with_fluid and scene.axial_added_mass is None
+        self._with_fluid = with_fluid
+        self._plan = _WITH_PANELS if with_fluid and not self._can_freeze else refinements
+        self._known: dict[Settings, Array] = {}
+
+    def reference(self) -> Reference:
+        """Make all runs and add them up."""
+        model = "frozen" if self._can_freeze else "panels"
+        plan = self._plan
+        coarse = self._scene.beam.elements if self._keep else plan.coarse_elements
+        parts: dict[str, Array] = {}
+        if self._keep:
+            total = self._run(model, coarse, plan.panels, plan.time_step)
+        else:
+            total, parts["elements"] = self._elements(model)
+        step = [self._run(model, coarse, plan.panels, plan.time_step / n) for n in (1, 2)]
+        change = (step[1] - step[0]) * 4.0 / 3.0
+        total, parts["time_step"] = total + change, 0.5 * change
+        if self._with_fluid:
+            fine = [self._run(model, coarse, n * plan.panels, plan.time_step) for n in (1, 2)]
+            change = 2.0 * (fine[1] - fine[0])
+            total, parts["panels"] = total + change, 0.25 * change
+        if self._can_freeze:
+            change, parts["model"] = self._model(coarse)
+            total = total + change
+        displacement, energy = total[:2], float(total[2])
+        length = self._scene.beam.length
+        shares = {
+            name: relative_error(displacement + part[:2], displacement, length)
+            for name, part in parts.items()
+        }
+        return Reference(
+            displacement,
+            total[3:].reshape(SAMPLES + 1, 2),
+            energy,
+            length,
+            float(np.sqrt(sum(share**2 for share in shares.values()))),
+            shares,
+        )
+
+    def _elements(self, model: str) -> tuple[Array, Array]:
+        """Extrapolate to infinitely many elements, twice."""
+        counts = self._plan.elements
+        runs = [self._run(model, n, self._plan.panels, self._plan.time_step) for n in counts]
+
+        def limit(i: int) -> Array:
+            few, many = counts[i] ** 2, counts[i + 1] ** 2
+            value: Array = runs[i + 1] + (runs[i + 1] - runs[i]) * few / (many - few)
+            return value
+
+        return limit(1), limit(1) - limit(0)
+
+    def _model(self, elements: int) -> tuple[Array, Array]:
+        """Return what the panels' added mass changes, and how sure that is."""
+        changes = []
+        for panels in self._plan.model_panels:
+            along = panels * elements
+            pair = [
+                self._run(model, elements, along, 2.0 * self._plan.time_step)
+                for model in ("panels", "frozen")
+            ]
+            changes.append(pair[0] - pair[1])
+            size = relative_error(pair[1][:2], pair[0][:2], self._scene.beam.length)
+            if size > _TOO_BENT:
+                raise SwimError(
+                    f"scene {self._scene.name} bends too far for a converged reference: the "
+                    f"straight body's added mass is {size:.0%} off in displacement"
+                )
+        spread = changes[-1] - changes[0] if len(changes) > 1 else 0.0 * changes[0]
+        return changes[-1], np.abs(spread) + 0.15 * np.abs(changes[-1])
+
+    def _run(self, model: str, elements: int, panels: int, time_step: float) -> Array:
+        # An even number of panels on every element.
+        each = max(2, 2 * round(panels / elements / 2))
+        settings = Settings(model, elements, each, "proportional", time_step, "composed")
+        if settings not in self._known:
+            outcome = play(settings.apply(self._scene), self._duration)
+            if outcome.termination_reason:
+                raise SwimError(
+                    f"scene {self._scene.name} has no converged reference: the run with "
+                    f"{settings.label} ended with {outcome.termination_reason}; damping, a smaller "
+                    "drive or a shorter run may help"
+                )
+            self._known[settings] = outcome.values
+            if self._progress is not None:
+                self._progress(1)
+        return self._known[settings]
