@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from swim_env.assessment import load_assessment
+from swim_env.benchmark.effects import effect_pairs, measure_effects
 from swim_env.benchmark.environments import Workload, swim_workloads
 from swim_env.benchmark.growth import growth_of
 from swim_env.benchmark.memory import measure_memory
@@ -91,6 +92,11 @@ def _measure_kernel(extent: Extent) -> dict[str, Any]:
     return {"kernel": cells, "growth": growth_of(cells) + growth_of(cells, LARGE_BEAMS)}
 
 
+def _measure_effects(extent: Extent) -> dict[str, Any]:
+    with progress_bar(len(effect_pairs()), "effect", "effects") as progress:
+        return {"effects": measure_effects(extent.rounds, progress)}
+
+
 def _prepare_peers(extent: Extent) -> tuple[dict[str, Workload], dict[str, str]]:
     """Return what is timed of the peers, and why others are missing."""
     total = 1 + len(extent.chain_variants) + len(extent.softenings)
@@ -146,6 +152,8 @@ def _measure(wanted: tuple[str, ...], optional: bool, extent: Extent) -> dict[st
     skipped: dict[str, str] = {}
     if "kernel" in wanted:
         record |= _measure_kernel(extent)
+    if "effects" in wanted:
+        record |= _measure_effects(extent)
     peers: dict[str, Workload] = {}
     if "peers" in wanted:
         peers, skipped = _prepare_peers(extent)

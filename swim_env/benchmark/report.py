@@ -35,6 +35,7 @@ def report_tables(record: Record) -> str:
     sections = [
         *_kernel_tables(record.get("kernel", [])),
         *_growth_table(record.get("growth", [])),
+        *_effects_table(record.get("effects", [])),
         *_speed_tables(record.get("speeds", {}), record.get("ratios", {})),
         *_memory_table(record.get("memory")),
         *_startup_table(record.get("startup")),
@@ -170,6 +171,23 @@ def _growth_table(fits: Sequence[Record]) -> list[str]:
     ]
     heads = ["fluid model", "N", "exponent", "largest deviation"]
     return [_table("Growth of a step's time with the number of elements N", heads, rows)]
+
+
+def _effects_table(effects: Sequence[Record]) -> list[str]:
+    if not effects:
+        return []
+    rows = [
+        (
+            one["effect"],
+            _spread(one["with"]),
+            _spread(one["without"]),
+            _spread(one["added"]),
+            _spread(one["removed"]),
+        )
+        for one in effects
+    ]
+    heads = ("effect", "with (us a step)", "without (us a step)", "added (us)", "without / with")
+    return [_table("What effects cost", heads, rows)]
 
 
 def _speed_tables(speeds: Record, ratios: Record) -> list[str]:

@@ -15,6 +15,7 @@ from swim_env.benchmark.parts import measure_parts
 from swim_env.benchmark.timing import time_in_turn
 from swim_env.physics import FLUID_MODELS
 from swim_env.scene import Scene, load_scene
+from swim_env.scene_parts import MOST_ELEMENTS_OF_EXPANSION
 
 __all__ = [
     "FULL",
@@ -29,10 +30,12 @@ __all__ = [
 ]
 
 #: What can be measured by itself.
-SECTIONS = ("kernel", "environments", "startup", "training", "peers")
+SECTIONS = ("kernel", "effects", "environments", "startup", "training", "peers")
 
-#: Models that do not cut the outline into panels, whose cost does not depend on their number.
-_WITHOUT_PANELS = ("none",)
+#: Models that cut no outline into panels at a step, whose cost does not depend on their number.
+_WITHOUT_PANELS = ("none", "strip", "frozen", "expansion")
+#: The model that is there for comparison with the paper's equations only.
+_NOT_FOR_USE = "centreline"
 _USUAL_PANELS = 4
 #: Where the steps are long and their medians steady, fewer rounds do.
 _LARGE = 250
@@ -166,14 +169,24 @@ RATIOS: dict[str, Ratio] = {
 
 
 def kernel_scenes(elements: Iterable[int], panels: Iterable[int]) -> list[Scene]:
-    """Return `paper_i` with every fluid model, number of elements and of panels per element."""
+    """Return `paper_i` with every fluid model, number of elements and of panels per element.
+
+    Without the model for comparison, and beams that are too large for a model.
+    """
     elements, panels = list(elements), list(panels)
     scenes = []
     for model in FLUID_MODELS:
+        if model == _NOT_FOR_USE:
+            continue
         of_model = load_scene("paper_i").replace("fluid.model", model)
         for count in [_USUAL_PANELS] if model in _WITHOUT_PANELS else panels:
             with_panels = of_model.replace("fluid.panels_per_element", count)
-            scenes += [with_panels.replace("beam.elements", number) for number in elements]
+            most = MOST_ELEMENTS_OF_EXPANSION if model == "expansion" else max(elements)
+            scenes += [
+                with_panels.replace("beam.elements", number)
+                for number in elements
+                if number <= most
+            ]
     return scenes
 
 
