@@ -183,7 +183,7 @@ class Scene:
         beam = self.beam
         if self.fluid is not None and self.fluid.present:
             limit = 0.25 * beam.length
-            if not 0.0 < beam.half_thickness < limit:
+            if self.fluid.has_outline and not 0.0 < beam.half_thickness < limit:
                 raise SceneError(
                     f"beam.half_thickness must be above 0 and below a quarter of the length, "
                     f"{limit:.6g} m, for an outline of panels, got {beam.half_thickness!r}"
@@ -191,7 +191,7 @@ class Scene:
             panels = beam.elements * self.fluid.panels_per_element + 2 * self.fluid.panels_per_end(
                 beam
             )
-            if panels > MOST_PANELS_IN_ALL:
+            if self.fluid.model != "strip" and panels > MOST_PANELS_IN_ALL:
                 raise SceneError(
                     f"beam.elements times fluid.panels_per_element and the ends' panels must be "
                     f"at most {MOST_PANELS_IN_ALL} panels, got {panels}"

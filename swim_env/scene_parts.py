@@ -346,7 +346,7 @@ class Fluid:
         (one for the paper's body with 4 panels per element). Strips have no panels and leave both
         alone, the centre line has no ends.
     added_mass_per_length : float or None
-        With the model ``strip`` alone: an element's added mass per length [kg/m], at least 0; the
+        With the model ``strip`` alone: an element's added mass per length [kg/m], above 0; the
         mean value of a straight plate, pi/4 density length, where None.
     variant : str or None
         With the model ``centreline`` alone: one of `CENTRELINE_VARIANTS`, the boundary value of a
@@ -386,9 +386,12 @@ class Fluid:
             )
         caps = self.cap_panels
         if isinstance(caps, str):
-            check_name(caps, "fluid.cap_panels", (PROPORTIONAL,))
+            check_name(caps, "fluid.cap_panels", ("a whole number", PROPORTIONAL))
         else:
-            caps = check_integer(caps, "fluid.cap_panels", at_least=1, at_most=MOST_PANELS)
+            try:
+                caps = check_integer(caps, "fluid.cap_panels", at_least=1, at_most=MOST_PANELS)
+            except SceneError as error:
+                raise SceneError(f"{error.problem}; or {PROPORTIONAL}") from None
         variant = self.variant
         if variant is not None:
             if model != "centreline":
@@ -404,7 +407,7 @@ class Fluid:
                     f"fluid.added_mass_per_length has no meaning with fluid.model {model}, only "
                     f"with strip; it needs null, got {got(strip)}"
                 )
-            strip = check_real(strip, "fluid.added_mass_per_length", "kg/m", at_least=0.0)
+            strip = check_real(strip, "fluid.added_mass_per_length", "kg/m", above=0.0)
         _set(
             self,
             density=density,
@@ -420,6 +423,11 @@ class Fluid:
             on_a_side = 2.0 * beam.element_length / self.panels_per_element
             return max(1, round(2.0 * beam.half_thickness / (on_a_side / 3.0)))
         return self.cap_panels
+
+    @property
+    def has_outline(self) -> bool:
+        """Whether the body's closed outline is cut into panels, if only once."""
+        return self.model in ("frozen", "expansion", "panels")
 
     @property
     def present(self) -> bool:

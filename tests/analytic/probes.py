@@ -21,13 +21,14 @@ from swim_env.physics.added_mass import (
 )
 from swim_env.physics.beam import BeamConstants
 from swim_env.physics.dense import copy
-from swim_env.physics.integrator import work_sizes
+from swim_env.physics.integrator import prepare, work_sizes
 from swim_env.physics.lagrangian import (
     CHANGE,
     RESIDUAL,
     carve_step_arrays,
     evaluate_step,
     mass_matrix,
+    pose_jacobian,
     set_pose,
     step_array_size,
     step_jacobian,
@@ -99,6 +100,47 @@ def _step_probe(
     return status
 
 
+@entry_kernel
+def _pose_probe(
+    q: Array,
+    p: Array,
+    torques: Array,
+    z: Array,
+    h: float,
+    ends: Array,
+    beam: BeamConstants,
+    fluid: FluidConstants,
+    floats: Array,
+    integers: Integers,
+    residual: Array,
+    change: Array,
+    jacobian: Array,
+    pose: Array,
+) -> int:
+    used = fluid_work_sizes(fluid)[0]
+    step = floats[used : used + step_array_size(beam.elements, motion_count(fluid))]
+    w = carve_step_arrays(step, beam.elements, motion_count(fluid))
+    work = carve_fluid_work(floats[:used], integers, fluid)
+    status = prepare(q, p, beam, fluid, work, w)
+    if status != 0:
+        return status
+    pose_jacobian(h, beam, w)
+    for i in range(pose.shape[0]):
+        copy(w.jacobian[i], pose[i])
+    if ends.size > 0:
+        w.adjoint[0] = 1.0
+        status = added_mass(ends, fluid, work, w.added_mass)
+        if status != 0:
+            return status
+    evaluate_step(p, torques, z, h, beam, fluid, work, w)
+    copy(w.unknowns[RESIDUAL], residual)
+    copy(w.unknowns[CHANGE], change)
+    step_jacobian(h, beam, fluid, work, 0.0, w)
+    for i in range(jacobian.shape[0]):
+        copy(w.jacobian[i], jacobian[i])
+    return status
+
+
 def fluid_constants(
     elements: int,
     panels: int,
@@ -165,6 +207,38 @@ def probe_step(
     out = StepProbe(np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros((n, n)))
     work = (np.zeros(floats), np.zeros(integers, dtype=np.int64))
     status = _step_probe(q, p, torques, z, h, difference, beam, fluid, *work, *out)
+    assert status == 0, f"the step cannot be evaluated, status {status}"
+    return out
+
+
+class PoseProbe(NamedTuple):
+    """Residual, change, Newton's matrix, and the one made of the mass at q_n."""
+
+    residual: Array
+    change: Array
+    jacobian: Array
+    pose: Array
+
+
+def probe_pose(
+    q: Array,
+    p: Array,
+    torques: Array,
+    z: Array,
+    h: float,
+    beam: BeamConstants,
+    fluid: FluidConstants,
+    *,
+    adjoint: bool = False,
+) -> PoseProbe:
+    """Evaluate a step after `prepare`, as a run does, or the adjoint of a step."""
+    load_kernels()
+    n = beam.elements + 2
+    floats, integers = work_sizes(beam, fluid)
+    out = PoseProbe(np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros((n, n)))
+    work = (np.zeros(floats), np.zeros(integers, dtype=np.int64))
+    ends = q[3:] + z[3:] if adjoint else np.zeros(0)
+    status = _pose_probe(q, p, torques, z, h, ends, beam, fluid, *work, *out)
     assert status == 0, f"the step cannot be evaluated, status {status}"
     return out
 
