@@ -172,7 +172,7 @@ def assess(
         Torques that were held (N m).
     torque_of_one : (N - 1,) array
         Torque of an action of 1 (N m).
-    record, outcome : (M, T, 9), (M, 2) arrays
+    record, outcome : (M, T, 12), (M, 2) arrays
         As `advance` leaves them.
     goals : (M, 2) array
         A unit vector, or a point (m).

@@ -175,6 +175,8 @@ class Episodes:
         self.counters = np.zeros((count, 3), dtype=np.int64)
         start = task.draw_start(np.random.default_rng(0), task.plan_start({"noise": 0.0}))
         self.bodies.start(0, start.coordinates, start.velocity)
+        if self.bodies.recorder is not None:
+            self.bodies.recorder.forget()
         names = _TARGET_INFO if task.goal_is_point else _FORWARD_INFO
         self._info_columns = [(name, FIGURES.index(name)) for name in names]
         self._everyone_there = np.ones(count, dtype=np.bool_)
@@ -391,8 +393,8 @@ class Episodes:
             )
         for name, array in self._arrays().items():
             array[:] = snapshot.arrays[name]
-        for member in range(len(randoms)):
-            self.bodies.begin_recording(member)
+        for member in self.everyone:
+            self.bodies.begin_recording(int(member))
         self.someone_ended = bool(self.counters[:, END_CODE:].any())
         for random, state in zip(randoms, snapshot.randoms, strict=True):
             random.bit_generator.state = deepcopy(state)

@@ -16,6 +16,10 @@ __all__ = ["Recorder", "needs_recording", "trajectory_of"]
 
 Array = NDArray[np.float64]
 
+# Steps taken before, energy (J), coordinates and momenta; trace, torques and record of some steps.
+_Start = tuple[int, float, Array]
+_Steps = tuple[Array, Array, Array]
+
 
 def trajectory_of(
     scene: Scene,
@@ -87,8 +91,8 @@ class Recorder:
 
     def __init__(self, scene: Scene, count: int) -> None:
         self._scene = scene
-        self._starts: list[tuple[int, float, Array]] = [(0, 0.0, np.zeros(0))] * count
-        self._steps: list[list[tuple[Array, Array, Array]]] = [[] for _ in range(count)]
+        self._starts: list[_Start | None] = [None] * count
+        self._steps: list[list[_Steps]] = [[] for _ in range(count)]
 
     def begin(self, member: int, steps: int, energy: float, state: Array) -> None:
         """Forget a member's steps; its trajectory begins here.
@@ -107,13 +111,34 @@ class Recorder:
         self._starts[member] = (steps, energy, state.copy())
         self._steps[member] = []
 
+    def forget(self) -> None:
+        """Forget everything."""
+        self.restore(([None] * len(self._starts), [[] for _ in self._steps]))
+
+    def snapshot(self) -> tuple[list[_Start | None], list[list[_Steps]]]:
+        """Return what there is, to go back to."""
+        return list(self._starts), [list(steps) for steps in self._steps]
+
+    def restore(self, snapshot: tuple[list[_Start | None], list[list[_Steps]]]) -> None:
+        """Go back to a snapshot of this recorder."""
+        self._starts, self._steps = snapshot
+
     def add(self, member: int, trace: Array, torques: Array, record: Array) -> None:
         """Add the steps that a member has taken, as `Bodies.advance` has written them."""
         self._steps[member].append((trace.copy(), torques.copy(), record.copy()))
 
     def trajectory(self, member: int, reason: str) -> Trajectory:
-        """Return a member's trajectory since its start, which ended for this reason or goes on."""
-        first, energy, state = self._starts[member]
+        """Return a member's trajectory since its start, which ended for this reason or goes on.
+
+        Raises
+        ------
+        OptionError
+            If it was never started.
+        """
+        start_of = self._starts[member]
+        if start_of is None:
+            raise OptionError("nothing was recorded yet: call reset first")
+        first, energy, state = start_of
         parts = self._steps[member]
         columns = parts[0][0].shape[1] if parts else state.size
         start = np.full((1, columns), np.nan)

@@ -483,8 +483,9 @@ class CrossFlowDrag:
 class Stream:
     """Effect: the fluid far away moves with one velocity.
 
-    A body in a uniform stream does what it would do at rest and is carried along; what it starts
-    with and what drag feels is the velocity relative to the stream.
+    A body in a uniform stream does what it would do at rest and is carried along; what drag feels
+    is the velocity relative to the stream. `initial.velocity` is over ground, so a body that starts
+    at rest moves against the stream.
 
     Attributes
     ----------

@@ -191,10 +191,11 @@ class Task(ABC):
         if "heading" not in exact:
             coordinates[2] += turn
             if not exact & {"velocity", "velocity_slope"}:
-                # The body is turned with the motion that it has.
-                x, y = velocity[:2]
+                # The body is turned with the motion that it has through the fluid.
+                drift = np.array(self.scene.stream.velocity if self.scene.stream else (0.0, 0.0))
+                x, y = velocity[:2] - drift
                 cosine, sine = math.cos(turn), math.sin(turn)
-                velocity[:2] = (cosine * x - sine * y, sine * x + cosine * y)
+                velocity[:2] = (cosine * x - sine * y, sine * x + cosine * y) + drift
         if "position" in exact:
             # The head's end is where the option says, however the body is bent and turned.
             there = Initial(

@@ -69,9 +69,9 @@ class Trajectory:
         1 where rounding kept the residual above the tolerance.
     internal_forces : (T, N - 1, 2) array or None
         Force (N) with which what is behind a joint pulls at what is in front of it, at the
-        beginning of each step; not numbers at the beginning of a run. None unless the scene asks
-        for them. It follows from the momentum balance of the elements, the fluid's impulse on an
-        element's own panels included.
+        beginning of each step, a mean over that step and the one before; not numbers at the
+        beginning of a run. None unless the scene asks for them. It follows from the momentum
+        balance of the elements, the fluid's impulse on an element's own panels included.
     """
 
     scene: Scene
@@ -247,6 +247,8 @@ class Trajectory:
             }
         except (TypeError, ValueError) as error:
             raise TrajectoryError(f"the trajectory holds no numbers: {error} ({name})") from None
+        if scene.internal_forces is not None and "internal_forces" not in arrays:
+            raise TrajectoryError(f"not a trajectory file, it lacks internal_forces ({name})")
         trajectory = cls(scene=scene, termination_reason=reason, **arrays)
         trajectory._check_shapes(name)
         return trajectory

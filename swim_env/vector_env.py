@@ -145,9 +145,11 @@ class SwimVectorEnv(
         OptionError
             If the scene has no recording, or there is no such member.
         """
+        if isinstance(member, bool) or not isinstance(member, (int, np.integer)):
+            raise OptionError(f"member must be a whole number, got {got(member)}")
         if not 0 <= member < self.num_envs:
             raise OptionError(f"member must be 0 to {self.num_envs - 1}, got {member}")
-        return self.episodes.recorded(member)
+        return self.episodes.recorded(int(member))
 
     # ---- Gymnasium's methods -------------------------------------------------------------------
 
@@ -180,6 +182,8 @@ class SwimVectorEnv(
         plan, mask = self._plan_and_mask(options)
         fresh = self._generators(seed)
         before = self.episodes.snapshot([])
+        recorder = self.episodes.bodies.recorder
+        recorded = None if recorder is None else recorder.snapshot()
         randoms = list(self._randoms)
         numbers: list[Any] = [None if one is None else one.bit_generator.state for one in randoms]
         try:
@@ -189,6 +193,8 @@ class SwimVectorEnv(
                 self._start(int(member), plan)
         except SimulationEndedError:
             self.episodes.restore(before, [])
+            if recorder is not None and recorded is not None:
+                recorder.restore(recorded)
             self._randoms = randoms
             for one, state in zip(randoms, numbers, strict=True):
                 if one is not None:

@@ -130,7 +130,8 @@ class _Shapes:
         status = added_mass(joint_angles, self._fluid, self._work, out)
         if status != FINE:
             raise SwimError(
-                f"panels give no added mass of the straight body: {TERMINATION_REASONS[status]}"
+                "panels give no added mass of the straight body, or of one that is hardly bent: "
+                f"{TERMINATION_REASONS[status]}"
             )
         return out[: self._size, : self._size]
 

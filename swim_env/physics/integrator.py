@@ -52,6 +52,9 @@ from swim_env.physics.lagrangian import (
     DRAG_Y,
     FORCES_P,
     INCREMENT,
+    KEPT,
+    MEAN_X,
+    MEAN_Y,
     MOMENTUM_X,
     MOMENTUM_Y,
     NET_X,
@@ -64,6 +67,8 @@ from swim_env.physics.lagrangian import (
     PREPARED,
     PREPARED_P,
     PROPOSED,
+    PUSH_X,
+    PUSH_Y,
     RESIDUAL,
     SAVED_P,
     SAVED_Q,
@@ -698,49 +703,60 @@ def _solve_part(
 
 @kernel
 def _begin_forces(m: MemberViews) -> None:
-    """Begin to collect internal impulses for a step; those before it count if they are its own."""
+    """Begin to collect momenta; those of the step before count if this state is where it ended."""
     w = m.step
+    e = w.elements
     known = w.unknowns[FORCES_P]
-    same = m.counters[STEPS] > 0.0
+    w.forces_known[0] = 1.0 if m.counters[STEPS] > 0.0 else 0.0
     for i in range(known.size):
-        same = same and known[i] == m.p[i]
-    if not same:
-        w.windows[0] = np.nan
-    w.windows[1] = 0.0
-    w.elements[NET_X] = 0.0
-    w.elements[NET_Y] = 0.0
+        if known[i] != m.p[i]:
+            w.forces_known[0] = 0.0
+    for row in range(4):
+        e[MEAN_X + row] = 0.0
 
 
 @kernel
-def _collect_forces(h: float, fluid: FluidConstants, w: StepArrays) -> None:
-    """Add what every element got from its neighbours between the last part and this one.
+def _collect_momenta(share: float, fluid: FluidConstants, w: StepArrays) -> None:
+    """Add the momenta of a part, a share of the step, to their mean over it, and its drag."""
+    e = w.elements
+    for k in range(e[MEAN_X].size):
+        e[MEAN_X, k] += share * e[MOMENTUM_X, k]
+        e[MEAN_Y, k] += share * e[MOMENTUM_Y, k]
+        if fluid.drag > 0.0:
+            e[PUSH_X, k] += e[DRAG_X, k]
+            e[PUSH_Y, k] += e[DRAG_Y, k]
 
-    Its momentum P (with the fluid's impulse on its own panels) is that of the part; the drag's
-    impulse acts by halves at the ends.
+
+@kernel
+def _find_forces(p: Array, time_step: float, w: StepArrays) -> None:
+    """Find what every element gets from its neighbours at the beginning of the step.
+
+    That is the change from its mean momentum in the step before to that in this step (with the
+    fluid's impulse on its own panels), less half the drag of both. The step ends with momentum p.
     """
     e = w.elements
-    half = 0.5 if fluid.drag > 0.0 else 0.0
     for k in range(e[NET_X].size):
-        e[NET_X, k] += e[MOMENTUM_X, k] - half * e[DRAG_X, k] - e[PAST_X, k]
-        e[NET_Y, k] += e[MOMENTUM_Y, k] - half * e[DRAG_Y, k] - e[PAST_Y, k]
-        e[PAST_X, k] = e[MOMENTUM_X, k] + half * e[DRAG_X, k]
-        e[PAST_Y, k] = e[MOMENTUM_Y, k] + half * e[DRAG_Y, k]
-    w.windows[1] += 0.5 * (w.windows[0] + h)
-    w.windows[0] = h
+        e[NET_X, k] = (e[MEAN_X, k] - 0.5 * e[PUSH_X, k] - e[PAST_X, k]) / time_step
+        e[NET_Y, k] = (e[MEAN_Y, k] - 0.5 * e[PUSH_Y, k] - e[PAST_Y, k]) / time_step
+        if w.forces_known[0] == 0.0:
+            e[NET_X, k] = np.nan
+            e[NET_Y, k] = np.nan
+        e[PAST_X, k] = e[MEAN_X, k] + 0.5 * e[PUSH_X, k]
+        e[PAST_Y, k] = e[MEAN_Y, k] + 0.5 * e[PUSH_Y, k]
+    copy(p, w.unknowns[FORCES_P])
 
 
 @kernel
-def _write_forces(p: Array, w: StepArrays, out: Array) -> None:
+def _write_forces(w: StepArrays, out: Array) -> None:
     """Write the force (N) on what is in front of each joint by what is behind it, x and y."""
-    copy(p, w.unknowns[FORCES_P])
     e = w.elements
     x = 0.0
     y = 0.0
     for j in range(e[NET_X].size - 1):
         x += e[NET_X, j]
         y += e[NET_Y, j]
-        out[2 * j] = x / w.windows[1]
-        out[2 * j + 1] = y / w.windows[1]
+        out[2 * j] = x
+        out[2 * j + 1] = y
 
 
 @kernel
@@ -810,6 +826,8 @@ def _outer_step(
                 copy(m.p, u[PART_P])
                 copy(u[TOTAL], u[PART_TOTAL])
                 copy(record, w.part_record)
+                for row in range(4):
+                    copy(w.elements[MEAN_X + row], w.elements[KEPT + row])
         w.adjoint[0] = 1.0 if second else 0.0
         outcome = _solve_part(m, torques, h, part, beam, fluid, solver)
         solves += 1
@@ -824,7 +842,8 @@ def _outer_step(
                 copy(u[PART_P], m.p)
                 copy(u[PART_TOTAL], u[TOTAL])
                 copy(w.part_record, record)
-                w.windows[0] = np.nan
+                for row in range(4):
+                    copy(w.elements[KEPT + row], w.elements[MEAN_X + row])
                 m.counters[KNOWN_INCREMENTS] = 0.0
                 if status == FINE:
                     status = prepare(m.q, m.p, beam, fluid, m.fluid_work, w)
@@ -838,7 +857,7 @@ def _outer_step(
         if fluid.drag > 0.0:
             record[DISSIPATED] += drag_loss(u[INCREMENT], h, w)
         if solver.forces:
-            _collect_forces(h, fluid, w)
+            _collect_momenta(h / solver.time_step, fluid, w)
         if fluid.drag > 0.0 or fluid.stream_x != 0.0 or fluid.stream_y != 0.0:
             _drift(m, h, fluid, record)
         for i in range(m.q.size):
@@ -884,6 +903,8 @@ def _outer_step(
         record[WORK] += work
         record[POSITIVE_WORK] += max(work, 0.0)
     m.counters[STEPS] += 1.0
+    if solver.forces:
+        _find_forces(m.p, solver.time_step, w)
     return FINE
 
 
@@ -925,8 +946,9 @@ def advance(
     trace : (M, T, 2 (N + 2)) array
         Overwritten: coordinates and momenta after each of the first T steps; T may be 0. Where the
         solver finds internal forces, 2 (N - 1) further columns: x and y of the force (N) with which
-        what is behind a joint pulls at what is in front of it, at the step's beginning; not numbers
-        where the step before was not taken by this member's work space.
+        what is behind a joint pulls at what is in front of it, at the step's beginning, a mean over
+        this step and the one before; not numbers where that was not taken by this member's work
+        space.
     record : (M, R hold, 12) array
         Overwritten: a row of RECORD_NAMES per step; the energy is that at the step's end.
     velocities : (M, N + 2) array
@@ -950,7 +972,7 @@ def advance(
                     copy(m.q, row[: m.q.size])
                     copy(m.p, row[m.q.size : 2 * m.q.size])
                     if solver.forces:
-                        _write_forces(m.p, m.step, row[2 * m.q.size :])
+                        _write_forces(m.step, row[2 * m.q.size :])
                 taken += 1
         outcome[member, 0] = taken
         outcome[member, 1] = status

@@ -73,8 +73,8 @@ Array = NDArray[np.float64]
 # damping and the magnitude of its terms; scratch; impulse of the drag (kg m/s) and its moment
 # (kg m^2/s), what the joints in front feel of it like E P, and its slopes: by the increment of the
 # centre along the normal, by the turn, and of one by the other; for the internal forces, the
-# momentum with which the element left the last part of a step, and the impulse from its neighbours
-# since.
+# mean momentum in the last step with half its drag, the force from the neighbours since, mean
+# momentum and drag of this step, and four rows of these at the beginning of a part.
 (
     D1X,
     D1Y,
@@ -117,8 +117,13 @@ Array = NDArray[np.float64]
     PAST_Y,
     NET_X,
     NET_Y,
-) = range(41)
-_ELEMENT_ROWS = 41
+    MEAN_X,
+    MEAN_Y,
+    PUSH_X,
+    PUSH_Y,
+    KEPT,
+) = range(46)
+_ELEMENT_ROWS = 49
 # Rows of `StepArrays.unknowns`, one number per minimal coordinate: residual of
 # p_n + D1 L_d + h F/2, the scale it is measured with, the magnitude of its terms, the change
 # D1 L_d + D2 L_d + h F of the momentum; Newton's increment, trial, correction and next correction;
@@ -170,9 +175,8 @@ class StepArrays(NamedTuple):
         1 where the inertia is that of q_{n+1}, 0 where it is that of q_n.
     part_record : (12,) array
         The record of the outer step at the beginning of one of its parts.
-    windows : (2,) array
-        For the internal forces: length of the last part (s), not a number where there was none, and
-        the time over which the impulses were collected (s).
+    forces_known : (1,) array
+        1 where the mean momenta of the step before are known.
     """
 
     elements: Array
@@ -187,7 +191,7 @@ class StepArrays(NamedTuple):
     report: Array
     adjoint: Array
     part_record: Array
-    windows: Array
+    forces_known: Array
 
 
 @shared
@@ -200,7 +204,7 @@ def step_array_size(elements: int, motions: int) -> int:
         + _ELEMENT_ROWS * elements
         + _UNKNOWN_ROWS * n
         + 3 * n * n
-        + 7
+        + 6
         + _RECORD
     )
 

@@ -439,14 +439,12 @@ def test_members_that_are_not_there_are_refused(member: int) -> None:
         env.recorded(member)
 
 
-@pytest.mark.xfail(reason="members that were never started have no state", raises=IndexError)
 def test_before_the_first_reset_no_member_has_a_recording() -> None:
     env = SwimVectorEnv(2, RECORDED)
     with pytest.raises((SwimError, ResetNeeded)):
         env.recorded(1)
 
 
-@pytest.mark.xfail(reason="a restore of no generators begins no recordings", raises=AssertionError)
 def test_a_reset_that_fails_leaves_the_recordings() -> None:
     # So fast across itself that its energy overflows, unless noise has turned a member along.
     env = SwimVectorEnv(2, RECORDED, num_threads=1)
@@ -557,10 +555,6 @@ def test_what_is_observed_is_the_velocity_over_ground() -> None:
         assert gain == pytest.approx(-STREAM[0] * there["time"], abs=1e-12)
 
 
-@pytest.mark.xfail(
-    reason="noise turns the velocity over ground, not that relative to the stream",
-    raises=AssertionError,
-)
 def test_noise_of_a_start_in_a_stream_is_that_at_rest() -> None:
     resting = SwimEnv(DRIFTING.replace({"stream": None, "initial": {}}))
     drifting = SwimEnv(DRIFTING)
