@@ -29,7 +29,7 @@ STAMP_DEV := $(VENV)/.stamp-dev
 # An editable install knows the top packages that were there when it was made.
 SOURCES := pyproject.toml setup.py constraints.txt $(wildcard agents/__init__.py)
 
-.PHONY: help venv demo benchmark test test-slow test-ci-slice lint types clean
+.PHONY: help venv demo benchmark accuracy test test-slow test-ci-slice lint types clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -45,6 +45,11 @@ demo: $(STAMP_TRAIN) ## set up, play the paper's wave, train an agent, compare t
 
 benchmark: $(STAMP_DEV) ## set up and measure all costs into docs/benchmark (leave the machine alone)
 	$(BIN)/python scripts/benchmark.py --output docs/benchmark
+
+accuracy: $(STAMP_DEV) ## set up and run the study of accuracy and cost into docs/accuracy (half an hour)
+	$(BIN)/python scripts/accuracy_cost.py --output docs/accuracy --refresh-front
+	$(BIN)/python scripts/accuracy_cost.py --output docs/accuracy --sweeps
+	$(BIN)/python scripts/accuracy_cost.py --output docs/accuracy --held-out
 
 test: $(STAMP_DEV) ## set up and run the tests (under 6 minutes)
 	$(PYTEST) -n $(WORKERS) -m "not slow"

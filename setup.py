@@ -14,6 +14,7 @@ setup(
     package_data={
         **{package: ["*.yaml"] for package in CONFIGS},
         "agents": ["*.json", "pretrained/*/*"],
+        "swim_env.accuracy": ["front.json"],
         "": ["py.typed"],
     },
 )

@@ -27,11 +27,13 @@ from swim_env.accuracy.picture import draw_study
 from swim_env.accuracy.report import budget_of, held_out_table, study_tables
 from swim_env.accuracy.settings import Settings
 from swim_env.accuracy.study import Study
+from swim_env.accuracy.sweeps import draw_sweeps, sweep_bends, sweep_frequencies, sweep_tables
 from swim_env.command_line import progress_bar, run
 from swim_env.errors import SwimError
 from swim_env.files import write_atomically
 from swim_env.physics.loading import load_kernels
 from swim_env.provenance import where_and_when
+from swim_env.scene import load_scene
 from swim_env.viewer import require_matplotlib, save_figure
 
 
@@ -56,6 +58,12 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="instead, judge the choices of Scene.for_accuracy on scenes that the study does not "
         "use; writes held_out.json and held_out.md",
+    )
+    parser.add_argument(
+        "--sweeps",
+        action="store_true",
+        help="instead, compare fluid models over the bend, and integrators across the first "
+        "resonance; writes sweeps.json, sweeps.md and sweeps.png",
     )
     parser.add_argument(
         "--refresh-front",
@@ -100,6 +108,24 @@ def _judge(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
     _write(folder / "held_out.md", held_out_table(judged))
     print(held_out_table(judged), file=sys.stderr)
     return {key: value for key, value in summary.items() if key != "judged"}
+
+
+def _sweep(folder: Path) -> dict[str, Any]:
+    """Make both sweeps."""
+    scenes = {
+        "undamped (paper_i)": load_scene("paper_i"),
+        "1 ms damping (swimmer)": load_scene("swimmer"),
+    }
+    with progress_bar(52, "point", "sweeps") as progress:
+        bends = sweep_bends(progress)
+        resonance = {name: sweep_frequencies(scene, progress) for name, scene in scenes.items()}
+    summary = {**where_and_when(), "bends": bends, "resonance": resonance}
+    folder.mkdir(parents=True, exist_ok=True)
+    _write(folder / "sweeps.json", json.dumps(summary, indent=1) + "\n")
+    _write(folder / "sweeps.md", sweep_tables(bends, resonance))
+    save_figure(draw_sweeps(bends, resonance), folder / "sweeps.png")
+    print(sweep_tables(bends, resonance), file=sys.stderr)
+    return summary
 
 
 def _study(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
@@ -150,15 +176,20 @@ def main(arguments: list[str] | None = None) -> int:
     require_matplotlib()
     load_kernels()
     folder = Path(options.output)
-    summary = _judge(options, folder) if options.held_out else _study(options, folder)
+    if options.held_out and options.sweeps:
+        raise SwimError("--held-out and --sweeps are two things, name one")
+    if options.sweeps:
+        summary = _sweep(folder)
+    else:
+        summary = _judge(options, folder) if options.held_out else _study(options, folder)
     if options.json:
         print(json.dumps(summary, allow_nan=False))
-    elif not options.held_out:
+    elif "scenes" in summary:
         for name, one in summary["scenes"].items():
             print(f"{name}: known to {one['uncertainty']:.1e}; front of cost and error:")
             for point in one["front"]:
                 print(f"  {point['cost']:8.3f}  {point['error']:.1e}  {point['settings']}")
-    else:
+    elif "met" in summary:
         print(f"{summary['met']} of {summary['choices']} choices met their tolerance")
     print(f"results are in {folder}", file=sys.stderr)
     return 0
