@@ -19,9 +19,13 @@ Run = Mapping[str, Any]
 
 #: The measured front that ships with the package.
 FRONT_FILE = Path(__file__).parent / "front.json"
-#: Runs that are up to this factor costlier or less accurate than the front stay candidates: where
-#: scenes differ, the order of neighbours does too.
+#: Runs that are up to this factor costlier than the front stay candidates: where scenes differ, the
+#: order of neighbours does too.
 _NEAR = 1.25
+#: What is further off than this on every scene is no candidate.
+_USELESS = 0.3
+#: Models that have a front of their own: scenes may bend too far for cheaper ones, or refuse them.
+_ON_THEIR_OWN = ("expansion", "panels")
 
 
 @dataclass(frozen=True)
@@ -54,7 +58,10 @@ def pareto(runs: Iterable[Run], figure: str = "error") -> list[Run]:
 
 
 def make_front(runs: Iterable[Run]) -> list[Measured]:
-    """Return the settings that are on the front of any scene, or near it, by cost."""
+    """Return the settings that are on the front of any scene, or near it, by cost.
+
+    Of the costlier fluid models also those that no others of the same model beat.
+    """
     by_settings: dict[Settings, dict[str, Run]] = {}
     by_scene: dict[str, list[Run]] = {}
     for run in runs:
@@ -62,6 +69,9 @@ def make_front(runs: Iterable[Run]) -> list[Measured]:
         by_scene.setdefault(run["scene"], []).append(run)
     wanted: set[Settings] = set()
     for some in by_scene.values():
+        for model in _ON_THEIR_OWN:
+            own = pareto(run for run in some if run["fluid_model"] == model)
+            wanted |= {Settings.from_dict(run) for run in own}
         front = pareto(some)
         for run in some:
             beaten = any(
@@ -73,6 +83,8 @@ def make_front(runs: Iterable[Run]) -> list[Measured]:
     found = []
     for settings in wanted:
         of_scene = by_settings[settings]
+        if min(run["error"] for run in of_scene.values()) > _USELESS:
+            continue
         found.append(
             Measured(
                 settings,

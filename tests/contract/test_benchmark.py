@@ -186,11 +186,16 @@ def test_the_scenes_cover_models_elements_and_panels():
         (scene.fluid.model, scene.beam.elements, scene.fluid.panels_per_element)
         for scene in kernel_scenes((3, 9), (2, 4, 8))
     }
-    assert {model for model, *_ in cells} == set(FLUID_MODELS)
+    # All but the one that is there for comparison with the printed equations.
+    assert {model for model, *_ in cells} == set(FLUID_MODELS) - {"centreline"}
     assert {cell[1:] for cell in cells if cell[0] == "panels"} == {
         (n, p) for n in (3, 9) for p in (2, 4, 8)
     }
-    assert {cell[1] for cell in cells if cell[0] == "none"} == {3, 9}
+    for model in ("none", "strip", "frozen", "expansion"):
+        assert {cell[1:] for cell in cells if cell[0] == model} == {(3, 4), (9, 4)}
+    large = [(scene.fluid.model, scene.beam.elements) for scene in kernel_scenes((27, 81), (4,))]
+    assert ("panels", 81) in large
+    assert [elements for model, elements in large if model == "expansion"] == [27]
 
 
 def test_growth_recovers_exponent_and_deviation():

@@ -219,9 +219,9 @@ def _there_and_back(scene: Scene, steps: int, driven: bool) -> tuple[float, floa
 def test_the_composed_scheme_runs_back_to_its_start(case: str, strain: str, driven: bool) -> None:
     scene = _scene("composed", strain, {**BENT, **REVERSIBLE[case]})
     place, speed = _there_and_back(scene, 100, driven)
-    # 200 steps to a tolerance of 1e-13, whose errors the motion carries on; found: up to 1e-10
-    # without a fluid, below 1e-13 with one.
-    assert place < 1e-9, f"{case}: {place:.2g} from the start"
+    # 200 steps to a tolerance of 1e-13, whose errors the motion carries on. Found: 3e-12 m and 1e-9
+    # of the velocity without a fluid, where the mass is small; 1e-14 m and 1e-11 with one.
+    assert place < 1e-10, f"{case}: {place:.2g} from the start"
     assert speed < 1e-8, f"{case}: velocity off by {speed:.2g} of it"
 
 
@@ -230,7 +230,7 @@ def test_the_papers_scheme_does_so_without_a_fluid_only(strain: str) -> None:
     for case, changes in REVERSIBLE.items():
         place, _ = _there_and_back(_scene("paper", strain, {**BENT, **changes}), 100, False)
         if case == "none":
-            assert place < 1e-9, f"{case}: {place:.2g} from the start"
+            assert place < 1e-10, f"{case}: {place:.2g} from the start"
         else:
             assert place > 1e-3, f"{case}: {place:.2g} from the start"
 
@@ -549,7 +549,7 @@ def test_a_step_that_fails_leaves_the_state_as_it_was(scheme: str, strain: str) 
     simulator = Simulator(scene)
     simulator.rollout(torques[:20])
     kept, before = simulator.snapshot(), _state(simulator)
-    # Twenty newton metres and more turn parts of the step too far, a million every part.
+    # This turns the elements too far in every part of a step, however short.
     with pytest.raises(SimulationEndedError):
         simulator.step(1e6 * VIOLENT)
     assert _state(simulator) == before
@@ -644,7 +644,7 @@ def test_averaged_directors_soften_as_their_factors_say(step: float) -> None:
     plain, _ = _frequency("mean_angles", 0.1, step)
     wanted = -(turn**2) / 32.0
     found = averaged / plain - 1.0
-    assert abs(found / wanted - 1.0) < 0.1, f"{found:.3e} lower, not {wanted:.3e}"
+    assert abs(found / wanted - 1.0) < 0.05, f"{found:.3e} lower, not {wanted:.3e}"
 
 
 def test_averaged_directors_are_softer_the_further_a_joint_turns_in_a_step() -> None:
@@ -655,7 +655,7 @@ def test_averaged_directors_are_softer_the_further_a_joint_turns_in_a_step() -> 
         lower.append(1.0 - averaged / plain)
         turns.append(turn)
     text = f"lower by {lower}, turns {turns} rad"
-    # With the square of the step as long as it is small, and visibly at 0.3 rad a step.
+    # With the square of the step, roughly at last, and visibly at 0.3 rad a step.
     assert turns[-1] > 0.3, text
     assert lower[-1] > 1.5e-3, text
     assert 3.0 < lower[1] / lower[0] < 5.0, text
