@@ -14,7 +14,7 @@ from swim_env.accuracy.settings import PAPER_SETTINGS, Settings
 from swim_env.errors import SwimError
 from swim_env.scene import Scene, load_scene
 from swim_env.viewer import require_matplotlib
-from swim_env.viewer.stills import GREY, SMALL, new_figure, style_axes
+from swim_env.viewer.stills import SMALL, new_figure, style_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,7 +48,7 @@ _WAYS: dict[str, Settings] = {
     ),
 }
 _CONVERGED = "composed, 1.25 ms"
-_COLOURS = ("#0072B2", "#56B4E9", "#D55E00", "#E69F00", "black")
+_COLOURS = ("#0072B2", "#56B4E9", "#D55E00", "#E69F00")
 
 
 def sweep_bends(progress: Callable[[int], object] | None = None) -> list[dict[str, Any]]:
@@ -180,13 +180,19 @@ def draw_sweeps(bends: list[dict[str, Any]], resonance: Mapping[str, Any]) -> Fi
         If matplotlib is not installed.
     """
     require_matplotlib()
-    figure = new_figure(9.5, 3.4)
+    figure = new_figure(9.5, 3.7)
     axes = figure.subplots(1, 1 + len(resonance))
     _draw_bends(axes[0], bends)
     for place, (name, sweep) in zip(axes[1:], resonance.items(), strict=True):
         _draw_resonance(place, sweep)
-        place.set_title(f"first resonance, {name}", fontsize=SMALL + 1)
-    axes[1].legend(fontsize=SMALL - 1, frameon=False)
+        place.set_title(f"resonance: {name}", fontsize=SMALL + 1)
+    figure.legend(
+        handles=axes[1].get_lines(),
+        loc="outside lower right",
+        ncols=2,
+        fontsize=SMALL,
+        frameon=False,
+    )
     return figure
 
 
@@ -211,18 +217,22 @@ def _draw_bends(axes: Axes, bends: list[dict[str, Any]]) -> None:
 
 
 def _draw_resonance(axes: Axes, sweep: list[dict[str, Any]]) -> None:
-    for way, colour in zip(_WAYS, _COLOURS, strict=True):
-        some = [one for one in sweep if one["displacement"][way] is not None]
+    for way, colour in zip([name for name in _WAYS if name != _CONVERGED], _COLOURS, strict=True):
+        points = []
+        for one in sweep:
+            value, fine = one["displacement"][way], one["displacement"][_CONVERGED]
+            if value is not None and fine is not None:
+                points.append((one["frequency"], abs(value - fine) / max(abs(fine), 0.01)))
         axes.plot(
-            [one["frequency"] for one in some],
-            [one["displacement"][way] for one in some],
+            [point[0] for point in points],
+            [point[1] for point in points],
             color=colour,
-            linewidth=2.0 if way == _CONVERGED else 1.0,
-            zorder=1 if way == _CONVERGED else 2,
-            alpha=0.6 if way == _CONVERGED else 1.0,
-            marker="" if way == _CONVERGED else "o",
+            linewidth=1.0,
+            linestyle="--" if "mean" in way else "-",
+            marker="o",
             markersize=2.5,
             label=way,
         )
-    axes.axhline(0.0, color=GREY, linewidth=0.5)
-    style_axes(axes, "frequency (Hz)", "displacement along x in 20 s (m)")
+    axes.set_yscale("log")
+    axes.set_ylim(1e-4, 10.0)
+    style_axes(axes, "frequency of the drive (Hz)", f"difference to {_CONVERGED}, relative")
