@@ -145,6 +145,10 @@ def _frozen() -> Iterator[Settings]:
         if elements == PAPER_SETTINGS.elements:
             yield Settings("frozen", elements, 8, 1, step, scheme)
             yield Settings("frozen", elements, 8, _PROPORTIONAL, step, scheme)
+        # Where all else is fine, the panels are what is left.
+        if elements >= 12 and step < 0.02:
+            finest = 2 * round(432 / elements / 2)
+            yield Settings("frozen", elements, finest, _PROPORTIONAL, step, scheme)
 
 
 def _others() -> Iterator[Settings]:

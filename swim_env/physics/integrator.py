@@ -422,7 +422,9 @@ def _evaluate(
     angles = w.unknowns[TRIAL_ANGLES]
     for j in range(torques.size):
         angles[j] = m.q[3 + j] + z[3 + j]
-    if _find_added_mass(angles[: torques.size], fluid, m.fluid_work, w) != FINE:
+    status = _find_added_mass(angles[: torques.size], fluid, m.fluid_work, w)
+    if status != FINE:
+        w.shape_status[0] = status
         return np.inf
     return evaluate_held_step(m.p, torques, z, h, beam, fluid, w)
 
@@ -659,6 +661,7 @@ def _solve_part(
     increment = u[INCREMENT]
     velocity = u[VELOCITY]
     shape = m.step.elements[SHAPE]
+    m.step.shape_status[0] = FINE
     status = STEP_NOT_SOLVED
     tried = False
     for start in range(3):
@@ -698,6 +701,9 @@ def _solve_part(
             if not _turns_beyond(increment, LARGEST_TURN):
                 return FINE
             status = TURN_TOO_LARGE
+    # In the adjoint a shape at the end that cannot be weighed is the reason, if there was one.
+    if status == STEP_NOT_SOLVED and m.step.shape_status[0] != FINE:
+        status = int(m.step.shape_status[0])
     return status
 
 
@@ -875,6 +881,7 @@ def _outer_step(
         m.counters[KNOWN_INCREMENTS] = min(known + 1.0, 3.0)
         m.counters[LAST_PART] = part
         record[RESIDUAL_MET] = max(record[RESIDUAL_MET], report[0])
+        record[AT_ROUND_OFF] = max(record[AT_ROUND_OFF], report[2])
         if solver.composed and not second:
             second = True
             set_pose(m.q, w)
@@ -883,7 +890,6 @@ def _outer_step(
         second = False
         w.adjoint[0] = 0.0
         record[PARTS] += 1.0
-        record[AT_ROUND_OFF] = max(record[AT_ROUND_OFF], report[2])
         done += part
         # Once two halves have made a whole, try the longer part again.
         if done < whole and done % (2 * part) == 0:

@@ -177,6 +177,8 @@ class StepArrays(NamedTuple):
         The record of the outer step at the beginning of one of its parts.
     forces_known : (1,) array
         1 where the mean momenta of the step before are known.
+    shape_status : (1,) array
+        Why the last shape at the end of an adjoint step could not be weighed, 0 where it could.
     """
 
     elements: Array
@@ -192,6 +194,7 @@ class StepArrays(NamedTuple):
     adjoint: Array
     part_record: Array
     forces_known: Array
+    shape_status: Array
 
 
 @shared
@@ -204,7 +207,7 @@ def step_array_size(elements: int, motions: int) -> int:
         + _ELEMENT_ROWS * elements
         + _UNKNOWN_ROWS * n
         + 3 * n * n
-        + 6
+        + 7
         + _RECORD
     )
 
@@ -238,7 +241,8 @@ def carve_step_arrays(floats: Array, elements: int, motions: int) -> StepArrays:
         floats[squares_end : squares_end + 4],
         floats[squares_end + 4 : squares_end + 5],
         floats[squares_end + 5 : squares_end + 5 + _RECORD],
-        floats[squares_end + 5 + _RECORD :],
+        floats[squares_end + 5 + _RECORD : squares_end + 6 + _RECORD],
+        floats[squares_end + 6 + _RECORD :],
     )
 
 
@@ -978,8 +982,9 @@ def step_jacobian(
 def pose_jacobian(h: float, beam: BeamConstants, w: StepArrays) -> None:
     """Write minus the derivative of the residual at a vanishing increment to `w.jacobian`.
 
-    It is put together from the mass that `prepare` has left for this pose, at a tenth of the cost
-    of `step_jacobian`, and differs from that by terms of the order of the turns in the step.
+    It is put together from the mass that `prepare` has left, that of this pose or in the second
+    half of a composed step of the one before, at a tenth of the cost of `step_jacobian`, and
+    differs from that by terms of the order of the turns in the step.
     """
     u = w.unknowns
     e = w.elements

@@ -464,12 +464,7 @@ def test_the_residual_is_met(scheme: str, tolerance: float) -> None:
     "scheme",
     [
         "paper",
-        pytest.param(
-            "composed",
-            marks=pytest.mark.xfail(
-                strict=True, reason="at_round_off of a composed step leaves out its first half"
-            ),
-        ),
+        "composed",
     ],
 )
 def test_a_residual_that_rounding_keeps_up_is_reported(scheme: str) -> None:
@@ -591,12 +586,7 @@ def test_a_step_into_a_fold_ends_the_run_at_its_beginning(scheme: str) -> None:
     "scheme",
     [
         "paper",
-        pytest.param(
-            "composed",
-            marks=pytest.mark.xfail(
-                strict=True, reason="the adjoint forgets why the outline at a step's end is none"
-            ),
-        ),
+        "composed",
     ],
 )
 def test_a_fold_is_named(scheme: str) -> None:
