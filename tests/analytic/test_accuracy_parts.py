@@ -369,15 +369,15 @@ def test_the_front_does_not_depend_on_the_order_of_runs() -> None:
 
 def test_what_is_on_one_scenes_front_is_kept_with_its_figures_on_all() -> None:
     fast, fine, bad = {"elements": 5}, {"elements": 18}, {"elements": 27}
-    step = {"time_step": 0.01}
+    same = {"time_step": 0.01, "fluid_model": "frozen"}
     runs = [
-        _run(1.0, 0.3, "a", **fast, **step),
-        _run(4.0, 0.1, "a", **fine, **step),
-        _run(4.0, 0.5, "a", **bad, **step),
-        # On scene b the fast one is no good, its neighbour neither faster nor better.
-        _run(3.0, 0.4, "b", **fast, **step),
-        _run(2.0, 0.1, "b", **fine, **step),
-        _run(9.0, 0.2, "b", **bad, **step),
+        _run(1.0, 0.3, "a", **fast, **same),
+        _run(4.0, 0.1, "a", **fine, **same),
+        _run(4.0, 0.5, "a", **bad, **same),
+        # On scene b the fast one is neither.
+        _run(3.0, 0.4, "b", **fast, **same),
+        _run(2.0, 0.1, "b", **fine, **same),
+        _run(9.0, 0.2, "b", **bad, **same),
     ]
     front = make_front(runs)
     assert [one.settings.elements for one in front] == [5, 18]
@@ -387,8 +387,28 @@ def test_what_is_on_one_scenes_front_is_kept_with_its_figures_on_all() -> None:
 
 def test_near_the_front_is_near_enough() -> None:
     """A run a little costlier than one that beats it stays: their order may differ elsewhere."""
-    front = make_front([_run(1.0, 0.1), _run(1.2, 0.11), _run(1.3, 0.11)])
-    assert [one.cost for one in front] == [1.0, 1.2]
+    runs = [_run(cost, error, fluid_model="frozen") for cost, error in _NEIGHBOURS]
+    assert [one.cost for one in make_front(runs)] == [1.0, 1.2]
+
+
+_NEIGHBOURS = ((1.0, 0.1), (1.2, 0.11), (1.3, 0.11))
+
+
+@pytest.mark.parametrize(("model", "kept"), [("panels", 3), ("expansion", 3), ("strip", 1)])
+def test_costlier_models_have_a_front_of_their_own(model: str, kept: int) -> None:
+    """Scenes that bend too far need them, or allow no others."""
+    cheap = _run(1.0, 0.01, fluid_model="frozen")
+    own = ((5.0, 0.2), (9.0, 0.1), (9.5, 0.15))
+    runs = [cheap, *(_run(cost, error, fluid_model=model) for cost, error in own)]
+    assert [one.cost for one in make_front(runs)] == [1.0, 5.0, 9.0][:kept]
+
+
+def test_what_is_useless_on_every_scene_is_no_candidate() -> None:
+    runs = [_run(0.1, 2.0, name, fluid_model="strip") for name in "ab"]
+    runs += [_run(1.0, 0.1, name, fluid_model="frozen") for name in "ab"]
+    assert [one.cost for one in make_front(runs)] == [1.0]
+    runs[1]["error"] = 0.2
+    assert [one.cost for one in make_front(runs)] == [0.1, 1.0]
 
 
 def test_a_front_survives_its_file(tmp_path: Path) -> None:
