@@ -19,13 +19,13 @@ import pytest
 from PIL import Image
 
 from scripts.accuracy_cost import main
-from swim_env import EFFECT_NAMES, Scene, SwimError, load_scene
+from swim_env import EFFECT_NAMES, Scene, SimulationEndedError, SwimError, load_scene
 from swim_env.accuracy import Choice, Settings, choose, play
 from swim_env.accuracy import study as study_module
 from swim_env.accuracy import sweeps as sweeps_module
 from swim_env.accuracy.front import Measured, front_to_json, load_front, make_front
 from swim_env.accuracy.grid import Case, full_grid, study_scenes
-from swim_env.accuracy.outcome import relative_error
+from swim_env.accuracy.outcome import Outcome, relative_error
 from swim_env.accuracy.reference import PILOT, Reference, reference_of
 from swim_env.accuracy.settings import PAPER_SETTINGS, settings_of
 from swim_env.accuracy.study import Study, Yardstick, timed_play
@@ -33,7 +33,6 @@ from swim_env.benchmark.effects import effect_pairs, measure_effects
 from swim_env.command_line import BAD_INPUT, FAILED, add_scene_arguments, run, scene_of
 
 ROOT = Path(__file__).parents[2]
-MODELS = ("strip", "frozen", "expansion", "panels", "centreline")
 
 
 def short(changes: dict[str, object] | None = None) -> Scene:
@@ -146,6 +145,9 @@ def test_a_choice_is_the_cheapest_that_is_good_enough() -> None:
     scene = short()
     counted: list[int] = []
     choice = choose(scene, 0.02, progress=counted.append)
+    assert isinstance(choice, Choice)
+    assert choice.tolerance == 0.02
+    assert choice.reason in scene.for_accuracy(0.02).description
     assert choice.scene == choice.settings.apply(scene)
     assert choice.error <= 0.02
     assert choice.uncertainty < 0.01
@@ -185,7 +187,7 @@ def test_elements_can_be_kept(elements: int) -> None:
     found = scene.for_accuracy(0.03, keep_elements=True)
     assert found.beam == scene.beam
     assert f"{elements} elements (kept)" in found.description
-    fine = Settings("panels", elements, 16, "proportional", 0.0025, "composed")
+    fine = Settings("panels", elements, 12, "proportional", 0.005, "composed")
     wanted = play(fine.apply(scene), 3.0).displacement
     assert relative_error(play(found, 3.0).displacement, wanted, 1.0) <= 0.03
 
@@ -239,15 +241,18 @@ def test_too_coarse_settings_are_passed_over(
 def test_settings_that_end_early_are_passed_over(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """The paper's scheme does not take a drive at resonance in steps of 0.02 s."""
-    use_front(monkeypatch, tmp_path, replace(FROZEN, time_step=0.02, scheme="paper"), FROZEN)
-    scene = short(
-        {"actuation.amplitude": 6.0, "actuation.frequency": 30.0, "actuation.wave_number": 3.0}
-    )
-    assert play(
-        replace(FROZEN, time_step=0.02, scheme="paper").apply(scene), 3.0
-    ).termination_reason
-    assert choose(scene, 0.3).settings == FROZEN
+    """On the way or at the start, whatever the displacement was until then."""
+    at_once, soon = (replace(FROZEN, time_step=step) for step in (0.02, 0.0125))
+    use_front(monkeypatch, tmp_path, at_once, soon, FROZEN)
+
+    def breaking(scene: Scene, duration: float) -> Outcome:
+        if settings_of(scene) == at_once:
+            raise SimulationEndedError("mass_not_positive", 0.0, "made up")
+        reason = "turn_too_large" if settings_of(scene) == soon else ""
+        return replace(play(scene, duration), termination_reason=reason)
+
+    monkeypatch.setattr("swim_env.accuracy.choice.play", breaking)
+    assert choose(short({"episode.control_interval": 0.1}), 0.3).settings == FROZEN
 
 
 def test_an_effect_that_needs_panels_gets_panels(
@@ -318,7 +323,9 @@ def test_a_violent_scene_has_no_reference() -> None:
 
 
 def test_a_start_that_cannot_be_simulated_is_refused() -> None:
-    assert "t = 0 s" in refused(short({"initial.joint_angles": 0.1, "beam.length": 0.03}), 0.1)
+    """Nine elements that turn by 2 rad each lie on one another."""
+    said = refused(short({"initial.joint_angles": 2.0, "axial_added_mass": True}), 0.1)
+    assert said.startswith("the simulation ended at t = 0 s: under_resolved_gap")
 
 
 def test_a_missing_front_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -404,7 +411,7 @@ TINY = [
     Settings("frozen", 9, 8, "proportional", 0.01, "composed"),
     PAPER_SETTINGS,
 ]
-ALSO_OF_REFERENCES = {"commit", "machine", "versions", "date"}
+ORIGIN = {"commit", "machine", "versions", "date"}
 KEYS = {
     "scene",
     "reason",
@@ -477,7 +484,7 @@ def test_every_run_is_a_line_with_the_same_keys(tmp_path: Path, cheap: list[Sett
     by_model = {line["fluid_model"]: line for line in lines}
     assert by_model["strip"]["error"] > 10.0 * by_model["frozen"]["error"]
     stored = json.loads((study.folder / "references.json").read_text(encoding="utf-8"))
-    assert stored.keys() == {*ALSO_OF_REFERENCES, "references"}
+    assert stored.keys() == {*ORIGIN, "references"}
     reference = Reference.from_dict(stored["references"]["swimmer"])
     outcome = play(TINY[2].apply(load_scene("swimmer")), 1.0)
     assert reference.error(outcome) == lines[2]["error"]
@@ -550,7 +557,7 @@ def test_a_run_that_ends_early_is_kept_with_its_reason(
     any_reference = Reference(np.ones(2), np.ones((41, 2)), 1.0, 1.0, 0.0, {})
     monkeypatch.setattr(study_module, "reference_of", lambda *_: any_reference)
     case = Case(load_scene("swimmer", VIOLENT), 3.0)
-    early = replace(FROZEN, elements=18)
+    early = replace(FROZEN, elements=18, panels_per_element=4)
     study = Study(tmp_path, [case], [early, replace(early, elements=2)])
     study.run()
     line = lines_of(tmp_path)[0]
@@ -671,14 +678,23 @@ def test_the_command_writes_a_whole_study(
     assert len(out.splitlines()) == 1 + len(figures["front"])
 
 
-def test_quick_takes_the_first_two_scenes(tmp_path: Path, tiny: list[Settings]) -> None:
+@pytest.fixture
+def unseen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures that are drawn elsewhere are not drawn again."""
+    monkeypatch.setattr("scripts.accuracy_cost.draw_study", lambda *_: None)
+    monkeypatch.setattr("scripts.accuracy_cost.save_figure", lambda *_: None)
+    monkeypatch.setattr("scripts.accuracy_cost.quick_grid", lambda: TINY[:2])
+    monkeypatch.setattr("scripts.accuracy_cost.full_grid", lambda: TINY[1:3])
+
+
+@pytest.mark.usefixtures("tiny", "unseen")
+def test_quick_takes_the_first_two_scenes(tmp_path: Path) -> None:
     assert run(main, ["--quick", "--output", str(tmp_path)]) == 0
-    assert {line["scene"] for line in lines_of(tmp_path)} == {"one", "swimmer"}
+    assert [line["scene"] for line in lines_of(tmp_path)] == ["one"] * 2 + ["swimmer"] * 2
 
 
-def test_the_front_can_be_put_in_its_place(
-    tmp_path: Path, tiny: list[Settings], monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.usefixtures("tiny", "unseen")
+def test_the_front_can_be_put_in_its_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     place = tmp_path / "shipped.json"
     monkeypatch.setattr("swim_env.accuracy.front.FRONT_FILE", place)
     given = ["--scenes", "two", "--output", str(tmp_path / "out")]
@@ -760,8 +776,9 @@ def test_bad_input_is_one_line_and_code_2(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.usefixtures("tiny")
 def test_a_folder_that_is_a_file_is_one_line(
-    tmp_path: Path, tiny: list[Settings], capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "out").write_text("mine")
     assert run(main, ["--quick", "--output", str(tmp_path / "out")]) == FAILED
@@ -799,10 +816,3 @@ def test_every_effect_is_measured() -> None:
         assert one["added"]["median"] == pytest.approx(difference)
         share = one["without"]["median"] / one["with"]["median"]
         assert one["removed"]["median"] == pytest.approx(share)
-
-
-def test_what_a_choice_holds() -> None:
-    choice = choose(short(), 0.1)
-    assert isinstance(choice, Choice)
-    assert choice.tolerance == 0.1
-    assert choice.reason in short().for_accuracy(0.1).description
