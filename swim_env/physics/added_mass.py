@@ -314,76 +314,15 @@ def _collect_motions(fluid: FluidConstants, work: FluidWork) -> None:
 
 
 @inlined
-def _panel_added_mass(
-    joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array
-) -> int:
-    geometry = fluid.geometry
-    outline = work.outline
-    count = panel_count(geometry)
-    status = build_outline(joint_angles, geometry, outline)
-    if status != FINE:
-        return status
-    status = outline_status(geometry, outline)
-    if status != FINE:
-        return status
-    body_length = geometry.elements * geometry.element_length
-    influence(outline.panels, count, body_length, work.half_log, work.layers)
-    normal_influence(outline.panels, count, work.layers, work.inverse)
-    if not invert_in_order(work.inverse, SMALLEST_PIVOT):
-        normal_influence(outline.panels, count, work.layers, work.inverse)
-        if not invert(work.inverse, work.permutation):
-            return INFLUENCE_SINGULAR
-    _collect_motions(fluid, work)
-    _weigh_motions(fluid, work, out)
-    return FINE
-
-
-@kernel
-def _weigh_motions(fluid: FluidConstants, work: FluidWork, out: Array) -> None:
-    """Write -rho sym(B^T L P G^-1 B) from its two factors."""
-    motions = motion_count(fluid)
-    multiply(work.loads, work.strengths, work.product[:motions])
-    half = -0.5 * fluid.density
-    for a in range(motions):
-        for b in range(a + 1):
-            value = half * (work.product[a, b] + work.product[b, a])
-            out[a, b] = value
-            out[b, a] = value
-
-
-@inlined
-def _centreline_added_mass(
-    joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array
-) -> int:
-    geometry = fluid.geometry
-    outline = work.outline
-    panels = outline.panels
-    count = chain_count(geometry)
-    elements = geometry.elements
-    side = geometry.side_panels
-    status = build_chain(
-        joint_angles, fluid.terms[0], fluid.terms[1], geometry, work.vectors, outline
-    )
-    if status != FINE:
-        return status
-    body_length = elements * geometry.element_length
-    influence(panels, count, body_length, work.half_log, work.layers)
-    normal_influence(panels, count, work.layers, work.inverse)
-    # The panel that ends the chain is neither a source nor a boundary.
-    last = count - 1
-    for j in range(work.inverse.shape[1]):
-        work.inverse[last, j] = 0.0
-        work.inverse[j, last] = 0.0
-        work.layers[POTENTIAL, last, j] = 0.0
-    for i in range(count):
-        work.layers[POTENTIAL, i, last] = 0.0
-    work.inverse[last, last] = 1.0
-    if not invert(work.inverse, work.permutation):
-        return INFLUENCE_SINGULAR
+def _collect_chain_motions(fluid: FluidConstants, work: FluidWork) -> None:
+    """Sum the panels of the centre line into unit motions."""
+    elements = fluid.geometry.elements
+    side = fluid.geometry.side_panels
+    panels = work.outline.panels
     work.loads[:] = 0.0
     for k in range(elements):
         first = (elements - 1 - k) * side
-        for i in range(count):
+        for i in range(elements * side):
             lateral = 0.0
             rotary = 0.0
             for p in range(first, first + side):
@@ -392,10 +331,66 @@ def _centreline_added_mass(
             work.strengths[i, k] = lateral
             work.strengths[i, elements + k] = rotary
         for p in range(first, first + side):
-            potential = work.layers[POTENTIAL, p]
-            add_multiple(work.loads[k], potential, panels[LENGTH, p] * panels[LATERAL, p])
-            add_multiple(work.loads[elements + k], potential, panels[LENGTH, p] * panels[ROTARY, p])
-    _weigh_motions(fluid, work, out)
+            for i in range(elements * side):
+                potential = panels[LENGTH, p] * work.layers[POTENTIAL, p, i]
+                work.loads[k, i] += panels[LATERAL, p] * potential
+                work.loads[elements + k, i] += panels[ROTARY, p] * potential
+
+
+@kernel
+def _part_end_of_chain(last: int, inverse: Array, layers: Array) -> None:
+    """Make the panel that ends the chain neither a source nor a boundary."""
+    for j in range(inverse.shape[1]):
+        inverse[last, j] = 0.0
+        inverse[j, last] = 0.0
+        layers[POTENTIAL, last, j] = 0.0
+    for i in range(last):
+        layers[POTENTIAL, i, last] = 0.0
+    inverse[last, last] = 1.0
+
+
+@inlined
+def _panel_added_mass(
+    joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array
+) -> int:
+    """Weigh a shape with panels on its outline, or on its centre line."""
+    geometry = fluid.geometry
+    outline = work.outline
+    open_chain = fluid.model == CENTRELINE
+    if open_chain:
+        count = chain_count(geometry)
+        factor, origin = fluid.terms[0], fluid.terms[1]
+        status = build_chain(joint_angles, factor, origin, geometry, work.vectors, outline)
+    else:
+        count = panel_count(geometry)
+        status = build_outline(joint_angles, geometry, outline)
+        if status == FINE:
+            status = outline_status(geometry, outline)
+    if status != FINE:
+        return status
+    body_length = geometry.elements * geometry.element_length
+    influence(outline.panels, count, body_length, work.half_log, work.layers)
+    for exchanged in range(2):
+        normal_influence(outline.panels, count, work.layers, work.inverse)
+        if open_chain:
+            _part_end_of_chain(count - 1, work.inverse, work.layers)
+        if exchanged == 0:
+            if invert_in_order(work.inverse, SMALLEST_PIVOT):
+                break
+        elif not invert(work.inverse, work.permutation):
+            return INFLUENCE_SINGULAR
+    if open_chain:
+        _collect_chain_motions(fluid, work)
+    else:
+        _collect_motions(fluid, work)
+    motions = motion_count(fluid)
+    multiply(work.loads, work.strengths, work.product[:motions])
+    half = -0.5 * fluid.density
+    for a in range(motions):
+        for b in range(a + 1):
+            value = half * (work.product[a, b] + work.product[b, a])
+            out[a, b] = value
+            out[b, a] = value
     return FINE
 
 
@@ -531,10 +526,8 @@ def added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out:
     int
         0, or the code of the reason why there is none (see `swim_env.physics.status`).
     """
-    if fluid.model == PANELS:
+    if fluid.model == PANELS or fluid.model == CENTRELINE:
         return _panel_added_mass(joint_angles, fluid, work, out)
-    if fluid.model == CENTRELINE:
-        return _centreline_added_mass(joint_angles, fluid, work, out)
     if fluid.model == CONSTANT:
         _constant_added_mass(fluid, out)
     elif fluid.model == EXPANSION:

@@ -51,6 +51,7 @@ from swim_env.physics.lagrangian import (
     DRAG_X,
     DRAG_Y,
     FORCES_P,
+    FOUND,
     INCREMENT,
     KEPT,
     MEAN_X,
@@ -75,6 +76,7 @@ from swim_env.physics.lagrangian import (
     SHAPE,
     SHAPE_DIFFERENCE,
     SIN_JOINT,
+    SOLVED_FOR,
     START,
     SUM_X,
     SUM_Y,
@@ -414,10 +416,11 @@ def _evaluate(
 ) -> float:
     """Evaluate the residual at an increment z with all that hangs on z; infinite where none is.
 
-    That is the shape force, or in the adjoint the added mass of the shape at the end.
+    That is the shape force, or in the adjoint while it is solved the added mass of the shape at the
+    end.
     """
     w = m.step
-    if w.adjoint[0] == 0.0:
+    if w.adjoint[0] != SOLVED_FOR:
         return evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, w)
     angles = w.unknowns[TRIAL_ANGLES]
     for j in range(torques.size):
@@ -821,9 +824,15 @@ def _outer_step(
     u[TOTAL] = 0.0
     if solver.forces:
         _begin_forces(m)
-    status = prepare(m.q, m.p, beam, fluid, m.fluid_work, w)
+    status = FINE
     second = False
-    while status == FINE and done < whole:
+    while True:
+        if not second:
+            # A pose that cannot be weighed is not handed out: the run ends at the one before. The
+            # next step finds the mass of a good one ready.
+            status = prepare(m.q, m.p, beam, fluid, m.fluid_work, w)
+            if status != FINE or done == whole:
+                break
         h = solver.time_step * (part / whole)
         if solver.composed:
             h *= 0.5
@@ -834,12 +843,13 @@ def _outer_step(
                 copy(record, w.part_record)
                 for row in range(4):
                     copy(w.elements[MEAN_X + row], w.elements[KEPT + row])
-        w.adjoint[0] = 1.0 if second else 0.0
+        w.adjoint[0] = SOLVED_FOR if second else 0.0
         outcome = _solve_part(m, torques, h, part, beam, fluid, solver)
         solves += 1
         if outcome != FINE:
             if part == 1 or solves >= solver.most_solves:
                 status = outcome
+                break
             part //= 2
             if second:
                 # Both halves or none.
@@ -851,12 +861,11 @@ def _outer_step(
                 for row in range(4):
                     copy(w.elements[KEPT + row], w.elements[MEAN_X + row])
                 m.counters[KNOWN_INCREMENTS] = 0.0
-                if status == FINE:
-                    status = prepare(m.q, m.p, beam, fluid, m.fluid_work, w)
             continue
         if second:
             # The change of the momentum wants the shape force at the end.
-            evaluate_step(m.p, torques, u[INCREMENT], h, beam, fluid, m.fluid_work, w)
+            w.adjoint[0] = FOUND
+            _evaluate(m, torques, u[INCREMENT], h, beam, fluid)
         for j in range(torques.size):
             change = u[INCREMENT, 3 + j]
             record[DISSIPATED] += beam.joint_damping[j] * change * change / h
@@ -894,9 +903,6 @@ def _outer_step(
         # Once two halves have made a whole, try the longer part again.
         if done < whole and done % (2 * part) == 0:
             part *= 2
-        # A pose that cannot be weighed is not handed out: the run ends at the one before. The
-        # next step finds the mass of a good one ready.
-        status = prepare(m.q, m.p, beam, fluid, m.fluid_work, w)
     if status != FINE:
         copy(u[SAVED_Q], m.q)
         copy(u[SAVED_P], m.p)

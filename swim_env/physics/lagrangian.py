@@ -144,6 +144,8 @@ _MOTION_ROWS = 3
 # Columns of the record of a step.
 _RECORD = 12
 
+#: States of an adjoint step.
+SOLVED_FOR, FOUND = 1.0, 2.0
 #: Smallest scale of the residual (kg m/s for c, kg m^2/s for the angles).
 SMALLEST_SCALE = 1e-3
 #: Difference quotient for the derivative of the shape force in Newton's matrix, in increments.
@@ -172,7 +174,7 @@ class StepArrays(NamedTuple):
     report : (4,) array
         What Newton's method says of its last attempt.
     adjoint : (1,) array
-        1 where the inertia is that of q_{n+1}, 0 where it is that of q_n.
+        0 where the inertia is that of q_n; SOLVED_FOR and then FOUND where it is that of q_{n+1}.
     part_record : (12,) array
         The record of the outer step at the beginning of one of its parts.
     forces_known : (1,) array
@@ -386,7 +388,7 @@ def _impulses(torques: Array, z: Array, h: float, beam: BeamConstants, w: StepAr
 @kernel
 def _base_row(w: StepArrays) -> int:
     """Return the row of the first directors that the fluid's motions are measured with."""
-    return NEW_D1X if w.adjoint[0] == 1.0 else D1X
+    return D1X if w.adjoint[0] == 0.0 else NEW_D1X
 
 
 @kernel
@@ -590,7 +592,7 @@ def _balance(
     inertia_rate = beam.element_inertia / h
     inverse_h = 1.0 / h
     with_fluid = fluid.model != NO_FLUID
-    adjoint = w.adjoint[0] == 1.0
+    adjoint = w.adjoint[0] != 0.0
     normal_x = _base_row(w)
     normal_y = normal_x + 1
     total_x = 0.0

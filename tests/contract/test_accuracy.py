@@ -7,6 +7,7 @@ import functools
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -317,9 +318,9 @@ def test_a_tolerance_beyond_reach_or_sense_is_refused(tolerance: float) -> None:
 
 
 def test_a_violent_scene_has_no_reference() -> None:
-    said = refused(short(VIOLENT), 0.3)
-    assert said.startswith("scene swimmer has no converged reference")
-    assert "damping" in said
+    said = refused(short(VIOLENT), 0.1)
+    # A fine run ends early, or where it comes to rest differs from one to the next.
+    assert re.match("scene swimmer (has no (converged )?reference|bends too far)", said)
 
 
 def test_a_start_that_cannot_be_simulated_is_refused() -> None:
@@ -556,18 +557,20 @@ def test_a_run_that_ends_early_is_kept_with_its_reason(
     """It has no error, is on no front, and is not tried again."""
     any_reference = Reference(np.ones(2), np.ones((41, 2)), 1.0, 1.0, 0.0, {})
     monkeypatch.setattr(study_module, "reference_of", lambda *_: any_reference)
-    case = Case(load_scene("swimmer", VIOLENT), 3.0)
-    early = replace(FROZEN, elements=18, panels_per_element=4)
-    study = Study(tmp_path, [case], [early, replace(early, elements=2)])
+    # Half a wave of ten times what this body can take rolls it up; only panels see that.
+    soft = {"beam.bending_stiffness": 0.2, "actuation.wave_number": math.pi}
+    rolled = {"damping.retardation_time": 0.05, "actuation.amplitude": 3.0, **soft}
+    case = Case(load_scene("swimmer", rolled), 1.0)
+    study = Study(tmp_path, [case], [PANELS, STRIP])
     study.run()
     line = lines_of(tmp_path)[0]
-    assert line["reason"] == "turn_too_large"
+    assert line["reason"] in ("under_resolved_gap", "outline_degenerate")
     assert line.keys() == KEYS
     assert line["error"] is None
     assert "Infinity" not in (tmp_path / "runs.jsonl").read_text(encoding="utf-8")
-    assert [one["elements"] for one in study.chosen_runs()] == [2]
+    assert [Settings.from_dict(one) for one in study.chosen_runs()] == [STRIP]
     cheap.clear()
-    Study(tmp_path, [case], [early]).run()
+    Study(tmp_path, [case], [PANELS]).run()
     assert cheap == []
 
 
@@ -660,7 +663,9 @@ def test_the_command_writes_a_whole_study(
     assert costs == sorted(costs)
     front = load_front(folder / "front.json")
     assert {one.settings for one in front} <= set(TINY)
-    assert {one.settings.label for one in front} >= {one["settings"] for one in figures["front"]}
+    # What is off by more than 30 % may be on a scene's front, but is no candidate.
+    useful = {one["settings"] for one in figures["front"] if one["error"] < 0.3}
+    assert {one.settings.label for one in front} >= useful > set()
     assert json.loads((folder / "front.json").read_text(encoding="utf-8"))["machine"]
     assert_is_a_picture(folder / "work_precision.png")
     text = (folder / "tables.md").read_text(encoding="utf-8")
