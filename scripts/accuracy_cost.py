@@ -42,8 +42,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--output",
         metavar="FOLDER",
-        default="results/accuracy",
-        help="where everything goes; results/accuracy unless given",
+        help="where everything goes; results/accuracy unless given, results/accuracy_quick with "
+        "--quick",
     )
     parser.add_argument(
         "--quick",
@@ -72,6 +72,18 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--json", action="store_true", help="end with the figures as one JSON line")
     return parser
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Refuse options that do not go together."""
+    if options.held_out and options.sweeps:
+        raise SwimError("--held-out and --sweeps are two things, name one")
+    if options.sweeps and (options.scenes is not None or options.quick):
+        raise SwimError("--sweeps has scenes and settings of its own: no --scenes, no --quick")
+    if options.refresh_front and (
+        options.held_out or options.sweeps or options.quick or options.scenes is not None
+    ):
+        raise SwimError("--refresh-front needs the full study: no other option but --output")
 
 
 def _cases(options: argparse.Namespace, cases: list[Case]) -> list[Case]:
@@ -173,11 +185,11 @@ def _study(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command."""
     options = _parser().parse_args(arguments)
+    _check(options)
     require_matplotlib()
     load_kernels()
-    folder = Path(options.output)
-    if options.held_out and options.sweeps:
-        raise SwimError("--held-out and --sweeps are two things, name one")
+    usual = "results/accuracy_quick" if options.quick else "results/accuracy"
+    folder = Path(options.output or usual)
     if options.sweeps:
         summary = _sweep(folder)
     else:

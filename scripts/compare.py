@@ -66,7 +66,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command."""
     options = _parser().parse_args(arguments)
     check_task(options.task)
-    scene = scene_of(options, keep_elements=True)
+    scene = scene_of(options)
     if options.duration is not None:
         scene = scene.replace("episode.duration", options.duration)
     if options.output is not None:

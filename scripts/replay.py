@@ -23,7 +23,7 @@ from swim_env.viewer import require_matplotlib
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__)
-    add_scene_arguments(parser)
+    add_scene_arguments(parser, accuracy=True)
     parser.add_argument(
         "--duration",
         type=float,
@@ -63,7 +63,11 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _check_episode_options(options: argparse.Namespace) -> None:
-    """Refuse options that only an episode has where none was asked for."""
+    """Refuse options that only an episode has where none was asked for, and the other way round."""
+    if options.env and options.accuracy is not None:
+        raise SwimError(
+            "--accuracy chooses settings by the prescribed torque and has no meaning with --env"
+        )
     for name in ("policy", "task", "seed", "noise", "record_video"):
         if getattr(options, name) is not None and not options.env:
             raise SwimError(f"--{name.replace('_', '-')} needs --env")
@@ -121,7 +125,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command."""
     options = _parser().parse_args(arguments)
     _check_episode_options(options)
-    scene = scene_of(options, keep_elements=options.env)
+    scene = scene_of(options)
     if options.output is not None:
         require_matplotlib()
         check_result_folder(options.output)

@@ -59,7 +59,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command."""
     options = _parser().parse_args(arguments)
     _check(options)
-    scene = scene_of(options, keep_elements=True)
+    scene = scene_of(options)
 
     start = time.perf_counter()
     total = options.frequencies * options.wave_numbers

@@ -20,8 +20,13 @@ __all__ = ["add_scene_arguments", "progress_bar", "run", "scene_of", "training_b
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
 
-def add_scene_arguments(parser: argparse.ArgumentParser, default: str | None = None) -> None:
-    """Add ``--scene`` and ``--set`` to a parser."""
+def add_scene_arguments(
+    parser: argparse.ArgumentParser, default: str | None = None, accuracy: bool = False
+) -> None:
+    """Add ``--scene`` and ``--set`` to a parser, and ``--accuracy`` where that has a meaning.
+
+    Settings are chosen by the prescribed torque, so it has none where somebody else plays.
+    """
     shipped = ", ".join(scene_names())
     parser.add_argument(
         "--scene",
@@ -39,31 +44,28 @@ def add_scene_arguments(parser: argparse.ArgumentParser, default: str | None = N
         metavar="FIELD=VALUE",
         help="change fields of the scene, for example beam.elements=27 damping=null",
     )
-    parser.add_argument(
-        "--accuracy",
-        type=float,
-        metavar="TOLERANCE",
-        help="choose the cheapest settings (fluid model, panels, elements, time step, scheme) that "
-        "are known to compute the scene's displacement to this share, for example 1e-2; agents "
-        "keep their number of elements",
-    )
+    if accuracy:
+        parser.add_argument(
+            "--accuracy",
+            type=float,
+            metavar="TOLERANCE",
+            help="choose the cheapest settings (fluid model, panels, elements, time step, scheme) "
+            "that are known to compute the scene's displacement under its prescribed torque to "
+            "this share, for example 1e-2",
+        )
 
 
-def scene_of(arguments: argparse.Namespace, keep_elements: bool = False) -> Scene:
+def scene_of(arguments: argparse.Namespace) -> Scene:
     """Return the scene that the arguments of `add_scene_arguments` name.
 
-    Parameters
-    ----------
-    arguments : argparse.Namespace
-        The arguments.
-    keep_elements : bool
-        Whether ``--accuracy`` has to leave the number of elements alone.
+    A ``--duration`` among them is what ``--accuracy`` judges settings on.
     """
     scene = load_scene(arguments.scene, arguments.overrides)
-    if arguments.accuracy is None:
+    if getattr(arguments, "accuracy", None) is None:
         return scene
+    duration = getattr(arguments, "duration", None)
     with progress_bar(40, "run", "choosing settings") as progress:
-        choice = choose(scene, arguments.accuracy, keep_elements, progress)
+        choice = choose(scene, arguments.accuracy, duration=duration, progress=progress)
     print(f"chosen {choice.reason}", file=sys.stderr)
     return choice.scene
 

@@ -412,7 +412,9 @@ class Scene:
             data["fluid"].pop("density", None)
         return Scene.from_dict(data)
 
-    def for_accuracy(self, tolerance: float, keep_elements: bool = False) -> Scene:
+    def for_accuracy(
+        self, tolerance: float, keep_elements: bool = False, duration: float | None = None
+    ) -> Scene:
         """Return the scene with the cheapest settings that compute it to a tolerance.
 
         Fluid model, panels, elements, time step and scheme are chosen from the measured front of
@@ -428,6 +430,8 @@ class Scene:
         keep_elements : bool
             Whether to keep the number of elements, as an agent for so many joints needs it. The
             error is then that of a body of so many elements.
+        duration : float, optional
+            Simulated time on which it is judged (s), the scene's own unless given; 20 s at most.
 
         Raises
         ------
@@ -437,7 +441,7 @@ class Scene:
         # The one place where a scene looks at what is made of scenes, for the sake of its name.
         from swim_env.accuracy.choice import choose
 
-        choice = choose(self, tolerance, keep_elements)
+        choice = choose(self, tolerance, keep_elements, duration)
         said = f"{self.description} Settings chosen {choice.reason}.".strip()
         return choice.scene.replace("description", said)
 

@@ -8,7 +8,7 @@ ones first, until one is as close as was asked for. That takes a few seconds.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from swim_env.accuracy.front import Measured, load_front
@@ -25,6 +25,8 @@ _LONGEST = 20.0
 #: Share of the tolerance that a candidate may use up; the rest is for what the reference is off.
 _SHARE = 0.7
 _SMALLEST, _LARGEST = 1e-3, 0.3
+#: How the cost grows with the number of elements where the fluid's inertia is constant.
+_GROWTH = 1.4
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,7 @@ def choose(
     scene: Scene,
     tolerance: float,
     keep_elements: bool = False,
+    duration: float | None = None,
     progress: Callable[[int], object] | None = None,
 ) -> Choice:
     """Choose the cheapest settings whose displacement is within a tolerance.
@@ -72,13 +75,16 @@ def choose(
     Parameters
     ----------
     scene : Scene
-        The scene; it is played with its prescribed torque for its duration, 20 s at most.
+        The scene; it is played with its prescribed torque.
     tolerance : float
         Largest |dX - dX_ref| / max(|dX_ref|, 0.01 l), with dX the displacement of the mean centre
         averaged over the last period; 0.001 to 0.3.
     keep_elements : bool
         Keep the number of elements, as an agent for so many joints needs it; the error is then that
         of a body of so many elements.
+    duration : float, optional
+        Simulated time on which it is judged (s), the scene's own unless given; 20 s at most, as
+        the error of a steady gait does not grow.
     progress : callable, optional
         Called with 1 after every run.
 
@@ -92,12 +98,19 @@ def choose(
     SwimError
         If the scene has no converged reference, or no settings of the front are good enough.
     """
+    if isinstance(tolerance, bool) or not isinstance(tolerance, (int, float)):
+        raise SwimError(f"the tolerance must be a number, got {tolerance!r}")
     if not _SMALLEST <= tolerance <= _LARGEST:
         raise SwimError(
             f"the tolerance must be {_SMALLEST:g} to {_LARGEST:g}, got {tolerance!r}: smaller ones "
             "are beyond the reference, larger ones say nothing"
         )
-    duration = min(scene.episode.duration, _LONGEST)
+    duration = min(scene.episode.duration if duration is None else duration, _LONGEST)
+    if not any(True for _ in _candidates(scene, keep_elements)):
+        raise SwimError(
+            f"no settings of the measured front fit scene {scene.name}: none of their time steps "
+            f"divides episode.control_interval, {scene.episode.control_interval:g} s"
+        )
     reference = reference_of(scene, duration, PILOT, keep_elements, progress)
     if reference.uncertainty > (1.0 - _SHARE) * tolerance:
         reference = reference_of(scene, duration, FINE, keep_elements, progress)
@@ -120,7 +133,14 @@ def choose(
         best = min(best, error)
         if error <= _SHARE * tolerance:
             return _choice(
-                scene, candidate, tolerance, error, reference.uncertainty, tried, keep_elements
+                scene,
+                candidate,
+                tolerance,
+                error,
+                reference.uncertainty,
+                tried,
+                duration,
+                keep_elements,
             )
     raise SwimError(
         f"no settings of the measured front compute scene {scene.name} to within {tolerance:g}: "
@@ -128,13 +148,20 @@ def choose(
     )
 
 
-def _candidates(scene: Scene, keep_elements: bool) -> Iterator[Measured]:
+def _candidates(scene: Scene, keep_elements: bool) -> list[Measured]:
     """Return what may be tried on a scene, by cost; the steps fit the control interval."""
     seen: set[Settings] = set()
+    found: list[Measured] = []
     for one in load_front():
-        settings = one.settings
+        settings, cost = one.settings, one.cost
         if keep_elements:
-            settings = replace(settings, elements=scene.beam.elements)
+            # As many panels along the body as were measured; the cost grows a little faster than
+            # the number of elements.
+            n = scene.beam.elements
+            along = settings.elements * settings.panels_per_element
+            panels = max(2, 2 * round(0.5 * along / n))
+            cost *= (n / settings.elements) ** _GROWTH
+            settings = replace(settings, elements=n, panels_per_element=panels)
         if scene.fluid is None or not scene.fluid.present:
             # Settings that differ in the fluid alone are the same here.
             settings = replace(settings, fluid_model="none", panels_per_element=4, cap_panels=1)
@@ -145,7 +172,8 @@ def _candidates(scene: Scene, keep_elements: bool) -> Iterator[Measured]:
             settings.apply(scene).steps_per_action  # noqa: B018
         except SceneError:
             continue
-        yield Measured(settings, one.cost, one.errors)
+        found.append(Measured(settings, cost, one.errors))
+    return sorted(found, key=lambda one: one.cost)
 
 
 def _choice(
@@ -155,6 +183,7 @@ def _choice(
     error: float,
     uncertainty: float,
     tried: int,
+    duration: float,
     keep_elements: bool,
 ) -> Choice:
     settings = chosen.settings
@@ -167,9 +196,9 @@ def _choice(
     reason = (
         f"for {tolerance:g} of the displacement: fluid model {settings.fluid_model}{panels}, "
         f"{settings.elements} elements{kept}, steps of {1e3 * settings.time_step:g} ms of the "
-        f"{settings.scheme} scheme; off by {error:.1e} from a reference good to "
-        f"{uncertainty:.1e}, {chosen.cost:.2g} times the cost of the paper's settings; the "
-        f"{tried - 1} cheaper ones tried were further off"
+        f"{settings.scheme} scheme; off by {error:.1e} after {duration:g} s from a reference good "
+        f"to {uncertainty:.1e}, about {chosen.cost:.2g} times the cost of the paper's settings; "
+        f"the {tried - 1} cheaper ones tried were further off"
     )
     return Choice(
         settings.apply(scene), settings, tolerance, error, uncertainty, chosen.cost, tried, reason

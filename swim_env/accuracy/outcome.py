@@ -31,9 +31,10 @@ class Outcome:
     Attributes
     ----------
     displacement : (2,) array
-        Of the mean centre, its position averaged over the last period of the drive (m).
+        Of the mean centre, its position averaged over the last period of the drive (m); in the
+        frame of the stream where there is one.
     path : (SAMPLES + 1, 2) array
-        Position of the mean centre less the start's, at equal times (m).
+        Position of the mean centre less the start's, at equal times, in the same frame (m).
     energy : float
         H averaged over the last period (J).
     largest_bend : float
@@ -59,7 +60,7 @@ class Outcome:
 
     @property
     def values(self) -> Array:
-        """Displacement, energy and path in one vector."""
+        """Displacement, energy and path in one vector, (2 SAMPLES + 5,)."""
         return np.concatenate([self.displacement, [self.energy], self.path.ravel()])
 
 
@@ -85,6 +86,9 @@ def outcome_of(trajectory: Trajectory, duration: float, seconds: float) -> Outco
     """Return what is compared of a trajectory that was to last for a duration (s)."""
     scene = trajectory.scene
     path = trajectory.path - trajectory.path[0]
+    if scene.stream is not None:
+        # To be carried along is nothing that could be computed badly.
+        path = path - np.outer(trajectory.time - trajectory.time[0], scene.stream.velocity)
     period = duration
     if scene.actuation is not None and scene.actuation.frequency != 0.0:
         period = min(duration, 2.0 * math.pi / abs(scene.actuation.frequency))

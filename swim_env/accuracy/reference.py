@@ -8,9 +8,11 @@ up, so each is removed where it is cheap to compute,
     X = X_{N \to \infty} + \delta_{panels} + \delta_{dt} + \delta_{model},
 
 with the frozen added mass, whose panels are free, for all but the last: what the panels' added mass
-changes is taken from a coarser body. Every part is extrapolated with its measured order (2 in 1/N,
-1 in the panels, 2 in the step of the composed scheme), and leaves an error bar of how much the
-extrapolation moved or how far two of them are apart.
+changes is taken from a coarser body. Every part is extrapolated with its order: 2 in 1/N (1 for the
+energy, whose sum over joints is a quadrature without its ends), 2 in the step of the composed
+scheme, and in the panels what three counts show, as the outline's corners leave no whole one (the
+added mass converges like M^-0.3 to M^-0.6). Every part leaves an error bar, half of what its last
+extrapolation added or how far two of them are apart.
 """
 
 from __future__ import annotations
@@ -43,7 +45,8 @@ class Refinements:
     panels : int
         Panels along the body at every N, N times the panels per element.
     coarse_elements : int
-        N at which panels, time step and model are refined.
+        N at which panels, time step and model are refined; odd like the others, so that what
+        changes in the middle of the body does so between two joints.
     time_step : float
         The time step (s); it is halved once.
     model_panels : tuple of int
@@ -58,13 +61,20 @@ class Refinements:
 
 
 #: For the study, and for choosing settings.
-FINE = Refinements((18, 27, 36), 432, 9, 0.0025, (4, 8))
-PILOT = Refinements((9, 18, 27), 216, 9, 0.005, (4,))
+FINE = Refinements((17, 27, 37), 432, 9, 0.0025, (4, 8))
+PILOT = Refinements((9, 17, 27), 216, 9, 0.005, (4,))
 #: Where the model cannot be frozen, every step weighs the panels.
-_WITH_PANELS = Refinements((6, 9, 12), 72, 6, 0.005, (4,))
+_WITH_PANELS = Refinements((5, 9, 13), 72, 5, 0.005, (4,))
 
 #: A frozen added mass that is further off than this share cannot carry the other parts.
 _TOO_BENT = 0.2
+#: Differences of successive panel counts, each twice the one before, shrink by a factor in between.
+_SLOWEST, _FASTEST = 0.85, 0.3
+#: What a fluid model changes hangs on how finely the body is divided; one comparison says no more
+#: than that it is about right.
+_OF_ONE_MODEL = 0.15
+#: Where the energy stands in `Outcome.values`.
+_ENERGY = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +91,11 @@ class Reference:
         As in `Outcome` (J).
     length : float
         Body length (m).
-    uncertainty : float
-        How far the displacement may be off, on the scale of `relative_error`.
+    uncertainty, path_uncertainty, energy_uncertainty : float
+        How far displacement, path and energy may be off, on the scales of `error`, `path_error`
+        and `energy_error`.
     parts : dict of str to float
-        Its parts: elements, panels, time step, model.
+        The parts of the displacement's: elements, panels, time step, model.
     """
 
     displacement: Array
@@ -92,6 +103,8 @@ class Reference:
     energy: float
     length: float
     uncertainty: float
+    path_uncertainty: float
+    energy_uncertainty: float
     parts: dict[str, float]
 
     def error(self, outcome: Outcome) -> float:
@@ -104,8 +117,7 @@ class Reference:
         """Return the largest distance between the paths, relative to the reference's extent."""
         if outcome.termination_reason:
             return np.inf
-        extent = max(float(np.hypot(*self.path.T).max()), 0.01 * self.length)
-        return float(np.hypot(*(outcome.path - self.path).T).max()) / extent
+        return _largest(outcome.path - self.path) / max(_largest(self.path), 0.01 * self.length)
 
     def energy_error(self, outcome: Outcome) -> float:
         """Return the relative error of the mean energy."""
@@ -121,6 +133,8 @@ class Reference:
             "energy": self.energy,
             "length": self.length,
             "uncertainty": self.uncertainty,
+            "path_uncertainty": self.path_uncertainty,
+            "energy_uncertainty": self.energy_uncertainty,
             "parts": self.parts,
         }
 
@@ -133,6 +147,8 @@ class Reference:
             data["energy"],
             data["length"],
             data["uncertainty"],
+            data["path_uncertainty"],
+            data["energy_uncertainty"],
             data["parts"],
         )
 
@@ -157,7 +173,7 @@ def reference_of(
     keep_elements : bool
         Whether the number of elements belongs to the scene: then the reference has as many.
     progress : callable, optional
-        Called with 1 after every run; there are at most 10.
+        Called with 1 after every run; there are at most 11.
 
     Raises
     ------
@@ -202,24 +218,31 @@ class _Refiner:
         change = (step[1] - step[0]) * 4.0 / 3.0
         total, parts["time_step"] = total + change, 0.5 * change
         if self._with_fluid:
-            fine = [self._run(model, coarse, n * plan.panels, plan.time_step) for n in (1, 2)]
-            change = 2.0 * (fine[1] - fine[0])
-            total, parts["panels"] = total + change, 0.25 * change
+            change, parts["panels"] = self._panels(model, coarse)
+            total = total + change
         if self._can_freeze:
             change, parts["model"] = self._model(coarse)
             total = total + change
-        displacement, energy = total[:2], float(total[2])
+        displacement, energy = total[:2], float(total[_ENERGY])
+        path = total[3:].reshape(SAMPLES + 1, 2)
         length = self._scene.beam.length
         shares = {
             name: relative_error(displacement + part[:2], displacement, length)
             for name, part in parts.items()
         }
+        extent = max(_largest(path), 0.01 * length)
+        of_path = [_largest(part[3:].reshape(-1, 2)) / extent for part in parts.values()]
+        of_energy = [
+            abs(float(part[_ENERGY])) / max(abs(energy), 1e-300) for part in parts.values()
+        ]
         return Reference(
             displacement,
-            total[3:].reshape(SAMPLES + 1, 2),
+            path,
             energy,
             length,
-            float(np.sqrt(sum(share**2 for share in shares.values()))),
+            float(np.linalg.norm(list(shares.values()))),
+            float(np.linalg.norm(of_path)),
+            float(np.linalg.norm(of_energy)),
             shares,
         )
 
@@ -229,11 +252,27 @@ class _Refiner:
         runs = [self._run(model, n, self._plan.panels, self._plan.time_step) for n in counts]
 
         def limit(i: int) -> Array:
-            few, many = counts[i] ** 2, counts[i + 1] ** 2
-            value: Array = runs[i + 1] + (runs[i + 1] - runs[i]) * few / (many - few)
+            few, many = counts[i], counts[i + 1]
+            change = runs[i + 1] - runs[i]
+            value: Array = runs[i + 1] + change * few**2 / (many**2 - few**2)
+            value[_ENERGY] = runs[i + 1][_ENERGY] + change[_ENERGY] * few / (many - few)
             return value
 
         return limit(1), limit(1) - limit(0)
+
+    def _panels(self, model: str, elements: int) -> tuple[Array, Array]:
+        """Extrapolate to infinitely many panels from three counts, each twice the one before."""
+        plan = self._plan
+        # Twice the panels on every element, whatever their number is rounded to.
+        each = _even(plan.panels / elements)
+        runs = [self._run(model, elements, n * each * elements, plan.time_step) for n in (1, 2, 4)]
+        first, second = runs[1] - runs[0], runs[2] - runs[1]
+        # How differences shrink, from the displacement; all else follows the same added mass.
+        length = float(first[:2] @ first[:2])
+        ratio = float(first[:2] @ second[:2]) / length if length > 0.0 else _FASTEST
+        ratio = min(max(ratio, _FASTEST), _SLOWEST)
+        rest = second * ratio / (1.0 - ratio)
+        return runs[2] + rest - runs[0], 0.5 * rest
 
     def _model(self, elements: int) -> tuple[Array, Array]:
         """Return what the panels' added mass changes, and how sure that is."""
@@ -252,11 +291,10 @@ class _Refiner:
                     f"straight body's added mass is {size:.0%} off in displacement"
                 )
         spread = changes[-1] - changes[0] if len(changes) > 1 else 0.0 * changes[0]
-        return changes[-1], np.abs(spread) + 0.15 * np.abs(changes[-1])
+        return changes[-1], np.abs(spread) + _OF_ONE_MODEL * np.abs(changes[-1])
 
     def _run(self, model: str, elements: int, panels: int, time_step: float) -> Array:
-        # An even number of panels on every element.
-        each = max(2, 2 * round(panels / elements / 2))
+        each = _even(panels / elements)
         settings = Settings(model, elements, each, "proportional", time_step, "composed")
         if settings not in self._known:
             outcome = play(settings.apply(self._scene), self._duration)
@@ -270,3 +308,13 @@ class _Refiner:
             if self._progress is not None:
                 self._progress(1)
         return self._known[settings]
+
+
+def _even(panels: float) -> int:
+    """Return the nearest even number of panels, at least 2."""
+    return max(2, 2 * round(0.5 * panels))
+
+
+def _largest(path: Array) -> float:
+    """Return the largest distance (m) of a path (T, 2) from the origin."""
+    return float(np.hypot(*path.T).max(initial=0.0))

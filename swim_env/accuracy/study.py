@@ -1,12 +1,14 @@
 """The work-precision study: every setting on every scene, errors beside costs, resumable.
 
 Every run is one line in ``runs.jsonl``, written when it is done; a study that is started again in
-the same folder goes on behind the last whole line. The speed of a shared machine drifts, so next to
-every run the paper's settings are timed on scene paper_i, and costs are ratios to that.
+the same folder goes on behind the last whole line, and does anew what belongs to a scene that has
+changed. The speed of a shared machine drifts, so next to every run the paper's settings are timed
+on scene paper_i, and costs are ratios to that.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import time
@@ -100,6 +102,7 @@ class Study:
         self._runs_file = self.folder / "runs.jsonl"
         self._references_file = self.folder / "references.json"
         self.runs = self._read_runs()
+        self._reference_cases: dict[str, str] = {}
         self.references = self._read_references()
 
     @property
@@ -116,15 +119,19 @@ class Study:
             Called with 1 after each of `work` runs and references.
         """
         yardstick = Yardstick()
-        done = {(run["scene"], _key(run)) for run in self.runs}
+        done = {(run["case"], _key(run)) for run in self.runs}
         for case in self.cases:
             name = case.scene.name
-            if name not in self.references:
+            digest = _digest(case)
+            if self._reference_cases.get(name) != digest:
                 self.references[name] = reference_of(case.scene, case.duration)
+                self._reference_cases[name] = digest
                 self._write_references()
+                # What was measured against another reference is measured anew.
+                done = {key for key in done if key[0] != digest}
             _advance(progress)
             for settings in self.grid:
-                if (name, _key(settings.to_dict())) not in done:
+                if (digest, _key(settings.to_dict())) not in done:
                     self._append(self._measure(case, settings, yardstick))
                 _advance(progress)
 
@@ -163,9 +170,12 @@ class Study:
         if rest:
             write_atomically(self._runs_file, lambda file: file.write((whole + "\n").encode()))
         try:
-            return [json.loads(line) for line in whole.splitlines() if line]
-        except ValueError as error:
-            raise SwimError(f"not the runs of a study: {error} ({self._runs_file})") from None
+            runs: list[dict[str, Any]] = [json.loads(line) for line in whole.splitlines() if line]
+            for run in runs:
+                _key(run), run["case"], run["scene"], run["reason"]
+        except (ValueError, KeyError, TypeError) as error:
+            raise SwimError(f"not the runs of a study: {error!r} ({self._runs_file})") from None
+        return runs
 
     def _append(self, line: dict[str, Any]) -> None:
         self.runs.append(line)
@@ -177,27 +187,30 @@ class Study:
             return {}
         try:
             data = json.loads(self._references_file.read_text(encoding="utf-8"))
+            self._reference_cases = dict(data["cases"])
             return {name: Reference.from_dict(one) for name, one in data["references"].items()}
         except (ValueError, KeyError, TypeError) as error:
             raise SwimError(
-                f"not the references of a study: {error} ({self._references_file})"
+                f"not the references of a study: {error!r} ({self._references_file})"
             ) from None
 
     def _write_references(self) -> None:
         data = {
             **where_and_when(),
+            "cases": self._reference_cases,
             "references": {name: one.to_dict() for name, one in self.references.items()},
         }
         text = json.dumps(data, indent=1) + "\n"
         write_atomically(self._references_file, lambda file: file.write(text.encode()))
 
     def chosen_runs(self) -> Iterable[dict[str, Any]]:
-        """Return the runs of this study's scenes and settings that came to their end."""
-        names = {case.scene.name for case in self.cases}
+        """Return the last runs of this study's scenes and settings that came to their end."""
+        cases = {_digest(case) for case in self.cases}
         keys = {_key(settings.to_dict()) for settings in self.grid}
-        for run in self.runs:
-            wanted = run["scene"] in names and _key(run) in keys
-            if wanted and not run["reason"] and np.isfinite(run["error"]):
+        last = {(run["case"], _key(run)): run for run in self.runs}
+        for (case, key), run in last.items():
+            wanted = case in cases and key in keys
+            if wanted and not run["reason"] and run["error"] is not None:
                 yield run
 
 
@@ -211,7 +224,19 @@ def _line(case: Case, settings: Settings, reason: str, **figures: Any) -> dict[s
         key: None if isinstance(value, float) and not np.isfinite(value) else value
         for key, value in figures.items()
     }
-    return {"scene": case.scene.name, "reason": reason, **settings.to_dict(), **plain}
+    return {
+        "scene": case.scene.name,
+        "case": _digest(case),
+        "reason": reason,
+        **settings.to_dict(),
+        **plain,
+    }
+
+
+def _digest(case: Case) -> str:
+    """Return what tells a scene and its duration from others, whatever their names."""
+    text = f"{case.duration!r}\n{case.scene.to_yaml()}"
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
 def _key(data: dict[str, Any]) -> str:

@@ -27,7 +27,7 @@ from swim_env.accuracy import sweeps as sweeps_module
 from swim_env.accuracy.front import Measured, front_to_json, load_front, make_front
 from swim_env.accuracy.grid import Case, full_grid, study_scenes
 from swim_env.accuracy.outcome import Outcome, relative_error
-from swim_env.accuracy.reference import PILOT, Reference, reference_of
+from swim_env.accuracy.reference import FINE, PILOT, Reference, Refinements, reference_of
 from swim_env.accuracy.settings import PAPER_SETTINGS, settings_of
 from swim_env.accuracy.study import Study, Yardstick, timed_play
 from swim_env.benchmark.effects import effect_pairs, measure_effects
@@ -269,6 +269,7 @@ def test_an_effect_that_needs_panels_gets_panels(
 def test_without_a_fluid_settings_that_differ_in_it_alone_are_one(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
+    # Four settings, of nine elements and of twelve.
     use_front(monkeypatch, tmp_path, STRIP, FROZEN, PANELS, replace(STRIP, elements=12))
     scene = short({"fluid": None, "beam.rotary_inertia": 1e-3, "initial.velocity": (0.1, 0.0)})
     choice = choose(scene, 0.03)
@@ -278,6 +279,13 @@ def test_without_a_fluid_settings_that_differ_in_it_alone_are_one(
     assert choice.settings.fluid_model == "none"
     assert play(choice.scene, 3.0).displacement == pytest.approx([0.25, 0.0], rel=1e-9)
     assert "fluid model none, 9 elements" in choice.reason
+
+    monkeypatch.setattr(
+        "swim_env.accuracy.choice.play",
+        lambda *given: replace(play(*given), termination_reason="turn_too_large"),
+    )
+    with pytest.raises(SwimError, match=r"the best of 2 is off by inf"):
+        choose(scene, 0.03)
 
 
 def test_a_body_at_rest_without_a_drive_is_computed_in_the_cheapest_way(
@@ -321,6 +329,31 @@ def test_a_violent_scene_has_no_reference() -> None:
     said = refused(short(VIOLENT), 0.1)
     # A fine run ends early, or where it comes to rest differs from one to the next.
     assert re.match("scene swimmer (has no (converged )?reference|bends too far)", said)
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "plans"),
+    [(0.3, [PILOT]), (0.1, [PILOT, FINE]), (0.07, [PILOT, FINE])],
+    ids=["plainly", "barely", "not"],
+)
+def test_a_reference_has_to_be_good_enough(
+    tolerance: float, plans: list[Refinements], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Known to 4 %: past 0.3 of the tolerance a finer one is made, past half of it none is used."""
+    asked: list[Refinements] = []
+
+    def vague(scene: Scene, duration: float, plan: Refinements, *others: Any) -> Reference:
+        asked.append(plan)
+        return replace(reference_of(scene, duration, PILOT), uncertainty=0.04)
+
+    monkeypatch.setattr("swim_env.accuracy.choice.reference_of", vague)
+    if tolerance > 0.08:
+        assert choose(short(), tolerance).uncertainty == 0.04
+    else:
+        said = refused(short(), tolerance)
+        assert "no reference that is good enough for 0.07" in said
+        assert "known to 4.0e-02 only" in said
+    assert asked == plans
 
 
 def test_a_start_that_cannot_be_simulated_is_refused() -> None:
@@ -493,12 +526,14 @@ def test_every_run_is_a_line_with_the_same_keys(tmp_path: Path, cheap: list[Sett
 
 
 def test_an_interrupted_study_goes_on_where_it_stopped(
-    tmp_path: Path, cheap: list[Settings]
+    tmp_path: Path, cheap: list[Settings], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with pytest.raises(KeyboardInterrupt):
         tiny_study(tmp_path).run(interrupt_after(3))
     before = lines_of(tmp_path)
     assert len(before) == 2
+    # The reference is not made again, which takes minutes on a whole study.
+    monkeypatch.setattr(study_module, "reference_of", None)
     references = (tmp_path / "references.json").read_bytes()
     cheap.clear()
     again = tiny_study(tmp_path)

@@ -286,8 +286,8 @@ def test_torques_end_when_they_should() -> None:
     assert ended.coordinates[before] == pytest.approx(going.coordinates[before], abs=1e-7)
     assert ended.energy[~before] == pytest.approx(ended.energy[~before][0], rel=1e-7)
     assert np.ptp(going.energy[~before]) > 0.01
-    # The kink between costs a few steps, not a crawl over it.
-    assert ended.evaluations < 2 * going.evaluations
+    # Those of both parts; the kink between costs a few steps, not a crawl over it.
+    assert 0.8 * going.evaluations < ended.evaluations < 2 * going.evaluations
 
 
 def test_torques_that_have_ended_before_the_start_never_act() -> None:
