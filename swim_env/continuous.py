@@ -27,6 +27,7 @@ from swim_env.errors import SimulationEndedError, SwimError
 from swim_env.physics.added_mass import NO_FLUID, motion_count, shape_force
 from swim_env.physics.beam import chain_levers
 from swim_env.physics.status import TERMINATION_REASONS, describe
+from swim_env.replay import steps_of
 from swim_env.scene import Scene
 
 __all__ = ["METHODS", "ContinuousRun", "integrate"]
@@ -187,11 +188,11 @@ def integrate(
     """
     if method not in METHODS:
         raise SwimError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
-    if not 0.0 < duration < np.inf:
-        raise SwimError(f"the duration must be a positive number of seconds, got {duration!r}")
+    if not largest_step > 0.0:
+        raise SwimError(f"largest_step must be above 0 s, got {largest_step!r}")
+    steps = steps_of(scene, duration)
     equations = _Equations(scene)
-    dt = scene.integrator.time_step
-    times: Array = np.arange(max(1, round(duration / dt)) + 1, dtype=np.float64) * dt
+    times: Array = np.arange(steps + 1, dtype=np.float64) * scene.integrator.time_step
     state = equations.start()
     evaluations = 0
     states = [state]

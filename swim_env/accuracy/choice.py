@@ -25,6 +25,8 @@ _LONGEST = 20.0
 #: Share of the tolerance that a candidate may use up; the rest is for what the reference is off.
 _SHARE = 0.7
 _SMALLEST, _LARGEST = 1e-3, 0.3
+#: Of the front and the references; all their steps divide it (s).
+_COARSEST_STEP = 0.02
 #: How the cost grows with the number of elements where the fluid's inertia is constant.
 _GROWTH = 1.4
 
@@ -105,7 +107,14 @@ def choose(
             f"the tolerance must be {_SMALLEST:g} to {_LARGEST:g}, got {tolerance!r}: smaller ones "
             "are beyond the reference, larger ones say nothing"
         )
+    if not keep_elements and _listed(scene):
+        raise SwimError(
+            f"scene {scene.name} lists values for every joint or element, so their number cannot "
+            "be chosen; keep it (keep_elements), or give a law in s/l"
+        )
     duration = min(scene.episode.duration if duration is None else duration, _LONGEST)
+    # All runs are to end at the same instant.
+    duration = max(1, round(duration / _COARSEST_STEP)) * _COARSEST_STEP
     if not any(True for _ in _candidates(scene, keep_elements)):
         raise SwimError(
             f"no settings of the measured front fit scene {scene.name}: none of their time steps "
@@ -146,6 +155,13 @@ def choose(
         f"no settings of the measured front compute scene {scene.name} to within {tolerance:g}: "
         f"the best of {tried} is off by {best:.1e}"
     )
+
+
+def _listed(scene: Scene) -> bool:
+    """Tell whether a scene lists values for each of its elements or joints."""
+    initial = scene.initial
+    lists = (scene.beam.bending_stiffness, initial.joint_angles, initial.turning_rate)
+    return any(isinstance(one, tuple) for one in (*lists, initial.velocity[0]))
 
 
 def _candidates(scene: Scene, keep_elements: bool) -> list[Measured]:
@@ -190,7 +206,7 @@ def _choice(
     panels = (
         ""
         if settings.fluid_model in ("none", "strip")
-        else (f", {settings.panels_per_element} panels an element")
+        else f", {settings.panels_per_element} panels an element, {settings.cap_panels} an end"
     )
     kept = " (kept)" if keep_elements else ""
     reason = (

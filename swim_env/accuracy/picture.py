@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from swim_env.accuracy.front import pareto
 from swim_env.accuracy.reference import Reference
 from swim_env.accuracy.settings import PAPER_SETTINGS, Settings
+from swim_env.errors import SwimError
 from swim_env.viewer import require_matplotlib
 from swim_env.viewer.stills import GREY, SMALL, new_figure, style_axes
 
@@ -44,12 +45,14 @@ def draw_study(runs: Sequence[Run], references: Mapping[str, Reference]) -> Figu
     Raises
     ------
     SwimError
-        If matplotlib is not installed.
+        If matplotlib is not installed, or there are no runs.
     """
     require_matplotlib()
     from matplotlib.lines import Line2D
 
     scenes = list(dict.fromkeys(run["scene"] for run in runs))
+    if not scenes:
+        raise SwimError("there is nothing to draw: no run of the study came to its end")
     columns = min(_COLUMNS, len(scenes))
     rows = -(-len(scenes) // columns)
     figure = new_figure(3.3 * columns, 2.7 * rows + 0.6)

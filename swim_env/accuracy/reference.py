@@ -64,7 +64,7 @@ class Refinements:
 FINE = Refinements((17, 27, 37), 432, 9, 0.0025, (4, 8))
 PILOT = Refinements((9, 17, 27), 216, 9, 0.005, (4,))
 #: Where the model cannot be frozen, every step weighs the panels.
-_WITH_PANELS = Refinements((5, 9, 13), 72, 5, 0.005, (4,))
+_WITH_PANELS = Refinements((3, 5, 15), 30, 5, 0.01, (4,))
 
 #: A frozen added mass that is further off than this share cannot carry the other parts.
 _TOO_BENT = 0.2

@@ -23,7 +23,7 @@ from swim_env.accuracy.mass_error import mass_errors
 from swim_env.accuracy.outcome import Outcome, play
 from swim_env.accuracy.reference import Reference, reference_of
 from swim_env.accuracy.settings import PAPER_SETTINGS, Settings
-from swim_env.errors import SwimError
+from swim_env.errors import SimulationEndedError, SwimError
 from swim_env.files import write_atomically
 from swim_env.provenance import where_and_when
 from swim_env.scene import Scene, load_scene
@@ -140,8 +140,10 @@ class Study:
         scene = settings.apply(case.scene)
         try:
             outcome, each, cost = timed_play(scene, case.duration, yardstick)
+        except SimulationEndedError as error:
+            return _line(case, settings, error.reason)
         except SwimError as error:
-            return _line(case, settings, str(error).partition(":")[0])
+            return _line(case, settings, str(error))
         straight, bent = mass_errors(scene)
         return _line(
             case,
@@ -164,7 +166,10 @@ class Study:
     def _read_runs(self) -> list[dict[str, Any]]:
         if not self._runs_file.exists():
             return []
-        text = self._runs_file.read_text(encoding="utf-8")
+        try:
+            text = self._runs_file.read_text(encoding="utf-8")
+        except UnicodeDecodeError as error:
+            raise SwimError(f"not the runs of a study: {error} ({self._runs_file})") from None
         # A line that was cut off by an interrupt is done again.
         whole, _, rest = text.rpartition("\n")
         if rest:
@@ -210,7 +215,7 @@ class Study:
         last = {(run["case"], _key(run)): run for run in self.runs}
         for (case, key), run in last.items():
             wanted = case in cases and key in keys
-            if wanted and not run["reason"] and run["error"] is not None:
+            if wanted and not run["reason"] and run.get("error") is not None:
                 yield run
 
 

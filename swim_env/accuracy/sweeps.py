@@ -11,7 +11,7 @@ import numpy as np
 
 from swim_env.accuracy.outcome import Outcome, play, relative_error
 from swim_env.accuracy.settings import PAPER_SETTINGS, Settings
-from swim_env.errors import SwimError
+from swim_env.errors import SimulationEndedError
 from swim_env.scene import Scene, load_scene
 from swim_env.viewer import require_matplotlib
 from swim_env.viewer.stills import SMALL, new_figure, style_axes
@@ -123,8 +123,8 @@ def _played(scene: Scene, duration: float) -> Outcome | str:
     """Return a run, or the reason why it ended early."""
     try:
         outcome = play(scene, duration)
-    except SwimError as error:
-        return str(error).partition(":")[0]
+    except SimulationEndedError as error:
+        return error.reason
     return outcome.termination_reason or outcome
 
 
