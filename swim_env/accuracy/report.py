@@ -38,7 +38,7 @@ def study_tables(
         "# Accuracy and cost: tables",
         "",
         f"Made by `scripts/accuracy_cost.py` on {machine['processor']}, {machine['cores']} cores, "
-        f"commit {(origin['commit'] or 'unknown')[:10]}, {origin['date']}. Errors are of the net "
+        f"commit {_short(origin['commit'])}, {origin['date']}. Errors are of the net "
         "displacement, averaged over the last period of the drive, relative to the reference; "
         "costs are wall time in units of the paper's settings on scene paper_i, which were timed "
         "next to every run. Settings read: fluid model, elements x panels per element / panels at "
@@ -127,6 +127,11 @@ def held_out_table(judged: Sequence[Run]) -> str:
             f"{one['cost_ratio']:.2f} |"
         )
     return "\n".join(lines) + "\n"
+
+
+def _short(commit: str | None) -> str:
+    """Return a commit's first letters, with the + of a changed checkout."""
+    return "unknown" if not commit else commit[:10] + ("+" if commit.endswith("+") else "")
 
 
 def _number(value: float | None) -> str:
