@@ -21,7 +21,7 @@ Run = Mapping[str, Any]
 FRONT_FILE = Path(__file__).parent / "front.json"
 #: Runs that are up to this factor costlier than the front stay candidates: where scenes differ, the
 #: order of neighbours does too.
-_NEAR = 1.25
+_NEAR = 2.0
 #: What is further off than this on every scene is no candidate.
 _USELESS = 0.3
 #: Models that have a front of their own: scenes may bend too far for cheaper ones, or refuse them.
