@@ -390,10 +390,10 @@ def test_what_is_on_one_scenes_front_is_kept_with_its_figures_on_all() -> None:
 def test_near_the_front_is_near_enough() -> None:
     """A run a little costlier than one that beats it stays: their order may differ elsewhere."""
     runs = [_run(cost, error, fluid_model="frozen") for cost, error in _NEIGHBOURS]
-    assert [one.cost for one in make_front(runs)] == [1.0, 1.2]
+    assert [one.cost for one in make_front(runs)] == [1.0, 1.9]
 
 
-_NEIGHBOURS = ((1.0, 0.1), (1.2, 0.11), (1.3, 0.11))
+_NEIGHBOURS = ((1.0, 0.1), (1.9, 0.11), (2.1, 0.11))
 
 
 @pytest.mark.parametrize(("model", "kept"), [("panels", 3), ("expansion", 3), ("strip", 1)])
