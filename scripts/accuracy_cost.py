@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from swim_env.accuracy.front import front_to_json, make_front, pareto
+from swim_env.accuracy.front import FRONT_FILE, front_to_json, make_front, pareto
 from swim_env.accuracy.grid import (
     CHOSEN_TOLERANCES,
     Case,
@@ -155,8 +155,6 @@ def _study(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
     text = front_to_json(front, origin)
     _write(folder / "front.json", text)
     if options.refresh_front:
-        from swim_env.accuracy.front import FRONT_FILE
-
         _write(FRONT_FILE, text)
     _write(folder / "tables.md", study_tables(runs, study.references, origin))
     save_figure(draw_study(runs, study.references), folder / "work_precision.png")

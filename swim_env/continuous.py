@@ -99,7 +99,6 @@ class _Equations:
         q, p = state[:n], state[n:]
         _, ground = self.weigh(time, state)
         rates = ground.copy()
-        rates[2] = ground[2]
         rates[3:] = np.diff(ground[2:])
         stream = np.array([self._fluid.stream_x, self._fluid.stream_y])
         return np.concatenate([rates, self._forces(time, q, p, ground[:2] - stream, ground[2:])])

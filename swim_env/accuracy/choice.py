@@ -115,7 +115,8 @@ def choose(
     duration = min(scene.episode.duration if duration is None else duration, _LONGEST)
     # All runs are to end at the same instant.
     duration = max(1, round(duration / _COARSEST_STEP)) * _COARSEST_STEP
-    if not any(True for _ in _candidates(scene, keep_elements)):
+    candidates = _candidates(scene, keep_elements)
+    if not candidates:
         raise SwimError(
             f"no settings of the measured front fit scene {scene.name}: none of their time steps "
             f"divides episode.control_interval, {scene.episode.control_interval:g} s"
@@ -130,7 +131,7 @@ def choose(
         )
     best = math.inf
     tried = 0
-    for candidate in _candidates(scene, keep_elements):
+    for candidate in candidates:
         try:
             outcome = play(candidate.settings.apply(scene), duration)
         except SwimError:

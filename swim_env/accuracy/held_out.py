@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -124,7 +123,7 @@ def _best_by_hand(
     # A cheap time step is tried first, so that later ones need not be played to the end.
     for settings in sorted(grid, key=lambda one: (one.fluid_model == "panels", -one.time_step)):
         limit = at_most if best is None else best[0]
-        scene = replace(settings).apply(case.scene)
+        scene = settings.apply(case.scene)
         try:
             if play(scene, 0.05 * case.duration).seconds / (0.05 * case.duration) > 1.3 * limit:
                 continue
