@@ -83,7 +83,11 @@ def _table(summary: dict[str, Any]) -> str:
         ("mean speed", f"{summary['mean_speed']:.6f} m/s"),
         ("heading change", f"{summary['heading_change']:+.6f} rad"),
         ("positive work", f"{summary['positive_work']:.4f} J"),
-        ("energy drift", f"{summary['energy_drift']:.2e} of the largest energy"),
+        (
+            "energy drift",
+            f"{summary['energy_drift']:.2e} of the largest energy, "
+            f"{summary['energy_tolerance']:g} allowed",
+        ),
         ("momentum drift", f"{summary['momentum_drift']:.2e}"),
         ("largest residual", f"{summary['max_residual']:.2e}"),
         ("Newton corrections", f"{summary['newton_iterations_mean']:.2f} a step"),
@@ -100,7 +104,8 @@ def _table(summary: dict[str, Any]) -> str:
     if summary["halved_steps"]:
         rows.append(("steps cut", f"{summary['halved_steps']}, into up to {summary['most_parts']}"))
     width = max(len(name) for name, _ in rows)
-    return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)
+    lines = [f"{name:<{width}}  {value}" for name, value in rows]
+    return "\n".join([*lines, *(f"warning: {text}" for text in summary["warnings"])])
 
 
 def _play_episode(options: argparse.Namespace, scene: Scene) -> tuple[Trajectory, dict[str, Any]]:

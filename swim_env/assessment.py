@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from swim_env.physics._compile import entry_kernel, kernel
 from swim_env.physics.integrator import (
+    LARGEST,
     POSITIVE_WORK,
     RECORD_NAMES,
     STATE_ROWS,
     STEPS,
+    UNEXPLAINED,
     WORK,
     state_size,
 )
@@ -72,6 +74,7 @@ FIGURES = (
     "time",
     "coordinate",
     "coordinate_at_start",
+    "energy_drift",
 )
 (
     _REWARD,
@@ -88,7 +91,8 @@ FIGURES = (
     _TIME,
     _COORDINATE,
     _COORDINATE_AT_START,
-) = range(14)
+    _ENERGY_DRIFT,
+) = range(15)
 
 #: Columns of the counters: actions since the start, the code of the reason for an end or 0, and 1
 #: once the time is up.
@@ -242,6 +246,10 @@ def assess(
         figure[_DISTANCE] = distance / length
         figure[_WORK] = 0.0
         figure[_POSITIVE_WORK] = 0.0
+        budget = q[STATE_ROWS * unknowns :]
+        figure[_ENERGY_DRIFT] = 0.0
+        if budget[LARGEST] > 0.0:
+            figure[_ENERGY_DRIFT] = budget[UNEXPLAINED] / budget[LARGEST]
         if start:
             figure[_COORDINATE] = coordinate
             figure[_COORDINATE_AT_START] = coordinate

@@ -46,6 +46,8 @@ Indices = NDArray[np.int64]
 
 #: Bytes.
 _CACHE_LINE = 64
+#: Time that an outer step may take before it ends unsolved (s), by rough figures of the costs.
+_LONGEST_STEP = 0.3
 
 
 class Bodies:
@@ -296,8 +298,10 @@ def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, Solver
             stiffness,
             stiffness * retardation,
             bool(stiffness.any()),
-            scene.integrator.strain == "mean_angles",
+            scene.integrator.strain != "averaged_directors",
+            scene.integrator.strain == "joint_angle",
             beam.half_thickness if scene.self_contact else 0.0,
+            *_smallest_scales(scene),
         ),
         FluidConstants(
             model,
@@ -311,11 +315,26 @@ def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, Solver
         SolverConstants(
             scene.integrator.time_step,
             scene.integrator.tolerance,
-            _most_solves(beam.elements * panels + 2 * caps),
+            *_costs(scene),
             scene.integrator.scheme == "composed",
             scene.internal_forces is not None,
         ),
     )
+
+
+def _smallest_scales(scene: Scene) -> tuple[float, float]:
+    """Return the smallest scales of a step's residual (kg m/s, kg m^2/s).
+
+    They are 1e-3 (docs/physics.md), and for a body so small or light that at ten lengths a second,
+    or turning at 10 rad/s, it has less than 1 of either, in proportion less: else nothing that it
+    does would be resolved.
+    """
+    beam, fluid = scene.beam, scene.fluid
+    mass = beam.line_density * beam.length
+    if fluid is not None and fluid.density is not None:
+        mass += plate_added_mass(fluid.density, beam.length) * beam.length
+    momentum = mass * beam.length
+    return 1e-3 * min(1.0, 10.0 * momentum), 1e-3 * min(1.0, 10.0 * momentum * beam.length)
 
 
 def _fluid_terms(fluid: Fluid | None, geometry: FluidGeometry) -> Array:
@@ -333,10 +352,25 @@ def _fluid_terms(fluid: Fluid | None, geometry: FluidGeometry) -> Array:
     return made(geometry, fluid.density)
 
 
-def _most_solves(panels: int) -> int:
-    """Bound the parts of one outer step so that it ends within about a second.
+def _costs(scene: Scene) -> tuple[float, float]:
+    """Return what evaluating a residual and weighing a shape take of the effort of a step.
 
-    The bound hangs on the size alone and not on a clock, so results do not depend on the machine.
+    A step may take about half a second, and a dozen solutions where these take longer. The times
+    are rough (s on a core of 2023), and hang on sizes alone, so that results do not depend on the
+    machine.
     """
-    seconds = 1e-4 + 2e-9 * panels**2.8
-    return int(np.clip(0.5 / seconds, 32, 4096))
+    elements, fluid = scene.beam.elements, scene.fluid
+    evaluating = 3e-6 + 1e-8 * elements**2
+    weighing = 1e-5 + 1e-7 * elements**2
+    if fluid is not None and fluid.model in ("panels", "centreline"):
+        panels = elements * fluid.panels_per_element + 2 * fluid.panels_per_end(scene.beam)
+        evaluating += 3e-9 * panels**2
+        weighing += 1.2e-10 * panels**3
+    elif fluid is not None and fluid.model == "expansion":
+        tensor = 1e-9 * elements**4
+        evaluating, weighing = evaluating + tensor, weighing + tensor
+    if scene.integrator.scheme == "composed":
+        # In the second half of a step every evaluation weighs a shape.
+        evaluating += 0.5 * weighing
+    budget = max(_LONGEST_STEP, 12.0 * (weighing + 4.0 * evaluating))
+    return evaluating / budget, weighing / budget

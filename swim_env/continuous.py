@@ -130,7 +130,8 @@ class _Equations:
                 push[[0, -1]] += ends[:, None] * tangent[[0, -1]]
         rates[2:] -= turning * ((self._levers.T @ push) * tangent).sum(axis=1)
         joints = q[3:]
-        moment = -beam.joint_stiffness * np.sin(joints) * np.cos(joints)
+        bent = joints if beam.linear_strain else np.sin(joints) * np.cos(joints)
+        moment = -beam.joint_stiffness * bent
         moment -= beam.joint_damping * np.diff(turning)
         if self.scene.actuation is not None:
             moment += self.scene.actuation.torques([time], self.scene.beam)[0]

@@ -57,6 +57,7 @@ _FORWARD_INFO = (
     "heading_error",
     "work",
     "positive_work",
+    "energy_drift",
 )
 _TARGET_INFO = (*_FORWARD_INFO, "distance")
 _TIME = FIGURES.index("time")

@@ -56,7 +56,7 @@ MOST_ELEMENTS_OF_EXPANSION = 27
 SCHEME_NAMES: tuple[str, ...] = ("paper", "composed")
 """Names that `Integrator.scheme` may have: of first order, and of second."""
 
-STRAIN_NAMES: tuple[str, ...] = ("averaged_directors", "mean_angles")
+STRAIN_NAMES: tuple[str, ...] = ("averaged_directors", "mean_angles", "joint_angle")
 """Names that `Integrator.strain` may have."""
 
 TOLERANCE_RANGE: tuple[float, float] = (1e-13, 1e-4)
@@ -756,13 +756,18 @@ class Integrator:
         second order, and takes prescribed torques at the middle of a step.
     strain : str
         One of `STRAIN_NAMES`: that of the directors averaged over a step, as in the paper, which
-        softens where elements turn far in a step; or sin(a)/dl at the mean joint angle a.
+        softens where elements turn far in a step; sin(a)/dl at the mean joint angle a; or a/dl,
+        whose moment does not fall again beyond 45 degrees.
+    energy_tolerance : float
+        Largest energy that a run may leave unexplained, |H - H_0 - work + dissipated| as a share
+        of its largest energy, before it is said not to be trusted; above 0.
     """
 
     time_step: float = 0.01
     tolerance: float = 1e-10
     scheme: str = "paper"
     strain: str = "averaged_directors"
+    energy_tolerance: float = 0.05
 
     def __post_init__(self) -> None:
         """Check every field and store it in its final form."""
@@ -775,6 +780,9 @@ class Integrator:
             ),
             scheme=check_name(self.scheme, "integrator.scheme", SCHEME_NAMES),
             strain=check_name(self.strain, "integrator.strain", STRAIN_NAMES),
+            energy_tolerance=check_real(
+                self.energy_tolerance, "integrator.energy_tolerance", above=0.0
+            ),
         )
 
 

@@ -12,8 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from swim_env.bodies import Bodies, minimal_start
 from swim_env.errors import SimulationEndedError, SwimError, TorqueError
 from swim_env.physics.beam import centres
-from swim_env.physics.integrator import RECORD_NAMES
+from swim_env.physics.integrator import RECORD_NAMES, energy_drift_of
 from swim_env.physics.invariants import momentum_map
+from swim_env.physics.outline import LENGTH
+from swim_env.physics.panels import normal_influence
 from swim_env.physics.status import TERMINATION_REASONS, describe
 from swim_env.recorder import needs_recording, trajectory_of
 from swim_env.scene import Initial, Scene, load_scene
@@ -159,6 +161,38 @@ class Simulator:
             Velocity of the mean centre (m/s) and turning rate of every element (rad/s).
         """
         return self._weigh()[1]
+
+    def energy_drift(self) -> float:
+        """Return how much energy nothing explains, the largest of all steps since the start.
+
+        Returns
+        -------
+        float
+            max_n |H_n - H_0 - work + dissipated| as a share of max_n H. Beyond the scene's
+            ``integrator.energy_tolerance`` the run should not be trusted; a smaller time step, the
+            composed scheme or damping helps.
+        """
+        return energy_drift_of(self._state, self.elements)
+
+    def panel_condition(self) -> float:
+        """Return the condition of the panels' normal influence G at the present shape.
+
+        Returns
+        -------
+        float
+            The condition number in the 1-norm: relative errors of the boundary values come back up
+            to that many times as large in the sources. 0 without panels. It grows as the body gets
+            thinner and as it bends; beyond 1e10 a run ends with ``influence_singular``.
+        """
+        self._weigh()
+        work = self._bodies.views(0).fluid_work
+        if not work.inverse.size:
+            return 0.0
+        normal = np.zeros_like(work.inverse)
+        count = int(np.count_nonzero(work.outline.panels[LENGTH]))
+        normal_influence(work.outline.panels, count, work.layers, normal)
+        inverse = work.inverse[:count, :count]
+        return float(np.linalg.norm(normal[:count, :count], 1) * np.linalg.norm(inverse, 1))
 
     def _weigh(self) -> tuple[float, Array]:
         energy, velocity, status = self._bodies.weigh(0)

@@ -129,6 +129,23 @@ class Trajectory:
         arms = half * np.stack([np.cos(self.angles), np.sin(self.angles)], axis=-1)
         return np.concatenate([self.centres - arms, (self.centres + arms)[:, -1:]], axis=1)
 
+    @property
+    def energy_drift(self) -> float:
+        """Largest energy that nothing explains, as a share of the largest energy."""
+        return energy_drift(self.energy, self.work, self.dissipated)
+
+    def warnings(self) -> list[str]:
+        """Return in words why this run should not be trusted; empty for one that may be."""
+        found = []
+        drift, tolerance = self.energy_drift, self.scene.integrator.energy_tolerance
+        if not drift <= tolerance:
+            found.append(
+                f"the energy budget is off by {drift:.2g} of the largest energy, more than the "
+                f"scene's integrator.energy_tolerance of {tolerance:g}: do not trust this run; a "
+                "smaller time step, integrator.scheme composed or damping may help"
+            )
+        return found
+
     def summary(self) -> dict[str, Any]:
         """Return the figures of PHYSICS section 5, plain numbers and lists.
 
@@ -138,7 +155,8 @@ class Trajectory:
             ``scene``; ``duration`` (s) and ``steps`` that were run; ``displacement`` [dx, dy] (m)
             of the mean element centre, ``heading_change`` (rad), ``mean_speed``
             |displacement|/duration (m/s); ``work``, ``positive_work``, ``dissipated`` (J);
-            ``energy_drift`` and ``momentum_drift``; ``max_residual``;
+            ``energy_drift``, the scene's ``energy_tolerance`` for it and whether the run is to be
+            ``trusted`` by that, with ``warnings`` in words; ``momentum_drift``; ``max_residual``;
             ``newton_iterations_mean``, ``evaluations_mean``; ``halved_steps`` and ``most_parts``
             of a step; ``round_off_steps``; ``termination_reason`` (empty where the run was not cut
             short).
@@ -155,7 +173,10 @@ class Trajectory:
             "work": float(self.work.sum()),
             "positive_work": float(self.positive_work.sum()),
             "dissipated": float(self.dissipated.sum()),
-            "energy_drift": energy_drift(self.energy, self.work, self.dissipated),
+            "energy_drift": self.energy_drift,
+            "energy_tolerance": self.scene.integrator.energy_tolerance,
+            "trusted": not self.warnings(),
+            "warnings": self.warnings(),
             "momentum_drift": momentum_drift(self.momentum, self.impulse),
             "max_residual": float(self.residual.max(initial=0.0)),
             "newton_iterations_mean": float(self.iterations.mean()) if steps else 0.0,

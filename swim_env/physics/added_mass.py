@@ -84,6 +84,12 @@ CONSTANT = 2
 EXPANSION = 3
 CENTRELINE = 4
 
+#: Beyond this condition (1-norm) an inverse of the normal influence is not taken: rounding would
+#: have taken six digits and more of what is made with it. It grows like the inverse of the
+#: thickness, 1.4e7 at a millionth of an element, and only bodies too thin for an elimination
+#: without exchanges are asked for it.
+LARGEST_CONDITION = 1e10
+
 #: Fluid models that a scene may name, from the crudest to the full one and the one that is there
 #: for comparison only, and the code by which the kernels know them. Models whose added mass is
 #: constant in the elements' frames differ only in their terms, see `swim_env.physics.fluid_terms`.
@@ -349,6 +355,18 @@ def _part_end_of_chain(last: int, inverse: Array, layers: Array) -> None:
     inverse[last, last] = 1.0
 
 
+@kernel
+def _largest_column_sum(count: int, matrix: Array) -> float:
+    """Return the 1-norm of the first rows and columns, as many as count."""
+    largest = 0.0
+    for j in range(count):
+        total = 0.0
+        for i in range(count):
+            total += abs(matrix[i, j])
+        largest = max(largest, total)
+    return largest
+
+
 @inlined
 def _panel_added_mass(
     joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array
@@ -377,8 +395,13 @@ def _panel_added_mass(
         if exchanged == 0:
             if invert_in_order(work.inverse, SMALLEST_PIVOT):
                 break
-        elif not invert(work.inverse, work.permutation):
-            return INFLUENCE_SINGULAR
+        else:
+            before = _largest_column_sum(count, work.inverse)
+            if not invert(work.inverse, work.permutation):
+                return INFLUENCE_SINGULAR
+            condition = before * _largest_column_sum(count, work.inverse)
+            if not condition <= LARGEST_CONDITION:
+                return INFLUENCE_SINGULAR
     if open_chain:
         _collect_chain_motions(fluid, work)
     else:

@@ -50,8 +50,12 @@ class BeamConstants(NamedTuple):
     strain_of_angles : bool
         Whether the strain of a step is that of the mean joint angles, sin(a)/dl at
         a_{n+1/2} = (a_n + a_{n+1})/2, instead of that of the averaged directors (16).
+    linear_strain : bool
+        Whether it is a/dl instead of sin(a)/dl, at the mean joint angles too.
     contact_radius : float
         Half the thickness (m) of the body that is watched for touching itself; 0 for no watch.
+    smallest_momentum, smallest_spin : float
+        Smallest scale of the residual of a momentum (kg m/s) and an angular one (kg m^2/s).
     """
 
     elements: int
@@ -62,7 +66,10 @@ class BeamConstants(NamedTuple):
     joint_damping: Array
     elastic: bool = True
     strain_of_angles: bool = False
+    linear_strain: bool = False
     contact_radius: float = 0.0
+    smallest_momentum: float = 1e-3
+    smallest_spin: float = 1e-3
 
 
 @kernel

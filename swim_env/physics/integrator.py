@@ -112,6 +112,7 @@ __all__ = [
     "MemberViews",
     "SolverConstants",
     "advance",
+    "energy_drift_of",
     "member_views",
     "pack_constants",
     "prepare",
@@ -149,10 +150,12 @@ _PASS_TOLERANCE = 0.1
 
 # Layout of a member's state vector, in rows of N + 2 numbers: q, p, the last three increments and
 # the shape forces that belong to them; then the counters: steps taken, increments of equal parts
-# that are known (at most 3), and how many 1024ths of a step the last part was.
+# that are known (at most 3), and how many 1024ths of a step the last part was; then the energy
+# budget (J): the energy that start, work and losses explain, the largest energy, and the largest
+# that was not explained.
 STATE_ROWS = 8
-STEPS, KNOWN_INCREMENTS, LAST_PART = range(3)
-_COUNTERS = 3
+STEPS, KNOWN_INCREMENTS, LAST_PART, EXPLAINED, LARGEST, UNEXPLAINED = range(6)
+_COUNTERS = 6
 
 #: Columns of the record that `advance` writes for every step.
 RECORD_NAMES = (
@@ -183,8 +186,10 @@ class SolverConstants(NamedTuple):
         dt (s).
     tolerance : float
         Largest scaled residual accepted.
-    most_solves : int
-        Bound on the attempts to solve a part of one outer step.
+    evaluation_cost, weighing_cost : float
+        What an evaluation of the residual and one of the added mass take, as shares of the effort
+        that an outer step may take before it ends unsolved. They hang on sizes alone, not on a
+        clock, so that results do not depend on the machine; 0 for no bound.
     composed : bool
         Whether a step is one of half the length followed by its adjoint.
     forces : bool
@@ -193,7 +198,8 @@ class SolverConstants(NamedTuple):
 
     time_step: float
     tolerance: float
-    most_solves: int
+    evaluation_cost: float = 0.0
+    weighing_cost: float = 0.0
     composed: bool = False
     forces: bool = False
 
@@ -209,9 +215,12 @@ def pack_constants(
     reals = [beam.element_length, beam.element_mass, beam.element_inertia]
     reals += [geometry.half_thickness, fluid.density, solver.time_step, solver.tolerance]
     reals += [beam.contact_radius, fluid.drag, fluid.stream_x, fluid.stream_y]
+    reals += [beam.smallest_momentum, beam.smallest_spin]
+    reals += [solver.evaluation_cost, solver.weighing_cost]
     integers = [beam.elements, geometry.side_panels, geometry.cap_panels]
-    integers += [fluid.model, int(fluid.axial), solver.most_solves, int(solver.composed)]
+    integers += [fluid.model, int(fluid.axial), int(solver.composed)]
     integers += [int(beam.strain_of_angles), int(beam.elastic), int(solver.forces)]
+    integers += [int(beam.linear_strain)]
     joints = (beam.joint_stiffness, beam.joint_damping)
     return np.concatenate([reals, *joints, fluid.terms]), np.array(integers, dtype=np.int64)
 
@@ -225,7 +234,7 @@ def unpack_constants(
     side_panels = integers[1]
     cap_panels = integers[2]
     model = integers[3]
-    first = 11
+    first = 15
     last = first + elements - 1
     beam = BeamConstants(
         elements,
@@ -234,9 +243,12 @@ def unpack_constants(
         reals[2],
         reals[first:last],
         reals[last : last + elements - 1],
-        integers[8] == 1,
         integers[7] == 1,
+        integers[6] == 1,
+        integers[9] == 1,
         reals[7],
+        reals[11],
+        reals[12],
     )
     geometry = FluidGeometry(elements, reals[0], reals[3], side_panels, cap_panels)
     fluid = FluidConstants(
@@ -249,13 +261,22 @@ def unpack_constants(
         reals[9],
         reals[10],
     )
-    solver = SolverConstants(reals[5], reals[6], integers[5], integers[6] == 1, integers[9] == 1)
+    solver = SolverConstants(
+        reals[5], reals[6], reals[13], reals[14], integers[5] == 1, integers[8] == 1
+    )
     return beam, fluid, solver
 
 
 def state_size(elements: int) -> int:
     """Return the length of a member's state vector."""
     return STATE_ROWS * (elements + 2) + _COUNTERS
+
+
+def energy_drift_of(state: Array, elements: int) -> float:
+    """Return the largest unexplained energy since the start as a share of the largest energy."""
+    counters = state[STATE_ROWS * (elements + 2) :]
+    largest = float(counters[LARGEST])
+    return float(counters[UNEXPLAINED]) / largest if largest > 0.0 else 0.0
 
 
 def steps_column(elements: int) -> int:
@@ -337,6 +358,7 @@ def _find_added_mass(
     if same:
         return FINE
     known[0] = 0.0
+    w.effort[0] += w.effort[2]
     status = added_mass(joint_angles, fluid, fluid_work, w.added_mass)
     if status == FINE:
         known[0] = 1.0
@@ -374,7 +396,7 @@ def prepare(
     if not known:
         u[PREPARED, 0] = 0.0
         u[PREPARED_P] = np.nan
-        set_pose(q, w)
+        set_pose(q, beam, w)
         if beam.contact_radius > 0.0:
             e = w.elements
             radius = beam.contact_radius
@@ -420,6 +442,7 @@ def _evaluate(
     end.
     """
     w = m.step
+    w.effort[0] += w.effort[1]
     if w.adjoint[0] != SOLVED_FOR:
         return evaluate_step(m.p, torques, z, h, beam, fluid, m.fluid_work, w)
     angles = w.unknowns[TRIAL_ANGLES]
@@ -576,7 +599,11 @@ def _newton(
     renew = True
     size = 0.0
     for _ in range(_MOST_ITERATIONS):
+        if w.effort[0] > 1.0:
+            return False
         if renew:
+            if difference > 0.0:
+                w.effort[0] += z.size * w.effort[1]
             # Here the last evaluation was that of z.
             step_jacobian(h, beam, fluid, m.fluid_work, difference, w)
             if not lu_factor(w.jacobian, m.permutation):
@@ -691,6 +718,8 @@ def _solve_part(
                 increment[k] = h * (velocity[k] - velocity[k - 1])
         else:
             increment[:] = 0.0
+        if tried and m.step.effort[0] > 1.0:
+            break
         solved = False
         if not tried:
             tried = True
@@ -798,6 +827,15 @@ def _drift(m: MemberViews, h: float, fluid: FluidConstants, record: Array) -> No
     m.q[1] += drift_y
 
 
+@kernel
+def _keep_budget(counters: Array, record: Array) -> None:
+    """Compare the energy after a step with what start, work and losses explain."""
+    counters[EXPLAINED] += record[WORK] - record[DISSIPATED]
+    counters[LARGEST] = max(counters[LARGEST], record[ENERGY])
+    gap = abs(record[ENERGY] - counters[EXPLAINED])
+    counters[UNEXPLAINED] = max(counters[UNEXPLAINED], gap)
+
+
 @inlined
 def _outer_step(
     m: MemberViews,
@@ -815,10 +853,10 @@ def _outer_step(
     last_part = int(m.counters[LAST_PART])
     part = min(whole, 2 * last_part) if last_part > 0 else whole
     done = 0
-    solves = 0
     record[:] = 0.0
     report = w.report
     report[:] = 0.0
+    w.effort[0] = 0.0
     copy(m.q, u[SAVED_Q])
     copy(m.p, u[SAVED_P])
     u[TOTAL] = 0.0
@@ -844,10 +882,12 @@ def _outer_step(
                 for row in range(4):
                     copy(w.elements[MEAN_X + row], w.elements[KEPT + row])
         w.adjoint[0] = SOLVED_FOR if second else 0.0
+        if part < whole and w.effort[0] > 1.0:
+            status = STEP_NOT_SOLVED
+            break
         outcome = _solve_part(m, torques, h, part, beam, fluid, solver)
-        solves += 1
         if outcome != FINE:
-            if part == 1 or solves >= solver.most_solves:
+            if part == 1 or w.effort[0] > 1.0:
                 status = outcome
                 break
             part //= 2
@@ -893,7 +933,7 @@ def _outer_step(
         record[AT_ROUND_OFF] = max(record[AT_ROUND_OFF], report[2])
         if solver.composed and not second:
             second = True
-            set_pose(m.q, w)
+            set_pose(m.q, beam, w)
             u[PREPARED, 0] = 0.0
             continue
         second = False
@@ -915,6 +955,7 @@ def _outer_step(
         record[WORK] += work
         record[POSITIVE_WORK] += max(work, 0.0)
     m.counters[STEPS] += 1.0
+    _keep_budget(m.counters, record)
     if solver.forces:
         _find_forces(m.p, solver.time_step, w)
     return FINE
@@ -951,7 +992,7 @@ def advance(
         Joint torques (N m).
     hold : int
         Number of steps over which each row of torques is held.
-    reals, sizes : (R,), (6,) arrays
+    reals, sizes : (R,), (10,) arrays
         The scene, from `pack_constants`.
     floats, integers : (M, F), (M, I) arrays
         Work space of `work_sizes`.
@@ -972,6 +1013,8 @@ def advance(
     beam, fluid, solver = unpack_constants(reals, sizes)
     for member in members:
         m = member_views(states[member], beam, fluid, floats[member], integers[member])
+        m.step.effort[1] = solver.evaluation_cost
+        m.step.effort[2] = solver.weighing_cost
         steps = torques.shape[1] * hold
         taken = 0
         status = FINE
@@ -1010,8 +1053,8 @@ def weigh(
     Parameters
     ----------
     state : (S,) array
-        The member's state: q, p, the last three increments and shape forces, the number of steps
-        taken, the number of increments that are known and the length of the last part.
+        The member's state: q, p, the last three increments and shape forces, and the counters
+        that are named in this module.
     given : (N + 2,) array
         Velocity of the mean centre (m/s) and turning rate of every element (rad/s).
         At a start it is read, and p_0 = dL/dq'(q_0, v_0) = M v_0 is written to the state;
@@ -1045,4 +1088,8 @@ def weigh(
         given[0] += fluid.stream_x
         given[1] += fluid.stream_y
     energy = _energy(m.p, beam, m.step)
+    if start:
+        m.counters[EXPLAINED] = energy
+        m.counters[LARGEST] = energy
+        m.counters[UNEXPLAINED] = 0.0
     return energy, FINE if np.isfinite(energy) else STATE_NOT_FINITE

@@ -146,8 +146,6 @@ _RECORD = 12
 
 #: States of an adjoint step.
 SOLVED_FOR, FOUND = 1.0, 2.0
-#: Smallest scale of the residual (kg m/s for c, kg m^2/s for the angles).
-SMALLEST_SCALE = 1e-3
 #: Difference quotient for the derivative of the shape force in Newton's matrix, in increments.
 SHAPE_DIFFERENCE = 1e-5
 
@@ -181,6 +179,9 @@ class StepArrays(NamedTuple):
         1 where the mean momenta of the step before are known.
     shape_status : (1,) array
         Why the last shape at the end of an adjoint step could not be weighed, 0 where it could.
+    effort : (3,) array
+        Share of the effort that an outer step may take that was spent, and what an evaluation of
+        the residual and of an added mass add to it.
     """
 
     elements: Array
@@ -197,6 +198,7 @@ class StepArrays(NamedTuple):
     part_record: Array
     forces_known: Array
     shape_status: Array
+    effort: Array
 
 
 @shared
@@ -209,7 +211,7 @@ def step_array_size(elements: int, motions: int) -> int:
         + _ELEMENT_ROWS * elements
         + _UNKNOWN_ROWS * n
         + 3 * n * n
-        + 7
+        + 10
         + _RECORD
     )
 
@@ -244,12 +246,13 @@ def carve_step_arrays(floats: Array, elements: int, motions: int) -> StepArrays:
         floats[squares_end + 4 : squares_end + 5],
         floats[squares_end + 5 : squares_end + 5 + _RECORD],
         floats[squares_end + 5 + _RECORD : squares_end + 6 + _RECORD],
-        floats[squares_end + 6 + _RECORD :],
+        floats[squares_end + 6 + _RECORD : squares_end + 7 + _RECORD],
+        floats[squares_end + 7 + _RECORD :],
     )
 
 
 @kernel
-def set_pose(q: Array, w: StepArrays) -> None:
+def set_pose(q: Array, beam: BeamConstants, w: StepArrays) -> None:
     """Compute directors and joints at q_n from the minimal coordinates q (N + 2,)."""
     e = w.elements
     angle = 0.0
@@ -262,6 +265,26 @@ def set_pose(q: Array, w: StepArrays) -> None:
     for j in range(q.size - 3):
         e[SIN_JOINT, j] = np.sin(q[3 + j])
         e[COS_JOINT, j] = np.cos(q[3 + j])
+    if beam.linear_strain:
+        _take_angles(q, w)
+
+
+@kernel
+def _take_angles(q: Array, w: StepArrays) -> None:
+    """Put the joint angle and its slope, 1, in the place of its sine and cosine."""
+    e = w.elements
+    for j in range(q.size - 3):
+        e[SIN_JOINT, j] = q[3 + j]
+        e[COS_JOINT, j] = 1.0
+
+
+@kernel
+def _take_mean_angles(z: Array, w: StepArrays) -> None:
+    """Do the same for the mean joint angles of a step with increment z (N + 2,)."""
+    e = w.elements
+    for j in range(z.size - 3):
+        e[SIN_MEAN, j] = e[SIN_JOINT, j] + 0.5 * z[3 + j]
+        e[COS_MEAN, j] = 1.0
 
 
 @kernel
@@ -490,6 +513,8 @@ def _move(z: Array, h: float, beam: BeamConstants, fluid: FluidConstants, w: Ste
     m = w.motions
     elements = beam.elements
     _set_increment(z, w)
+    if beam.linear_strain:
+        _take_mean_angles(z, w)
     for k in range(elements):
         # d3(n+1) - d3(n) without cancellation.
         versine = -2.0 * e[SIN_HALF, k] * e[SIN_HALF, k]
@@ -564,7 +589,7 @@ def evaluate_step(
     Returns
     -------
     float
-        max_i |r_i|/s_i with s_i = max(1e-3, |p_i|, impulses); not finite where z is not.
+        max_i |r_i|/s_i with s_i = max(smallest scale, |p_i|, impulses); not finite where z is not.
     """
     _move(z, h, beam, fluid, w)
     if fluid.model != NO_FLUID:
@@ -620,7 +645,7 @@ def _balance(
     u[CHANGE, 0] = 0.0
     u[CHANGE, 1] = 0.0
     for i in range(2):
-        u[SCALE, i] = max(SMALLEST_SCALE, abs(p[i]))
+        u[SCALE, i] = max(beam.smallest_momentum, abs(p[i]))
         u[SIZE, i] = size + abs(p[i])
     for j in range(elements):
         turning = inertia_rate * e[SIN_TURN, j]
@@ -646,7 +671,7 @@ def _balance(
             p[2 + j] - turning + munk - arm - e[ELASTIC, j] + shape + 0.5 * e[IMPULSE, j]
         )
         forces = e[ELASTIC_SIZE, j] + abs(shape) + abs(munk) + e[IMPULSE_SIZE, j]
-        u[SCALE, 2 + j] = max(SMALLEST_SCALE, max(abs(p[2 + j]), forces))
+        u[SCALE, 2 + j] = max(beam.smallest_spin, max(abs(p[2 + j]), forces))
         u[SIZE, 2 + j] = abs(p[2 + j]) + abs(turning) + abs(arm) + forces + dl * size
     if fluid.drag > 0.0:
         _add_drag(z, h, beam, fluid, w)
@@ -978,6 +1003,21 @@ def step_jacobian(
         w.jacobian[3 + j, 3 + j] += (
             0.5 * stiffness * (slope * row_back + strain * back_change) + damping
         )
+    if beam.linear_strain:
+        _straighten_columns(0.25 * h, SIN_MEAN, beam, w)
+
+
+@kernel
+def _straighten_columns(quarter: float, row: int, beam: BeamConstants, w: StepArrays) -> None:
+    """Take the curvature of the sine, which a strain linear in the angle lacks, from the matrix.
+
+    `quarter` is a quarter of the step (s), `row` that of the joints' strain.
+    """
+    e = w.elements
+    for j in range(beam.joint_stiffness.size):
+        change = quarter * beam.joint_stiffness[j] * e[row, j] * e[row, j]
+        w.jacobian[2 + j, 3 + j] -= change
+        w.jacobian[3 + j, 3 + j] += change
 
 
 @kernel
@@ -1021,3 +1061,5 @@ def pose_jacobian(h: float, beam: BeamConstants, w: StepArrays) -> None:
         spring += 0.5 * beam.joint_damping[j]
         w.jacobian[2 + j, 3 + j] -= spring
         w.jacobian[3 + j, 3 + j] += spring
+    if beam.linear_strain:
+        _straighten_columns(0.25 * h, SIN_JOINT, beam, w)

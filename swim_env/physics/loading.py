@@ -120,7 +120,7 @@ def _sample() -> _Sample:
     beam = BeamConstants(elements, 0.5, 0.1, 1e-3, np.ones(1), np.zeros(1))
     geometry = FluidGeometry(elements, 0.5, 0.01, 1, 1)
     fluid = FluidConstants(FLUID_MODELS["panels"], geometry, 1.0, False, np.zeros(0))
-    constants = pack_constants(beam, fluid, SolverConstants(0.01, 1e-10, 1))
+    constants = pack_constants(beam, fluid, SolverConstants(0.01, 1e-10))
     floats, integers = work_sizes(beam, fluid)
     return _Sample(
         beam,

@@ -48,7 +48,6 @@ from swim_env.physics.added_mass import (
 )
 from swim_env.physics.beam import BeamConstants
 from swim_env.physics.integrator import LARGEST_TURN
-from swim_env.physics.lagrangian import SMALLEST_SCALE
 from swim_env.physics.status import (
     FINE,
     STEP_NOT_SOLVED,
@@ -85,6 +84,8 @@ R, D1, D3 = range(3)
 CONSTRAINT_TOLERANCE = 2e-15
 _MOST_ITERATIONS = 25
 _COMPLEX_STEP = 1e-30
+#: Smallest scale of the residual (kg m/s, kg m^2/s).
+_SMALLEST_SCALE = 1e-3
 
 
 def _ended(code: int, time: float, detail: str = "") -> SimulationEndedError:
@@ -550,7 +551,7 @@ def _solve(step: _Step, guess: Array, tolerance: float) -> tuple[Array, Array, f
     dl = step.beam.element_length
     count = guess.size
     start_jacobian = constraint_jacobian(step.q, dl)
-    scale = np.maximum(SMALLEST_SCALE, np.abs(step.p)).ravel()
+    scale = np.maximum(_SMALLEST_SCALE, np.abs(step.p)).ravel()
     constraint_bound = CONSTRAINT_TOLERANCE * max(1.0, float(np.abs(step.q).max()))
     dq = guess
     # Multipliers enter linearly, so Newton's first correction finds them from any value.

@@ -36,13 +36,17 @@ _MEANING = {
         "parts of the beam that are not neighbours came closer than half a panel length, which "
         "the panels cannot resolve"
     ),
-    "influence_singular": "the normal influence matrix of the panels has no inverse",
+    "influence_singular": (
+        "the normal influence matrix of the panels has no inverse that could be trusted, its "
+        "condition is beyond 1e10: the body is too thin for panels on both of its sides"
+    ),
     "mass_not_positive": (
         "the discrete total mass is not positive definite: the outline is too coarse for the bend, "
         "or the inertia too small for the numbers"
     ),
     "step_not_solved": (
-        "the step equations could not be solved, however short a part of the step was tried"
+        "the step equations could not be solved, however short a part of the step was tried, or "
+        "not within the effort of about a second that a step may take"
     ),
     "turn_too_large": (
         "an element or a joint turns by more than 0.5 rad in however short a part of a step"

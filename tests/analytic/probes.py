@@ -85,7 +85,7 @@ def _step_probe(
     step = floats[used : used + step_array_size(beam.elements, motion_count(fluid))]
     w = carve_step_arrays(step, beam.elements, motion_count(fluid))
     work = carve_fluid_work(floats[:used], integers, fluid)
-    set_pose(q, w)
+    set_pose(q, beam, w)
     status = added_mass(q[3:], fluid, work, w.added_mass)
     if status == 0:
         mass_matrix(beam, fluid, work, w)

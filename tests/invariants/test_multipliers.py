@@ -143,7 +143,7 @@ def by_kernels(case: Case) -> tuple[Array, Array, Array]:
         np.zeros(size, kind)
         for size, kind in zip(work_sizes(beam, fluid), (np.float64, np.int64), strict=True)
     )
-    constants = pack_constants(beam, fluid, SolverConstants(case.time_step, TOLERANCE, 4096))
+    constants = pack_constants(beam, fluid, SolverConstants(case.time_step, TOLERANCE))
     states = np.zeros((1, state_size(beam.elements)))
     states[0, : case.q0.size] = case.q0
     _, status = weigh(states[0], case.velocity.copy(), True, *constants, floats, integers)

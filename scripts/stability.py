@@ -1,0 +1,80 @@
+#!/usr/bin/env python
+"""Play the hard cases and write what came of them: stability.json and tables.md."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from swim_env.command_line import progress_bar, run
+from swim_env.errors import SwimError
+from swim_env.files import write_atomically
+from swim_env.stability.cases import CASES
+from swim_env.stability.report import failures_of, stability_tables
+from swim_env.stability.suite import measure_stability, work_of
+
+#: Cases that --quick plays, and random runs.
+_QUICK, _QUICK_DRAWS = ("violent torques", "thickness", "curling"), 1000
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument(
+        "--output",
+        metavar="FOLDER",
+        help="where results go; results/stability unless given, results/stability_quick with "
+        "--quick",
+    )
+    parser.add_argument("--quick", action="store_true", help="a few cases, in a minute")
+    parser.add_argument(
+        "--cases", nargs="+", metavar="NAME", help=f"only some of: {', '.join(CASES)}"
+    )
+    parser.add_argument(
+        "--draws", type=int, metavar="NUMBER", help="random runs; 100,000 unless given"
+    )
+    parser.add_argument("--workers", type=int, metavar="NUMBER", help="processes side by side")
+    parser.add_argument("--json", action="store_true", help="end with the figures as one JSON line")
+    return parser
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; exit code 1 where something was not right."""
+    options = _parser().parse_args(arguments)
+    for name in ("draws", "workers"):
+        value = getattr(options, name)
+        if value is not None and value < (0 if name == "draws" else 1):
+            raise SwimError(f"--{name} must be at least {0 if name == 'draws' else 1}, got {value}")
+    unknown = [name for name in options.cases or () if name not in CASES]
+    if unknown:
+        raise SwimError(f"--cases must be among {', '.join(CASES)}, got {unknown[0]}")
+    names = tuple(options.cases) if options.cases else None
+    draws = 100_000 if options.draws is None else options.draws
+    if options.quick:
+        names = names or _QUICK
+        draws = _QUICK_DRAWS if options.draws is None else draws
+    folder = Path(
+        options.output or ("results/stability_quick" if options.quick else "results/stability")
+    )
+    # Told at once, not after half an hour.
+    folder.mkdir(parents=True, exist_ok=True)
+    with progress_bar(work_of(names, draws), "run", "hard cases") as progress:
+        results = measure_stability(names, draws, options.workers, progress)
+    text = json.dumps(results, indent=1, allow_nan=False) + "\n"
+    tables = stability_tables(results)
+    write_atomically(folder / "stability.json", lambda file: file.write(text.encode()))
+    write_atomically(folder / "tables.md", lambda file: file.write(tables.encode()))
+    failures = failures_of(results)
+    if options.json:
+        print(json.dumps(results, allow_nan=False))
+    else:
+        print(tables.split("## Runs")[0].rstrip())
+    for text in failures[:20]:
+        print(f"not right: {text}", file=sys.stderr)
+    print(f"results are in {folder}", file=sys.stderr)
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(run(main))
