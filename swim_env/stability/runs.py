@@ -204,7 +204,7 @@ def _play(run: HardRun) -> Verdict:
     record = bodies.new_record(block)
     while verdict.steps < total and not verdict.reason:
         count = min(block, total - verdict.steps)
-        times: Array = (verdict.steps + np.arange(count) + into) * step
+        times = step * np.arange(verdict.steps + into, verdict.steps + count, dtype=np.float64)
         torques = np.ascontiguousarray(run.torques(scene, times))
         trace = np.empty((1, count, bodies.trace_columns))
         start = time.perf_counter()
