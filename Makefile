@@ -46,7 +46,7 @@ demo: $(STAMP_TRAIN) ## set up, play the paper's wave, train an agent, compare t
 benchmark: $(STAMP_DEV) ## set up and measure all costs into docs/benchmark (leave the machine alone)
 	$(BIN)/python scripts/benchmark.py --output docs/benchmark
 
-accuracy: $(STAMP_DEV) ## set up and run the study of accuracy and cost into docs/accuracy (half an hour)
+accuracy: $(STAMP_DEV) ## set up and run the study of accuracy and cost into docs/accuracy (forty minutes)
 	$(BIN)/python scripts/accuracy_cost.py --output docs/accuracy --refresh-front
 	$(BIN)/python scripts/accuracy_cost.py --output docs/accuracy --sweeps
 	$(BIN)/python scripts/accuracy_cost.py --output docs/accuracy --held-out

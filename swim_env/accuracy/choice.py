@@ -12,21 +12,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from swim_env.accuracy.front import Measured, load_front
+from swim_env.accuracy.grid import duration_for
 from swim_env.accuracy.outcome import play
-from swim_env.accuracy.reference import FINE, PILOT, reference_of
-from swim_env.accuracy.settings import Settings
+from swim_env.accuracy.reference import FINE, PILOT, plan_for, reference_of
+from swim_env.accuracy.settings import Settings, lists_values
 from swim_env.errors import SceneError, SwimError
 from swim_env.scene import Scene
 
 __all__ = ["Choice", "choose"]
 
-#: Longest run that a choice is made on (s): errors of a steady gait do not grow with time.
-_LONGEST = 20.0
 #: Share of the tolerance that a candidate may use up; the rest is for what the reference is off.
 _SHARE = 0.7
 _SMALLEST, _LARGEST = 1e-3, 0.3
-#: Of the front and the references; all their steps divide it (s).
-_COARSEST_STEP = 0.02
 #: How the cost grows with the number of elements where the fluid's inertia is constant.
 _GROWTH = 1.4
 
@@ -107,14 +104,12 @@ def choose(
             f"the tolerance must be {_SMALLEST:g} to {_LARGEST:g}, got {tolerance!r}: smaller ones "
             "are beyond the reference, larger ones say nothing"
         )
-    if not keep_elements and _listed(scene):
+    if not keep_elements and lists_values(scene):
         raise SwimError(
             f"scene {scene.name} lists values for every joint or element, so their number cannot "
             "be chosen; keep it (keep_elements), or give a law in s/l"
         )
-    duration = min(scene.episode.duration if duration is None else duration, _LONGEST)
-    # All runs are to end at the same instant.
-    duration = max(1, round(duration / _COARSEST_STEP)) * _COARSEST_STEP
+    duration = duration_for(scene.episode.duration if duration is None else duration)
     candidates = _candidates(scene, keep_elements)
     if not candidates:
         raise SwimError(
@@ -122,7 +117,9 @@ def choose(
             f"divides episode.control_interval, {scene.episode.control_interval:g} s"
         )
     reference = reference_of(scene, duration, PILOT, keep_elements, progress)
-    if reference.uncertainty > (1.0 - _SHARE) * tolerance:
+    # Where both plans are one, a second reference would be the first.
+    finer = plan_for(scene, FINE) != plan_for(scene, PILOT)
+    if finer and reference.uncertainty > (1.0 - _SHARE) * tolerance:
         reference = reference_of(scene, duration, FINE, keep_elements, progress)
     if reference.uncertainty > 0.5 * tolerance:
         raise SwimError(
@@ -158,19 +155,14 @@ def choose(
     )
 
 
-def _listed(scene: Scene) -> bool:
-    """Tell whether a scene lists values for each of its elements or joints."""
-    initial = scene.initial
-    lists = (scene.beam.bending_stiffness, initial.joint_angles, initial.turning_rate)
-    return any(isinstance(one, tuple) for one in (*lists, initial.velocity[0]))
-
-
 def _candidates(scene: Scene, keep_elements: bool) -> list[Measured]:
     """Return what may be tried on a scene, by cost; the steps fit the control interval."""
     seen: set[Settings] = set()
     found: list[Measured] = []
     for one in load_front():
         settings, cost = one.settings, one.cost
+        if settings.solver is not None:
+            continue
         if keep_elements:
             # As many panels along the body as were measured; the cost grows a little faster than
             # the number of elements.

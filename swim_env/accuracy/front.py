@@ -13,7 +13,7 @@ import numpy as np
 from swim_env.accuracy.settings import PAPER_SETTINGS, Settings
 from swim_env.errors import SwimError
 
-__all__ = ["FRONT_FILE", "Measured", "load_front", "make_front", "pareto"]
+__all__ = ["FRONT_FILE", "Measured", "load_front", "make_front", "pareto", "stepped"]
 
 Run = Mapping[str, Any]
 
@@ -47,10 +47,18 @@ class Measured:
     errors: dict[str, float]
 
 
+def stepped(runs: Iterable[Run]) -> list[Run]:
+    """Return the runs of the kernels, without those of SciPy's solvers."""
+    return [run for run in runs if Settings.from_dict(run).solver is None]
+
+
 def pareto(runs: Iterable[Run], figure: str = "error") -> list[Run]:
-    """Return the runs that no other one beats in cost and error, from the cheap to the exact."""
+    """Return the runs that no other one beats in cost and error, from the cheap to the exact.
+
+    Of the kernels alone: runs of SciPy's solvers are passed over, as no scene can be set to one.
+    """
     front: list[Run] = []
-    usable = [run for run in runs if run.get(figure) is not None]
+    usable = [run for run in stepped(runs) if run.get(figure) is not None]
     for run in sorted(usable, key=lambda run: (run["cost"], run[figure])):
         if not front or run[figure] < front[-1][figure]:
             front.append(run)
@@ -64,7 +72,7 @@ def make_front(runs: Iterable[Run]) -> list[Measured]:
     """
     by_settings: dict[Settings, dict[str, Run]] = {}
     by_scene: dict[str, list[Run]] = {}
-    for run in runs:
+    for run in stepped(runs):
         by_settings.setdefault(Settings.from_dict(run), {})[run["scene"]] = run
         by_scene.setdefault(run["scene"], []).append(run)
     wanted: set[Settings] = set()

@@ -8,12 +8,17 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
-from swim_env.accuracy.settings import PAPER_SETTINGS, Settings
+from swim_env.accuracy.settings import PAPER_SETTINGS, Settings, lists_values
+from swim_env.errors import SwimError
 from swim_env.scene import Scene, load_scene
 
 __all__ = [
     "CHOSEN_TOLERANCES",
+    "FINE_STEPS",
+    "SOLVED",
     "Case",
+    "case_of",
+    "duration_for",
     "full_grid",
     "held_out_scenes",
     "quick_grid",
@@ -23,6 +28,10 @@ __all__ = [
 #: Tolerances that `Scene.for_accuracy` is judged by.
 CHOSEN_TOLERANCES = (3e-2, 1e-2, 3e-3)
 _PROPORTIONAL = "proportional"
+#: Longest run that settings are compared on (s): errors of a steady gait do not grow with time.
+_LONGEST = 20.0
+#: Of the grid, the front and the references; all their steps divide it (s).
+_COARSEST_STEP = 0.02
 #: Panels per element and at each end, the paper's and finer ones.
 _PANELS: tuple[tuple[int, int | str], ...] = (
     (4, 1),
@@ -31,6 +40,13 @@ _PANELS: tuple[tuple[int, int | str], ...] = (
     (8, _PROPORTIONAL),
     (12, _PROPORTIONAL),
 )
+#: How Newton's tolerance is varied besides the paper's settings.
+FINE_STEPS = (
+    Settings("frozen", 12, 18, _PROPORTIONAL, 0.01, "composed"),
+    Settings("panels", 9, 8, _PROPORTIONAL, 0.01, "composed"),
+)
+#: What SciPy's solvers are compared on; the step is that at whose multiples they are.
+SOLVED = Settings("frozen", 9, 24, _PROPORTIONAL, 0.01, "composed")
 _COARSE_AND_FINE: tuple[tuple[int, int | str], ...] = ((4, 1), (16, _PROPORTIONAL))
 
 
@@ -52,6 +68,30 @@ class Case(NamedTuple):
 def _made(base: str, name: str, **changes: object) -> Scene:
     dotted = {key.replace("__", "."): value for key, value in changes.items()}
     return load_scene(base).replace({"name": name, "description": "", **dotted})
+
+
+def duration_for(wanted: float) -> float:
+    """Return how long (s) to play for a duration (s): 20 s at most, whole steps of all settings.
+
+    So all runs end at the same instant.
+    """
+    return max(1, round(min(wanted, _LONGEST) / _COARSEST_STEP)) * _COARSEST_STEP
+
+
+def case_of(scene: Scene) -> Case:
+    """Return any scene as one of a study, played as long as its episode is, 20 s at most.
+
+    Raises
+    ------
+    SwimError
+        If the scene lists values for every joint or element, so that their number cannot vary.
+    """
+    if lists_values(scene):
+        raise SwimError(
+            f"scene {scene.name} lists values for every joint or element, so their number cannot "
+            "vary as the study needs it; give a law in s/l"
+        )
+    return Case(scene, duration_for(scene.episode.duration))
 
 
 def study_scenes() -> list[Case]:
@@ -118,7 +158,8 @@ def held_out_scenes() -> list[Case]:
 
 def full_grid() -> list[Settings]:
     """Return the settings of the full study, from the cheap to the costly ones."""
-    return list(dict.fromkeys([*_frozen(), *_others(), *_panels(), *_single_changes()]))
+    parts = (_frozen(), _others(), _panels(), _single_changes(), _tolerances(), _solvers())
+    return list(dict.fromkeys(itertools.chain(*parts)))
 
 
 def quick_grid() -> list[Settings]:
@@ -130,7 +171,8 @@ def quick_grid() -> list[Settings]:
             ("strip", "frozen", "expansion"), (5, 9), _COARSE_AND_FINE, steps
         )
     ]
-    return [*grid, PAPER_SETTINGS, replace(PAPER_SETTINGS, scheme="composed")]
+    solver = replace(SOLVED, scheme="LSODA", tolerance=1e-3)
+    return [*grid, PAPER_SETTINGS, replace(PAPER_SETTINGS, scheme="composed"), solver]
 
 
 def _frozen() -> Iterator[Settings]:
@@ -182,3 +224,21 @@ def _single_changes() -> Iterator[Settings]:
     for scheme, step in itertools.product(("paper", "composed"), (0.02, 0.01, 0.005)):
         yield replace(paper, strain="mean_angles", scheme=scheme, time_step=step)
     yield replace(paper, fluid_model="centreline")
+
+
+def _tolerances() -> Iterator[Settings]:
+    """Vary Newton's tolerance where all else is fine, so that nothing hides it."""
+    for settings, tolerance in itertools.product(FINE_STEPS, (1e-4, 1e-6, 1e-8)):
+        yield replace(settings, tolerance=tolerance)
+
+
+def _solvers() -> Iterator[Settings]:
+    """Let SciPy solve a chain whose panels are as good as free.
+
+    Beyond, runs take minutes: undamped modes have to be followed, and where they are damped and
+    stiff, the explicit solvers' steps are no longer.
+    """
+    tolerances = {"Radau": (1e-2, 1e-3), "LSODA": (1e-3, 1e-4, 1e-5)}
+    for method, some in tolerances.items():
+        for tolerance in some:
+            yield replace(SOLVED, scheme=method, tolerance=tolerance)

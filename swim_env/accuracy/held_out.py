@@ -1,4 +1,8 @@
-"""The judgement of a choice: on scenes that the study has not seen, against finer runs."""
+"""The judgement of a choice: on scenes that the study has not seen, against finer runs.
+
+One judge is the study's reference, put together from single refinements; the other is one run with
+everything fine at once, without any splitting and extrapolation, which is less exact.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ import numpy as np
 
 from swim_env.accuracy.choice import choose
 from swim_env.accuracy.grid import Case
-from swim_env.accuracy.outcome import play
+from swim_env.accuracy.outcome import Outcome, play, relative_error
 from swim_env.accuracy.reference import FINE, Reference, reference_of
 from swim_env.accuracy.settings import Settings
 from swim_env.benchmark.timing import ratio, time_in_turn
@@ -17,7 +21,10 @@ from swim_env.errors import SwimError
 from swim_env.scene import Scene
 from swim_env.simulator import Simulator
 
-__all__ = ["judge", "judge_case"]
+__all__ = ["DIRECT", "direct_run", "judge", "judge_case"]
+
+#: The direct run: panels weighed at every step; half a minute for 20 s.
+DIRECT = Settings("panels", 27, 8, "proportional", 0.005, "composed")
 
 _ROUNDS = 7
 #: A timed run takes about this long (s).
@@ -41,7 +48,7 @@ def judge(
     grid : list of Settings
         Among which the best one is looked for by hand.
     progress : callable, optional
-        Called with 1 after every tolerance of every scene.
+        Called with 1 after the direct run and after every tolerance of every scene.
 
     Returns
     -------
@@ -52,25 +59,54 @@ def judge(
     found = []
     for case in cases:
         reference = reference_of(case.scene, case.duration, FINE)
+        direct = direct_run(case)
+        _advance(progress)
         for tolerance in wanted:
-            found.append(judge_case(case, tolerance, reference, grid))
-            if progress is not None:
-                progress(1)
+            found.append(judge_case(case, tolerance, reference, direct, grid))
+            _advance(progress)
     return found
 
 
+def direct_run(case: Case) -> Outcome | None:
+    """Return the run of a scene with `DIRECT` settings, None where it does not come to its end."""
+    try:
+        outcome = play(DIRECT.apply(case.scene), case.duration)
+    except SwimError:
+        return None
+    return None if outcome.termination_reason else outcome
+
+
 def judge_case(
-    case: Case, tolerance: float, reference: Reference, grid: list[Settings]
+    case: Case,
+    tolerance: float,
+    reference: Reference,
+    direct: Outcome | None,
+    grid: list[Settings],
 ) -> dict[str, Any]:
     """Judge the choice for one scene and tolerance.
+
+    Parameters
+    ----------
+    case : Case
+        The scene.
+    tolerance : float
+        What is asked for.
+    reference : Reference
+        The fine reference of the scene.
+    direct : Outcome or None
+        Its direct run; None where there is none.
+    grid : list of Settings
+        Among which the best one is looked for by hand.
 
     Returns
     -------
     dict
         ``scene``, ``tolerance``; ``chosen`` and ``best`` settings as texts, best being the fastest
         of the grid that meets the tolerance; ``error`` of the choice against the fine reference,
-        its ``uncertainty``, whether it is ``met``; ``cost_ratio`` of the choice to the best, timed
-        in turn, and ``reason`` in words. What there is not is None.
+        its ``uncertainty``, whether it is ``met``; ``direct_error`` against the direct run, whether
+        that is within the tolerance, ``met_direct``, and the ``reference_gap`` between the two
+        judges; ``cost_ratio`` of the choice to the best, ``timed`` in turn where that is another
+        one and 1 by definition where not; and ``reason`` in words. What there is not is None.
     """
     line: dict[str, Any] = {
         "scene": case.scene.name,
@@ -79,9 +115,13 @@ def judge_case(
         "chosen": None,
         "error": None,
         "met": False,
+        "direct_error": None,
+        "met_direct": False,
+        "reference_gap": None if direct is None else reference.error(direct),
         "best": None,
         "best_error": None,
         "cost_ratio": None,
+        "timed": False,
     }
     try:
         choice = choose(case.scene, tolerance)
@@ -95,8 +135,12 @@ def judge_case(
         "met": found <= tolerance,
         "reason": choice.reason,
     }
+    if direct is not None:
+        apart = relative_error(outcome.displacement, direct.displacement, case.scene.beam.length)
+        line |= {"direct_error": apart, "met_direct": apart <= tolerance}
     speed = outcome.seconds / case.duration
-    best = _best_by_hand(case, tolerance, reference, grid, speed)
+    others = [one for one in grid if one != choice.settings]
+    best = _best_by_hand(case, tolerance, reference, others, speed)
     if best is None:
         return {**line, "best": line["chosen"], "best_error": found, "cost_ratio": 1.0}
     settings, best_error = best
@@ -112,6 +156,7 @@ def judge_case(
         "best": settings.label,
         "best_error": best_error,
         "cost_ratio": ratio(seconds["chosen"], seconds["best"]).median,
+        "timed": True,
     }
 
 
@@ -121,7 +166,8 @@ def _best_by_hand(
     """Return the fastest settings that meet the tolerance, if any is faster than the choice."""
     best: tuple[float, Settings, float] | None = None
     # A cheap time step is tried first, so that later ones need not be played to the end.
-    for settings in sorted(grid, key=lambda one: (one.fluid_model == "panels", -one.time_step)):
+    stepped = [one for one in grid if one.solver is None]
+    for settings in sorted(stepped, key=lambda one: (one.fluid_model == "panels", -one.time_step)):
         limit = at_most if best is None else best[0]
         scene = settings.apply(case.scene)
         try:
@@ -135,6 +181,11 @@ def _best_by_hand(
         if error <= tolerance and speed < limit:
             best = (speed, settings, error)
     return None if best is None else best[1:]
+
+
+def _advance(progress: Callable[[int], object] | None) -> None:
+    if progress is not None:
+        progress(1)
 
 
 def _timed(scene: Scene, speed: float) -> Callable[[], object]:

@@ -1,4 +1,4 @@
-"""What is compared between two computations of one scene."""
+"""What is compared between two computations of one scene, by the kernels or by SciPy's solvers."""
 
 from __future__ import annotations
 
@@ -9,17 +9,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from swim_env.continuous import integrate
 from swim_env.replay import steps_of
 from swim_env.scene import Scene
 from swim_env.simulator import Simulator
 from swim_env.trajectory import Trajectory
 
-__all__ = ["SAMPLES", "Outcome", "outcome_of", "play", "relative_error"]
+__all__ = ["SAMPLES", "Outcome", "outcome_of", "play", "relative_error", "solve"]
 
 Array = NDArray[np.float64]
 
 #: Instants at which paths are compared, besides the start.
 SAMPLES = 40
+#: A solver's absolute tolerance in units of its relative one: what moves is of order 0.01 to 1.
+_ABSOLUTE = 1e-2
 #: Displacements are compared on a scale of at least this, in body lengths.
 _SMALLEST = 0.01
 
@@ -40,13 +43,18 @@ class Outcome:
     largest_bend : float
         Largest joint angle on the way (rad).
     steps : int
-        Steps taken.
+        Steps of the scene's time step that the run covers.
     seconds : float
-        Wall time of the steps (s).
+        Wall time of the steps, or of the solver (s).
     cut_steps : int
         Steps that had to be cut.
     termination_reason : str
         Why the run ended early, empty where it did not.
+    evaluations : int
+        Evaluations of the equations, with the added mass and its gradient, of the whole run.
+    corrections : int
+        Newton's corrections for all of its steps; those for which the fluid's force on the shape is
+        held, all of them where that is constant, take an evaluation without it. None for a solver.
     """
 
     displacement: Array
@@ -57,6 +65,8 @@ class Outcome:
     seconds: float
     cut_steps: int
     termination_reason: str
+    evaluations: int = 0
+    corrections: int = 0
 
     @property
     def values(self) -> Array:
@@ -82,29 +92,66 @@ def play(scene: Scene, duration: float) -> Outcome:
     return outcome_of(trajectory, duration, seconds)
 
 
+def solve(scene: Scene, duration: float, method: str, tolerance: float) -> Outcome:
+    """Solve a scene's equations in continuous time and return what is compared.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene; of its integrator the time step counts alone, at whose multiples the solution is
+        compared.
+    duration : float
+        Simulated time (s).
+    method : str
+        One of `swim_env.continuous.METHODS`.
+    tolerance : float
+        The solver's relative tolerance; the absolute one is a hundredth of it.
+
+    Raises
+    ------
+    SwimError
+        If the solver gives up.
+    SimulationEndedError
+        If the body takes a shape that cannot be weighed.
+    """
+    run = integrate(scene, duration, method, tolerance, _ABSOLUTE * tolerance)
+    bends = float(np.abs(run.coordinates[:, 3:]).max(initial=0.0))
+    figures = _figures(scene, run.time, run.path, run.energy, duration)
+    return Outcome(*figures, bends, len(run.time) - 1, run.seconds, 0, "", run.evaluations)
+
+
 def outcome_of(trajectory: Trajectory, duration: float, seconds: float) -> Outcome:
     """Return what is compared of a trajectory that was to last for a duration (s)."""
-    scene = trajectory.scene
-    path = trajectory.path - trajectory.path[0]
-    if scene.stream is not None:
-        # To be carried along is nothing that could be computed badly.
-        path = path - np.outer(trajectory.time - trajectory.time[0], scene.stream.velocity)
-    period = duration
-    if scene.actuation is not None and scene.actuation.frequency != 0.0:
-        period = min(duration, 2.0 * math.pi / abs(scene.actuation.frequency))
-    elif scene.actuation is None:
-        period = 0.0
-    times = trajectory.time
-    samples = np.linspace(0.0, duration, SAMPLES + 1)
     return Outcome(
-        displacement=np.array([_last_mean(times, path[:, i], period) for i in range(2)]),
-        path=np.stack([np.interp(samples, times, path[:, i]) for i in range(2)], axis=1),
-        energy=_last_mean(times, trajectory.energy, period),
+        *_figures(trajectory.scene, trajectory.time, trajectory.path, trajectory.energy, duration),
         largest_bend=float(np.abs(np.diff(trajectory.angles, axis=1)).max(initial=0.0)),
         steps=trajectory.steps,
         seconds=seconds,
         cut_steps=int(np.count_nonzero(trajectory.parts > 1)),
         termination_reason=trajectory.termination_reason,
+        evaluations=int(np.sum(trajectory.evaluations)),
+        corrections=int(np.sum(trajectory.iterations)),
+    )
+
+
+def _figures(
+    scene: Scene, times: Array, path: Array, energy: Array, duration: float
+) -> tuple[Array, Array, float]:
+    """Return displacement, path and energy of an `Outcome` from those at all instants."""
+    path = path - path[0]
+    if scene.stream is not None:
+        # To be carried along is nothing that could be computed badly.
+        path = path - np.outer(times - times[0], scene.stream.velocity)
+    period = duration
+    if scene.actuation is not None and scene.actuation.frequency != 0.0:
+        period = min(duration, 2.0 * math.pi / abs(scene.actuation.frequency))
+    elif scene.actuation is None:
+        period = 0.0
+    samples = np.linspace(0.0, duration, SAMPLES + 1)
+    return (
+        np.array([_last_mean(times, path[:, i], period) for i in range(2)]),
+        np.stack([np.interp(samples, times, path[:, i]) for i in range(2)], axis=1),
+        _last_mean(times, energy, period),
     )
 
 

@@ -29,11 +29,16 @@ _COLOURS = {
     "centreline": "#CC79A7",
 }
 _MARKS = {"paper": "o", "composed": "^"}
+#: SciPy's solvers, all of one colour.
+_SOLVER_MARKS = {"RK45": "v", "DOP853": "P", "Radau": "s", "BDF": "X", "LSODA": "D"}
+_SOLVER_COLOUR = "#E69F00"
 _COLUMNS = 3
 
 
 def draw_study(runs: Sequence[Run], references: Mapping[str, Reference]) -> Figure:
     """Draw every run as a point, the front as a line and the paper's settings as a star.
+
+    The front is that of the kernels; the points of SciPy's solvers have an edge.
 
     Parameters
     ----------
@@ -75,6 +80,12 @@ def draw_study(runs: Sequence[Run], references: Mapping[str, Reference]) -> Figu
         for name, colour in _COLOURS.items()
         if any(run["fluid_model"] == name for run in runs)
     ]
+    solvers = {run["scheme"] for run in runs}
+    handles += [
+        Line2D([], [], **_of_solver(name), linestyle="", label=f"SciPy's {name}")
+        for name in _SOLVER_MARKS
+        if name in solvers
+    ]
     handles += [
         Line2D([], [], color=GREY, marker=mark, linestyle="", markersize=4, label=f"{name} scheme")
         for name, mark in _MARKS.items()
@@ -92,11 +103,26 @@ def draw_study(runs: Sequence[Run], references: Mapping[str, Reference]) -> Figu
     return figure
 
 
+def _of_solver(name: str) -> dict[str, Any]:
+    """Return how the runs of one of SciPy's solvers look."""
+    return {
+        "marker": _SOLVER_MARKS[name],
+        "color": _SOLVER_COLOUR,
+        "markersize": 5,
+        "markeredgecolor": "black",
+        "markeredgewidth": 0.6,
+    }
+
+
 def _draw_scene(axes: Axes, runs: Sequence[Run], reference: Reference) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.axhspan(1e-6, max(reference.uncertainty, 1e-6), color="#DDDDDD", linewidth=0, zorder=0)
     for run in runs:
+        if run["scheme"] in _SOLVER_MARKS:
+            look = _of_solver(run["scheme"])
+            axes.plot(run["cost"], run["error"], **look, linestyle="", zorder=3)
+            continue
         axes.plot(
             run["cost"],
             run["error"],

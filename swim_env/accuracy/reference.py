@@ -29,7 +29,7 @@ from swim_env.accuracy.settings import Settings
 from swim_env.errors import SwimError
 from swim_env.scene import Scene
 
-__all__ = ["FINE", "PILOT", "Reference", "Refinements", "reference_of"]
+__all__ = ["FINE", "PILOT", "Reference", "Refinements", "plan_for", "reference_of"]
 
 Array = NDArray[np.float64]
 
@@ -153,6 +153,12 @@ class Reference:
         )
 
 
+def plan_for(scene: Scene, refinements: Refinements) -> Refinements:
+    """Return the refinements that a scene really gets: fewer where its model cannot be frozen."""
+    with_fluid = scene.fluid is not None and scene.fluid.present
+    return _WITH_PANELS if with_fluid and scene.axial_added_mass is not None else refinements
+
+
 def reference_of(
     scene: Scene,
     duration: float,
@@ -201,7 +207,7 @@ class _Refiner:
         with_fluid = scene.fluid is not None and scene.fluid.present
         self._can_freeze = with_fluid and scene.axial_added_mass is None
         self._with_fluid = with_fluid
-        self._plan = _WITH_PANELS if with_fluid and not self._can_freeze else refinements
+        self._plan = plan_for(scene, refinements)
         self._known: dict[Settings, Array] = {}
 
     def reference(self) -> Reference:

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
+from swim_env.continuous import METHODS
 from swim_env.scene import Scene
 
-__all__ = ["PAPER_SETTINGS", "Settings", "settings_of"]
+__all__ = ["PAPER_SETTINGS", "Settings", "lists_values", "settings_of"]
 
 
 @dataclass(frozen=True)
@@ -28,9 +29,10 @@ class Settings:
     time_step : float
         `integrator.time_step` (s).
     scheme, strain : str
-        `integrator.scheme` and `integrator.strain`.
+        `integrator.scheme` and `integrator.strain`; or, as a scheme, one of
+        `swim_env.continuous.METHODS`, SciPy's solvers of the equations in continuous time.
     tolerance : float
-        `integrator.tolerance`.
+        `integrator.tolerance`, or the solver's relative tolerance.
     """
 
     fluid_model: str = "panels"
@@ -42,8 +44,16 @@ class Settings:
     strain: str = "averaged_directors"
     tolerance: float = 1e-10
 
+    @property
+    def solver(self) -> str | None:
+        """The solver of SciPy that the scheme names; None where it is one of the kernels'."""
+        return self.scheme if self.scheme in METHODS else None
+
     def apply(self, scene: Scene) -> Scene:
         """Return a scene that is computed in this way.
+
+        What belongs to a solver of SciPy, its name and tolerance, is no matter of a scene: that
+        keeps its own.
 
         Raises
         ------
@@ -54,10 +64,13 @@ class Settings:
         changes: dict[str, object] = {
             "beam.elements": self.elements,
             "integrator.time_step": self.time_step,
-            "integrator.scheme": self.scheme,
             "integrator.strain": self.strain,
-            "integrator.tolerance": self.tolerance,
         }
+        if self.solver is None:
+            changes |= {
+                "integrator.scheme": self.scheme,
+                "integrator.tolerance": self.tolerance,
+            }
         if scene.fluid is not None and scene.fluid.present:
             changes |= {
                 "fluid.model": self.fluid_model,
@@ -73,6 +86,8 @@ class Settings:
         """A short text for tables: model, N x panels/caps, step, what departs from the default."""
         caps = "p" if isinstance(self.cap_panels, str) else self.cap_panels
         text = f"{self.fluid_model} {self.elements}x{self.panels_per_element}/{caps}"
+        if self.solver is not None:
+            return f"{text} {self.solver} rtol {self.tolerance:g}"
         text += f" {1e3 * self.time_step:g} ms {self.scheme}"
         if self.strain != "averaged_directors":
             text += f" {self.strain}"
@@ -105,3 +120,10 @@ def settings_of(scene: Scene) -> Settings:
         scene.integrator.strain,
         scene.integrator.tolerance,
     )
+
+
+def lists_values(scene: Scene) -> bool:
+    """Tell whether a scene lists values for each element or joint, and so fixes their number."""
+    initial = scene.initial
+    lists = (scene.beam.bending_stiffness, initial.joint_angles, initial.turning_rate)
+    return any(isinstance(one, tuple) for one in (*lists, initial.velocity[0]))

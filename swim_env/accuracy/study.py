@@ -8,6 +8,7 @@ on scene paper_i, and costs are ratios to that.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
 import os
@@ -20,7 +21,7 @@ import numpy as np
 
 from swim_env.accuracy.grid import Case
 from swim_env.accuracy.mass_error import mass_errors
-from swim_env.accuracy.outcome import Outcome, play
+from swim_env.accuracy.outcome import Outcome, play, solve
 from swim_env.accuracy.reference import Reference, reference_of
 from swim_env.accuracy.settings import PAPER_SETTINGS, Settings
 from swim_env.errors import SimulationEndedError, SwimError
@@ -55,8 +56,13 @@ class Yardstick:
         return min(times) / self._duration
 
 
-def timed_play(scene: Scene, duration: float, yardstick: Yardstick) -> tuple[Outcome, float, float]:
-    """Play a scene and time it.
+def timed_play(
+    scene: Scene,
+    duration: float,
+    yardstick: Yardstick,
+    player: Callable[[Scene, float], Outcome] = play,
+) -> tuple[Outcome, float, float]:
+    """Play a scene, in the kernels or as the player does it, and time it.
 
     Returns
     -------
@@ -69,7 +75,7 @@ def timed_play(scene: Scene, duration: float, yardstick: Yardstick) -> tuple[Out
     found = []
     for _ in range(_REPEATS):
         before = yardstick.seconds()
-        outcome = play(scene, duration)
+        outcome = player(scene, duration)
         yard = min(before, yardstick.seconds())
         each = outcome.seconds / max(outcome.steps * scene.integrator.time_step, 1e-12)
         found.append((each / yard, each))
@@ -137,9 +143,12 @@ class Study:
 
     def _measure(self, case: Case, settings: Settings, yardstick: Yardstick) -> dict[str, Any]:
         reference = self.references[case.scene.name]
-        scene = settings.apply(case.scene)
+        player = play
+        if settings.solver is not None:
+            player = functools.partial(solve, method=settings.solver, tolerance=settings.tolerance)
         try:
-            outcome, each, cost = timed_play(scene, case.duration, yardstick)
+            scene = settings.apply(case.scene)
+            outcome, each, cost = timed_play(scene, case.duration, yardstick, player)
         except SimulationEndedError as error:
             return _line(case, settings, error.reason)
         except SwimError as error:
@@ -157,6 +166,8 @@ class Study:
             displacement=outcome.displacement.tolist(),
             largest_bend=outcome.largest_bend,
             cut_steps=outcome.cut_steps,
+            evaluations=outcome.evaluations,
+            corrections=outcome.corrections,
             seconds_per_second=each,
             cost=cost,
         )

@@ -26,7 +26,9 @@ from swim_env.accuracy import study as study_module
 from swim_env.accuracy import sweeps as sweeps_module
 from swim_env.accuracy.front import Measured, front_to_json, load_front, make_front
 from swim_env.accuracy.grid import Case, full_grid, study_scenes
-from swim_env.accuracy.outcome import Outcome, relative_error
+from swim_env.accuracy.held_out import DIRECT, direct_run, judge
+from swim_env.accuracy.outcome import Outcome, relative_error, solve
+from swim_env.accuracy.picture import draw_study
 from swim_env.accuracy.reference import FINE, PILOT, Reference, Refinements, reference_of
 from swim_env.accuracy.settings import PAPER_SETTINGS, settings_of
 from swim_env.accuracy.study import Study, Yardstick, timed_play
@@ -217,6 +219,7 @@ def use_front(
 FROZEN = Settings("frozen", 9, 8, "proportional", 0.01, "composed")
 STRIP = Settings("strip", 9, 4, 1, 0.01, "composed")
 PANELS = Settings("panels", 9, 4, 1, 0.01, "composed")
+LSODA = Settings("frozen", 5, 4, 1, 0.01, "LSODA", tolerance=1e-4)
 
 
 def test_steps_that_do_not_fit_the_control_interval_are_passed_over(
@@ -237,6 +240,15 @@ def test_too_coarse_settings_are_passed_over(
     choice = choose(short(), 0.1)
     assert (choice.settings, choice.tried) == (FROZEN, 2)
     assert "the 1 cheaper ones tried were further off" in choice.reason
+
+
+def test_solvers_are_no_candidates(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A scene cannot be set to one, so what it would be played with is something else."""
+    use_front(monkeypatch, tmp_path, LSODA, FROZEN)
+    choice = choose(short(), 0.1)
+    assert (choice.settings, choice.tried) == (FROZEN, 1)
+    use_front(monkeypatch, tmp_path, LSODA)
+    assert refused(short(), 0.1).startswith("no settings of the measured front fit")
 
 
 def test_settings_that_end_early_are_passed_over(
@@ -356,6 +368,23 @@ def test_a_reference_has_to_be_good_enough(
     assert asked == plans
 
 
+def test_a_reference_that_would_be_the_same_is_not_made_twice(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where every step weighs the panels, both plans are one."""
+    made: list[Refinements] = []
+
+    def vague(scene: Scene, duration: float, plan: Refinements, *others: Any) -> Reference:
+        made.append(plan)
+        return Reference(np.ones(2), np.ones((41, 2)), 1.0, 1.0, 0.04, 0.0, 0.0, {})
+
+    monkeypatch.setattr("swim_env.accuracy.choice.reference_of", vague)
+    for changes, plans in (({"axial_added_mass": True}, [PILOT]), ({}, [PILOT, FINE])):
+        made.clear()
+        assert "known to 4.0e-02 only" in refused(short(changes), 0.07)
+        assert made == plans
+
+
 def test_a_start_that_cannot_be_simulated_is_refused() -> None:
     """Nine elements that turn by 2 rad each lie on one another."""
     said = refused(short({"initial.joint_angles": 2.0, "axial_added_mass": True}), 0.1)
@@ -449,6 +478,8 @@ KEYS = {
     "displacement",
     "largest_bend",
     "cut_steps",
+    "evaluations",
+    "corrections",
     "seconds_per_second",
     "cost",
     *PAPER_SETTINGS.to_dict(),
@@ -463,9 +494,9 @@ def cheap(monkeypatch: pytest.MonkeyPatch) -> list[Settings]:
     monkeypatch.setattr(study_module, "Yardstick", functools.partial(Yardstick, 5))
     played: list[Settings] = []
 
-    def counted(scene: Scene, duration: float, yardstick: Yardstick) -> Any:
+    def counted(scene: Scene, *given: Any) -> Any:
         played.append(settings_of(scene))
-        return timed_play(scene, duration, yardstick)
+        return timed_play(scene, *given)
 
     monkeypatch.setattr(study_module, "timed_play", counted)
     return played
@@ -515,6 +546,49 @@ def test_every_run_is_a_line_with_the_same_keys(tmp_path: Path, cheap: list[Sett
     outcome = play(TINY[2].apply(load_scene("swimmer")), 1.0)
     assert reference.error(outcome) == lines[2]["error"]
     assert reference.path_error(outcome) == lines[2]["path_error"]
+
+
+def test_solvers_are_played_in_continuous_time(tmp_path: Path, cheap: list[Settings]) -> None:
+    """Their line has the same keys, their error is that of their own solution."""
+    study = tiny_study(tmp_path, [LSODA, replace(LSODA, tolerance=1e-6), FROZEN])
+    study.run()
+    loose, tight, _ = lines = lines_of(tmp_path)
+    assert [Settings.from_dict(line) for line in lines] == study.grid
+    assert {frozenset(line) for line in lines} == {frozenset(KEYS)}
+    outcome = solve(LSODA.apply(load_scene("swimmer")), 1.0, "LSODA", 1e-4)
+    assert loose["displacement"] == outcome.displacement.tolist()
+    assert loose["error"] == study.references["swimmer"].error(outcome)
+    assert loose["evaluations"] == outcome.evaluations < tight["evaluations"]
+    assert 0.0 < loose["seconds_per_second"] < loose["cost"]
+    # Both are nearly exact in time: what they are off by is the chain's.
+    assert loose["error"] == pytest.approx(tight["error"], rel=0.2)
+    assert {one.settings for one in make_front(study.chosen_runs())} == {FROZEN}
+    # What was done with one tolerance is not done again, and is not another's.
+    cheap.clear()
+    tiny_study(tmp_path, [LSODA, replace(LSODA, tolerance=1e-5)]).run()
+    assert len(cheap) == 1
+    assert lines_of(tmp_path)[-1]["tolerance"] == 1e-5
+
+
+@pytest.mark.parametrize(
+    ("raised", "reason"),
+    [
+        (SimulationEndedError("outline_degenerate", 0.3, "made up"), "outline_degenerate"),
+        (SwimError("LSODA gave up at t = 0.3 s: made up"), "LSODA gave up at t = 0.3 s: made up"),
+    ],
+)
+@pytest.mark.usefixtures("cheap")
+def test_a_solver_that_does_not_get_there_is_kept_with_its_reason(
+    raised: SwimError, reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(*given: Any, **named: Any) -> Outcome:
+        raise raised
+
+    monkeypatch.setattr(study_module, "solve", failing)
+    study = tiny_study(tmp_path, [LSODA, STRIP])
+    study.run()
+    assert [line["reason"] for line in lines_of(tmp_path)] == [reason, ""]
+    assert [Settings.from_dict(one) for one in study.chosen_runs()] == [STRIP]
 
 
 def test_an_interrupted_study_goes_on_where_it_stopped(
@@ -726,6 +800,71 @@ def test_quick_takes_the_first_two_scenes(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("tiny", "unseen")
+def test_a_study_takes_any_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One of its own, a shipped one and a file, each for as long as its episode is."""
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("episode:\n  duration: 1.0\n", encoding="utf-8")
+    cases: list[Case] = []
+
+    def recorded(folder: Path, given: list[Case], grid: list[Settings]) -> Study:
+        cases.extend(given)
+        # A second of each is enough.
+        return Study(folder, [Case(case.scene, 1.0) for case in given], grid)
+
+    monkeypatch.setattr("scripts.accuracy_cost.Study", recorded)
+    out = tmp_path / "out"
+    given = ["two", "paper_v", str(mine), "two"]
+    assert run(main, ["--quick", "--scenes", *given, "--output", str(out)]) == 0
+    assert [(case.scene.name, case.duration) for case in cases] == [
+        ("two", 1.0),
+        ("paper_v", 20.0),
+        ("mine", 1.0),
+    ]
+    assert cases[1].scene == load_scene("paper_v")
+    assert [line["scene"] for line in lines_of(out)] == ["two"] * 2 + ["paper_v"] * 2 + ["mine"] * 2
+    assert "## Front of mine" in (out / "tables.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("files", "part"),
+    [
+        ({"a": "name: x", "b": "name: x"}, "--scenes has two scenes of the name x, rename one"),
+        ({"a": "beam:\n  bending_stiffness: [5, 5, 5, 5, 5, 5, 5, 5]"}, "a lists values for every"),
+        ({"a": "beam:\n  elements: 0"}, "beam.elements"),
+    ],
+    ids=["two of a name", "listed", "not valid"],
+)
+def test_scenes_that_no_study_can_take_are_refused(
+    files: dict[str, str], part: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    paths = []
+    for name, text in files.items():
+        paths.append(tmp_path / f"{name}.yaml")
+        paths[-1].write_text(text + "\n", encoding="utf-8")
+    given = ["--scenes", *map(str, paths), "--output", str(tmp_path / "out")]
+    assert run(main, given) == BAD_INPUT
+    (line,) = capsys.readouterr().err.splitlines()
+    assert part in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_picture_tells_solvers_apart(tmp_path: Path, cheap: list[Settings]) -> None:
+    """With an entry of the legend for those that were run, and marks unlike the schemes'."""
+    study = tiny_study(tmp_path, [LSODA, replace(LSODA, scheme="Radau"), FROZEN])
+    study.run()
+    assert len(cheap) == 3
+    figure = draw_study(list(study.chosen_runs()), study.references)
+    (legend,) = figure.legends
+    said = [text.get_text() for text in legend.get_texts()]
+    assert [one for one in said if "SciPy" in one] == ["SciPy's Radau", "SciPy's LSODA"]
+    marks = {line.get_marker() for line in figure.axes[0].get_lines()} - {"None"}
+    assert len(marks) == 3
+    runs = [run for run in study.chosen_runs() if run["scheme"] == "composed"]
+    names = [text.get_text() for text in draw_study(runs, study.references).legends[0].get_texts()]
+    assert not [one for one in names if "SciPy" in one]
+
+
+@pytest.mark.usefixtures("tiny", "unseen")
 @pytest.mark.parametrize("other", [["--scenes", "two"], ["--quick"], ["--held-out"], ["--sweeps"]])
 def test_only_a_full_study_makes_the_shipped_front(
     other: list[str], capsys: pytest.CaptureFixture[str]
@@ -775,22 +914,80 @@ def test_held_out_scenes_are_judged(
     given = ["--held-out", "--quick", "--scenes", "fine", "--json", "--output", str(tmp_path)]
     assert run(main, given) == 0
     printed = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert (printed["choices"], printed["met"]) == (1, 1)
+    assert (printed["choices"], printed["met"], printed["met_direct"]) == (1, 1, 1)
     assert {path.name for path in tmp_path.iterdir()} == {"held_out.json", "held_out.md"}
     (one,) = json.loads((tmp_path / "held_out.json").read_text(encoding="utf-8"))["judged"]
     assert (one["scene"], one["tolerance"], one["met"]) == ("fine", 0.03, True)
     assert one["error"] <= 0.03
     assert one["best_error"] <= 0.03
-    assert one["cost_ratio"] == printed["largest_cost_ratio"] > 0.0
+    assert one["cost_ratio"] > 0.0
+    assert printed["timed"] == int(one["timed"])
+    assert printed["largest_cost_ratio"] == (one["cost_ratio"] if one["timed"] else None)
+    assert printed["largest_reference_gap"] == one["reference_gap"] < 0.02
     assert one["chosen"] in (tmp_path / "held_out.md").read_text(encoding="utf-8")
+
+
+def test_choices_are_judged_by_a_direct_run_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Against it, not against the reference; and costs count where something else was timed."""
+    rough = Settings("panels", 9, 4, "proportional", 0.01, "composed")
+    monkeypatch.setattr("swim_env.accuracy.held_out.DIRECT", rough)
+    pilot = functools.partial(reference_of, refinements=PILOT)
+    monkeypatch.setattr(
+        "swim_env.accuracy.held_out.reference_of", lambda scene, duration, _: pilot(scene, duration)
+    )
+    scene = short({"episode.duration": 1.0})
+    case = Case(scene, 1.0)
+    choice = choose(scene, 0.03)
+    counted: list[int] = []
+    # Nothing but the choice's own settings is there to be faster.
+    (one,) = judge([case], [0.03], [choice.settings], counted.append)
+    assert counted == [1, 1]
+    direct, found = play(rough.apply(scene), 1.0), play(choice.scene, 1.0)
+    assert one["direct_error"] == relative_error(found.displacement, direct.displacement, 1.0)
+    assert one["met_direct"] is (one["direct_error"] <= 0.03)
+    assert one["reference_gap"] == pilot(scene, 1.0).error(direct) > 0.0
+    assert one["direct_error"] != one["error"]
+    assert (one["timed"], one["cost_ratio"], one["best"]) == (False, 1.0, one["chosen"])
+
+    # A search by hand that finds something is timed against it.
+    other = replace(FROZEN, elements=5)
+    monkeypatch.setattr("swim_env.accuracy.held_out._best_by_hand", lambda *_: (other, 0.02))
+    (one,) = judge([case], [0.03], [other])
+    assert (one["timed"], one["best"]) == (True, other.label)
+    assert one["cost_ratio"] != 1.0
+
+    # Without a direct run there is nothing to say.
+    monkeypatch.setattr("swim_env.accuracy.held_out.direct_run", lambda _: None)
+    (one,) = judge([case], [0.03], [other])
+    assert (one["direct_error"], one["met_direct"], one["reference_gap"]) == (None, False, None)
+
+
+def test_a_direct_run_that_ends_early_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    case = Case(short(), 1.0)
+    played: list[Scene] = []
+
+    def ending(scene: Scene, duration: float) -> Outcome:
+        played.append(scene)
+        return replace(play(FROZEN.apply(scene), duration), termination_reason="turn_too_large")
+
+    monkeypatch.setattr("swim_env.accuracy.held_out.play", ending)
+    assert direct_run(case) is None
+    assert [settings_of(scene) for scene in played] == [DIRECT]
+
+    def refusing(scene: Scene, duration: float) -> Outcome:
+        raise SimulationEndedError("outline_degenerate", 0.0, "made up")
+
+    monkeypatch.setattr("swim_env.accuracy.held_out.play", refusing)
+    assert direct_run(case) is None
 
 
 @pytest.mark.parametrize(
     ("given", "part"),
     [
-        (["--scenes", "swimer"], "--scenes must be among "),
-        (["--scenes", "swimmer", "no_such"], "got no_such"),
-        (["--held-out", "--scenes", "swimmer"], "--scenes must be among held_out_1, "),
+        (["--scenes", "swimer"], "--scenes takes paper_i, swimmer, resonant, "),
+        (["--scenes", "swimmer", "no_such"], "a scene file: unknown scene 'no_such'"),
+        (["--held-out", "--scenes", "swimmer"], "must be among held_out_1, "),
+        (["--held-out", "--scenes", "held_out_1", "paper_i"], "got paper_i"),
         (["--held-out", "--sweeps"], "--held-out and --sweeps are two things, name one"),
     ],
 )

@@ -11,7 +11,7 @@ from scipy.integrate import cumulative_simpson
 
 from swim_env import Scene, SimulationEndedError, Simulator, SwimError, load_scene
 from swim_env.bodies import Bodies
-from swim_env.continuous import METHODS, ContinuousRun, integrate
+from swim_env.continuous import METHODS, ContinuousRun, _Equations, integrate
 from swim_env.physics.invariants import momentum_map
 
 Array = NDArray[np.float64]
@@ -142,6 +142,32 @@ def test_all_methods_solve_the_same_equations(method: str) -> None:
         # Errors add up over the second: BDF's to 6 times its relative tolerance.
         error = float(np.abs(found - wanted).max())
         assert error < 3e-7, f"{name}: {error:.2e}"
+
+
+def test_the_place_does_not_matter() -> None:
+    """Implicit solvers, who find that out by ever larger differences, try remote ones."""
+    equations = _Equations(_scene({"initial.velocity": (0.3, 0.1), "initial.joint_angles": 0.1}))
+    state = equations.start()
+    remote = state.copy()
+    remote[:2] = 1e12, np.inf
+    assert (equations(0.1, remote) == equations(0.1, state)).all()
+    assert equations.weigh(0.1, remote)[0] == equations.weigh(0.1, state)[0] > 0.0
+
+
+@pytest.mark.parametrize("method", ["LSODA", "Radau"])
+def test_every_evaluation_is_counted(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those for Jacobians too, which SciPy leaves out for Radau."""
+    forces = _Equations._forces
+    made: list[float] = []
+
+    def counted(self: _Equations, time: float, *given: Array) -> Array:
+        made.append(time)
+        return forces(self, time, *given)
+
+    monkeypatch.setattr(_Equations, "_forces", counted)
+    run = integrate(_scene(CASES["ending"], 50), DURATION, method, 1e-4, 1e-6)
+    assert run.evaluations == len(made) > 100
+    assert 0.0 < run.seconds < 60.0
 
 
 def test_the_tolerance_bounds_the_error_and_sets_the_cost() -> None:
