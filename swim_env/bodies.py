@@ -318,6 +318,9 @@ def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, Solver
             *_costs(scene),
             scene.integrator.scheme == "composed",
             scene.internal_forces is not None,
+            scene.integrator.energy_tolerance
+            if scene.integrator.energy_excess == "end"
+            else np.inf,
         ),
     )
 

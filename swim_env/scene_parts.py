@@ -59,6 +59,9 @@ SCHEME_NAMES: tuple[str, ...] = ("paper", "composed")
 STRAIN_NAMES: tuple[str, ...] = ("averaged_directors", "mean_angles", "joint_angle")
 """Names that `Integrator.strain` may have."""
 
+ENERGY_EXCESSES: tuple[str, ...] = ("warn", "end")
+"""Names that `Integrator.energy_excess` may have."""
+
 TOLERANCE_RANGE: tuple[float, float] = (1e-13, 1e-4)
 """Smallest and largest `Integrator.tolerance`."""
 
@@ -761,6 +764,9 @@ class Integrator:
     energy_tolerance : float
         Largest energy that a run may leave unexplained, |H - H_0 - work + dissipated| as a share
         of its largest energy, before it is said not to be trusted; above 0.
+    energy_excess : str
+        One of `ENERGY_EXCESSES`, what happens then: ``warn`` says so in every summary, ``end`` ends
+        the run with the reason ``energy_unexplained``.
     """
 
     time_step: float = 0.01
@@ -768,6 +774,7 @@ class Integrator:
     scheme: str = "paper"
     strain: str = "averaged_directors"
     energy_tolerance: float = 0.05
+    energy_excess: str = "warn"
 
     def __post_init__(self) -> None:
         """Check every field and store it in its final form."""
@@ -782,6 +789,9 @@ class Integrator:
             strain=check_name(self.strain, "integrator.strain", STRAIN_NAMES),
             energy_tolerance=check_real(
                 self.energy_tolerance, "integrator.energy_tolerance", above=0.0
+            ),
+            energy_excess=check_name(
+                self.energy_excess, "integrator.energy_excess", ENERGY_EXCESSES
             ),
         )
 

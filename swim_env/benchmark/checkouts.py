@@ -1,4 +1,4 @@
-"""Two checkouts of this project timed against each other: is the new one slower?
+"""Two checkouts of this project, timed against each other, to see if the new one is slower.
 
 Each runs in a process of its own that waits for its turn. In every round both play the same steps
 of the same scene, and which one begins changes from round to round.

@@ -99,6 +99,7 @@ from swim_env.physics.lagrangian import (
 )
 from swim_env.physics.outline import FluidGeometry, padded
 from swim_env.physics.status import (
+    ENERGY_UNEXPLAINED,
     FINE,
     MASS_NOT_POSITIVE,
     SELF_CONTACT,
@@ -194,6 +195,8 @@ class SolverConstants(NamedTuple):
         Whether a step is one of half the length followed by its adjoint.
     forces : bool
         Whether internal forces are found and written to the trace.
+    energy_tolerance : float
+        Share of the largest energy beyond which energy that nothing explains ends a run.
     """
 
     time_step: float
@@ -202,6 +205,7 @@ class SolverConstants(NamedTuple):
     weighing_cost: float = 0.0
     composed: bool = False
     forces: bool = False
+    energy_tolerance: float = np.inf
 
 
 def pack_constants(
@@ -216,7 +220,7 @@ def pack_constants(
     reals += [geometry.half_thickness, fluid.density, solver.time_step, solver.tolerance]
     reals += [beam.contact_radius, fluid.drag, fluid.stream_x, fluid.stream_y]
     reals += [beam.smallest_momentum, beam.smallest_spin]
-    reals += [solver.evaluation_cost, solver.weighing_cost]
+    reals += [solver.evaluation_cost, solver.weighing_cost, solver.energy_tolerance]
     integers = [beam.elements, geometry.side_panels, geometry.cap_panels]
     integers += [fluid.model, int(fluid.axial), int(solver.composed)]
     integers += [int(beam.strain_of_angles), int(beam.elastic), int(solver.forces)]
@@ -234,7 +238,7 @@ def unpack_constants(
     side_panels = integers[1]
     cap_panels = integers[2]
     model = integers[3]
-    first = 15
+    first = 16
     last = first + elements - 1
     beam = BeamConstants(
         elements,
@@ -262,7 +266,13 @@ def unpack_constants(
         reals[10],
     )
     solver = SolverConstants(
-        reals[5], reals[6], reals[13], reals[14], integers[5] == 1, integers[8] == 1
+        reals[5],
+        reals[6],
+        reals[13],
+        reals[14],
+        integers[5] == 1,
+        integers[8] == 1,
+        reals[15],
     )
     return beam, fluid, solver
 
@@ -1029,6 +1039,9 @@ def advance(
                     if solver.forces:
                         _write_forces(m.step, row[2 * m.q.size :])
                 taken += 1
+                # Not more than it should be; infinity times no energy is not a number.
+                if m.counters[UNEXPLAINED] > solver.energy_tolerance * m.counters[LARGEST]:
+                    status = ENERGY_UNEXPLAINED
         outcome[member, 0] = taken
         outcome[member, 1] = status
         # A state that is handed out has been weighed before, so this does not fail.

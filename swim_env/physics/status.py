@@ -15,6 +15,7 @@ TERMINATION_REASONS: dict[int, str] = {
     6: "turn_too_large",
     7: "state_not_finite",
     8: "self_contact",
+    9: "energy_unexplained",
 }
 
 FINE = 0
@@ -26,6 +27,7 @@ STEP_NOT_SOLVED = 5
 TURN_TOO_LARGE = 6
 STATE_NOT_FINITE = 7
 SELF_CONTACT = 8
+ENERGY_UNEXPLAINED = 9
 
 _MEANING = {
     "outline_degenerate": (
@@ -52,6 +54,9 @@ _MEANING = {
         "an element or a joint turns by more than 0.5 rad in however short a part of a step"
     ),
     "state_not_finite": "the state holds a number that is not finite",
+    "energy_unexplained": (
+        "more energy than integrator.energy_tolerance is not explained by start, work and losses"
+    ),
     "self_contact": "the body, as thick as it is, touches itself (watched for by self_contact)",
 }
 

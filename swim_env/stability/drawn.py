@@ -9,7 +9,12 @@ import numpy as np
 
 from swim_env.errors import SceneError
 from swim_env.scene import Scene
-from swim_env.scene_parts import CENTRELINE_VARIANTS, SCHEME_NAMES, STRAIN_NAMES
+from swim_env.scene_parts import (
+    CENTRELINE_VARIANTS,
+    ENERGY_EXCESSES,
+    SCHEME_NAMES,
+    STRAIN_NAMES,
+)
 from swim_env.stability.runs import HardRun
 from swim_env.stability.torques import SquareWave, WhiteNoise
 
@@ -96,6 +101,7 @@ def _draw(rng: np.random.Generator) -> dict[str, Any]:
             "tolerance": _log_uniform(rng, 1e-13, 1e-4),
             "scheme": str(rng.choice(SCHEME_NAMES)),
             "strain": str(rng.choice(STRAIN_NAMES)),
+            "energy_excess": str(rng.choice(ENERGY_EXCESSES)),
         },
         "initial": {
             "joint_angles": rng.uniform(-1.0, 1.0, elements - 1).tolist()

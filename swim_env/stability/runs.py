@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from swim_env.bodies import Bodies, minimal_start, scene_constants
 from swim_env.errors import SimulationEndedError
-from swim_env.physics.integrator import RECORD_NAMES
+from swim_env.physics.integrator import LARGEST_TURN, RECORD_NAMES
 from swim_env.physics.invariants import momentum_map
 from swim_env.physics.status import TERMINATION_REASONS
 from swim_env.scene import Scene
@@ -241,7 +241,7 @@ class _Watch:
         self._quarters: tuple[list[float], list[float]] = ([], [])
         self._not_finite = ""
         self._beam = scene_constants(bodies.scene)[0]
-        self._last_joints = self._start[3 : self._unknowns].copy()
+        self._last = self._start[: self._unknowns].copy()
         self._solved = 0.0
         self._halves = 2.0 if bodies.scene.integrator.scheme == "composed" else 1.0
 
@@ -253,11 +253,25 @@ class _Watch:
         """Return the sizes of the moments' impulses in some steps, added up (kg m^2/s)."""
         beam, step = self._beam, self._bodies.scene.integrator.time_step
         elastic = (beam.joint_stiffness * np.abs(q[:, 3:])).sum(axis=1)
-        before = np.concatenate([self._last_joints[None], q[:-1, 3:]])
-        damping = (beam.joint_damping * np.abs(q[:, 3:] - before)).sum(axis=1)
-        self._last_joints = q[-1, 3:].copy()
+        before = np.concatenate([self._last[None], q[:-1]])
+        damping = (beam.joint_damping * np.abs(q[:, 3:] - before[:, 3:])).sum(axis=1)
         found: Array = step * (elastic + np.abs(torques).sum(axis=1)) + damping
         return found
+
+    def _look_for_wrong_roots(self, q: Array, record: Array) -> None:
+        """Refuse turns that no part of a step may have: solutions of the equations, but wrong."""
+        before = np.concatenate([self._last[None], q[:-1]])
+        joints = np.abs(q[:, 3:] - before[:, 3:])
+        elements = np.abs(np.cumsum(q[:, 2:] - before[:, 2:], axis=1))
+        turns = np.maximum(joints.max(axis=1), elements.max(axis=1))
+        # Every part may turn by that much, in composed steps every half of one.
+        most = LARGEST_TURN * self._halves * np.maximum(record[:, _COLUMN["parts"]], 1.0)
+        if (turns > most + 1e-9).any():
+            row = int(np.argmax(turns - most))
+            self._verdict.failures.append(
+                f"step {self._steps + row + 1} turned by {turns[row]:.2f} rad in "
+                f"{record[row, _COLUMN['parts']]:.0f} parts"
+            )
 
     def look(self, states: Array, record: Array, torques: Array) -> None:
         """Take in steps: states after them (K, 2 (N + 2)), record (K, 12), torques (K, N - 1)."""
@@ -276,7 +290,9 @@ class _Watch:
         self._balance = float(expected[-1])
         self._unexplained = max(self._unexplained, float(np.abs(energy - expected).max()))
         self._largest = max(self._largest, float(energy.max()))
+        q, p = states[:, :n], states[:, n:]
         residual = record[:, _COLUMN["residual"]]
+        self._look_for_wrong_roots(q, record)
         rounded = record[:, _COLUMN["at_round_off"]] > 0.0
         verdict.at_round_off += int(rounded.sum())
         verdict.residual = max(verdict.residual, float(residual[~rounded].max(initial=0.0)))
@@ -287,7 +303,6 @@ class _Watch:
         outside = self._outside + np.cumsum(impulses, axis=0)
         self._outside = outside[-1]
         drift = np.linalg.norm(self._maps(states) - self._momentum - outside, axis=1)
-        q, p = states[:, :n], states[:, n:]
         terms = np.abs(p).sum(axis=1) + np.abs(q[:, 0] * p[:, 1]) + np.abs(q[:, 1] * p[:, 0])
         terms += np.abs(impulses).sum(axis=1) + self._impulses(q, torques)
         self._terms = max(self._terms, float(terms.max()))
@@ -302,6 +317,7 @@ class _Watch:
         first.append(float(energy[count <= verdict.wanted // 4].sum()))
         last.append(float(energy[count > verdict.wanted - verdict.wanted // 4].sum()))
         self._steps += len(states)
+        self._last = q[-1].copy()
         verdict.displacement = (q[-1, :2] - self._start[:2]).tolist()
 
     def close(self) -> None:
