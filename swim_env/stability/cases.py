@@ -202,7 +202,7 @@ def curling() -> Iterator[HardRun]:
                 ("head to tail, watched", 9, Ramp(9.0), True),
                 ("one joint", 9, Ramp(30.0, 4), False),
                 ("folding rule", 2, Ramp(5.0), False),
-                ("held beyond 90 degrees", 3, Ramp(30.0, most=18.0), False),
+                ("held beyond 90 degrees", 3, Ramp(30.0, 0, most=27.0), False),
             ):
                 scene = _scene(
                     beam__elements=elements,
