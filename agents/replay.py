@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
 import time
@@ -150,10 +151,27 @@ def _keep(scratch: str, video: Path) -> None:
     made = sorted(Path(scratch).glob("*.mp4"))
     if len(made) != 1:
         raise SwimError(f"one video was to be made, found {len(made)}")
-    content = made[0].read_bytes()
     try:
+        content = made[0].read_bytes()
+        if not _is_whole_video(content):
+            # The encoder does not say so where it runs out of space.
+            raise OSError(errno.EIO, "the encoder left only a part of it; is the disk full?")
         write_atomically(video, lambda file: file.write(content))
     except OSError as error:
         raise SwimError(
             f"cannot write the video: {error.strerror or error} ({os.fspath(video)})"
         ) from None
+
+
+def _is_whole_video(content: bytes) -> bool:
+    """Tell whether an MP4 file's boxes fill it exactly and its index is among them."""
+    kinds, at = set(), 0
+    while at + 8 <= len(content):
+        size, header = int.from_bytes(content[at : at + 4], "big"), 8
+        if size == 1:  # it stands behind, with more digits
+            size, header = int.from_bytes(content[at + 8 : at + 16], "big"), 16
+        if size < header:
+            return False
+        kinds.add(content[at + 4 : at + 8])
+        at += size
+    return at == len(content) and {b"mdat", b"moov"} <= kinds

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import errno
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -18,6 +19,9 @@ __all__ = ["add_scene_arguments", "progress_bar", "run", "scene_of", "training_b
 
 #: Exit codes: the machine failed, bad input, interrupted by the user.
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+
+#: What is not the input's fault: a full disk, a file beyond a limit, a broken disk.
+_FAILURES = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
 
 
 def add_scene_arguments(
@@ -113,8 +117,8 @@ def training_bar(total: int, label: str) -> Iterator[Callable[[int, str], object
 def run(main: Callable[[list[str] | None], int], arguments: list[str] | None = None) -> int:
     """Run a script's main function and return its exit code.
 
-    Errors of the package become one line on stderr and exit code 2. A reader of standard output
-    that goes away ends the script quietly.
+    Errors of the package become one line on stderr and exit code 2, or 1 where the disk is full or
+    broken. A reader of standard output that goes away ends the script quietly.
     """
     try:
         code = main(arguments)
@@ -122,7 +126,7 @@ def run(main: Callable[[list[str] | None], int], arguments: list[str] | None = N
         return code
     except SwimError as error:
         print(f"error: {error}", file=sys.stderr)
-        return BAD_INPUT
+        return FAILED if _machine_failed(error) else BAD_INPUT
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -138,3 +142,13 @@ def run(main: Callable[[list[str] | None], int], arguments: list[str] | None = N
     except KeyboardInterrupt:
         print("interrupted, nothing was written", file=sys.stderr)
         return INTERRUPTED
+
+
+def _machine_failed(error: BaseException) -> bool:
+    """Tell whether an error says of a full or broken disk."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, OSError) and cause.errno in _FAILURES:
+            return True
+        cause = cause.__cause__ or cause.__context__
+    return False

@@ -25,7 +25,7 @@ def write_atomically(path: str | os.PathLike[str], write: Callable[[IO[bytes]], 
     ------
     OSError, ValueError
         If the file cannot be written, or its name is not one; what was there before is untouched
-        and nothing half-written stays behind.
+        and nothing half-written stays behind. An OSError names the file.
     """
     target = Path(path)
     scratch = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
@@ -35,5 +35,9 @@ def write_atomically(path: str | os.PathLike[str], write: Callable[[IO[bytes]], 
             file.flush()
             os.fsync(file.fileno())
         os.replace(scratch, target)
+    except OSError as error:
+        # Not the temporary file, which nobody knows of, or none at all.
+        error.filename, error.filename2 = os.fspath(path), None
+        raise
     finally:
         scratch.unlink(missing_ok=True)

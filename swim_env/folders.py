@@ -44,7 +44,7 @@ def write_folder(
         ) as scratch:
             ready = Path(scratch) / "new"
             ready.mkdir()
-            write(ready)
+            _fill(ready, write)
             _exchange(ready, target, Path(scratch) / "old")
     except OSError as error:
         raise SwimError(
@@ -82,6 +82,16 @@ def check_folder(folder: str | os.PathLike[str], names: Collection[str]) -> None
             f"the folder holds other files than earlier results, for example {others[0]}; name "
             f"an empty or a new one ({name})"
         )
+
+
+def _fill(ready: Path, write: Callable[[Path], object]) -> None:
+    """Write into a folder; what the machine refuses is told without the folder's passing name."""
+    try:
+        write(ready)
+    except SwimError as error:
+        if isinstance(error.__context__, OSError):
+            raise error.__context__ from None
+        raise
 
 
 def _exchange(ready: Path, target: Path, old: Path) -> None:

@@ -176,6 +176,8 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
     """
     try:
         write_atomically(path, lambda file: file.write(text.encode("utf-8")))
+    except ValueError:  # a null character in the path
+        raise SceneError("the file's name is not valid", repr(os.fspath(path))) from None
     except OSError as error:
         reason = error.strerror or type(error).__name__
         raise SceneError(f"cannot write the scene file: {reason}", os.fspath(path)) from None

@@ -8,6 +8,7 @@ on scene paper_i, and costs are ratios to that.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import json
@@ -194,9 +195,18 @@ class Study:
         return runs
 
     def _append(self, line: dict[str, Any]) -> None:
+        whole = self._runs_file.stat().st_size if self._runs_file.exists() else 0
+        try:
+            with open(self._runs_file, "a", encoding="utf-8") as file:
+                file.write(json.dumps(line) + "\n")
+        except OSError as error:
+            # Half a line would spoil the next one.
+            with contextlib.suppress(OSError):
+                os.truncate(self._runs_file, whole)
+            raise SwimError(
+                f"cannot write the run: {error.strerror or error} ({self._runs_file})"
+            ) from None
         self.runs.append(line)
-        with open(self._runs_file, "a", encoding="utf-8") as file:
-            file.write(json.dumps(line) + "\n")
 
     def _read_references(self) -> dict[str, Reference]:
         if not self._references_file.exists():

@@ -31,6 +31,7 @@ CASES: dict[str, dict[str, object]] = {
     "none": {"fluid": None, "beam.rotary_inertia": 1e-3},
     "ending": {"actuation.end_time": 0.5},
     "mean angles": {"integrator.strain": "mean_angles"},
+    "joint angle": {"integrator.strain": "joint_angle"},
 }
 each_case = pytest.mark.parametrize("case", CASES)
 
