@@ -18,6 +18,7 @@ import pytest
 from swim_env.errors import SceneError, SwimError
 from swim_env.scene import (
     EFFECT_NAMES,
+    ENERGY_EXCESSES,
     FLUID_MODEL_NAMES,
     SCHEME_NAMES,
     Actuation,
@@ -412,9 +413,16 @@ BAD = [
     (
         "integrator.strain",
         "mean_angle",
-        "must be one of averaged_directors, mean_angles, got 'mean_angle' (nearest: mean_angles)",
+        "must be one of averaged_directors, mean_angles, joint_angle, got 'mean_angle' "
+        "(nearest: mean_angles)",
     ),
-    ("integrator.strain", None, "must be one of averaged_directors, mean_angles, got null"),
+    (
+        "integrator.strain",
+        None,
+        "must be one of averaged_directors, mean_angles, joint_angle, got null",
+    ),
+    ("integrator.energy_tolerance", 0.0, "energy_tolerance must be above 0, got 0.0"),
+    ("integrator.energy_excess", "stop", "must be one of warn, end, got 'stop'"),
     # stiffness
     ("beam.bending_stiffness", [5.0] * 9, "one value per joint, 8 for beam.elements = 9, got 9"),
     ("beam.bending_stiffness", [], "one value per joint, 8 for beam.elements = 9, got 0"),
@@ -832,7 +840,9 @@ def test_constants() -> None:
     assert set(EFFECT_NAMES[1:]) <= {spec.name for spec in dataclasses.fields(Scene)}
     assert EFFECT_NAMES[0] in {spec.name for spec in dataclasses.fields(Beam)}
     assert SCHEME_NAMES == ("paper", "composed")
-    assert STRAIN_NAMES == ("averaged_directors", "mean_angles")
+    assert STRAIN_NAMES == ("averaged_directors", "mean_angles", "joint_angle")
+    assert ENERGY_EXCESSES == ("warn", "end")
+    assert Integrator().energy_excess == ENERGY_EXCESSES[0]
     assert Integrator().scheme == SCHEME_NAMES[0]
     assert Integrator().strain == STRAIN_NAMES[0]
     assert ", ".join(FLUID_MODEL_NAMES) == MODELS

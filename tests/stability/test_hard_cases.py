@@ -26,7 +26,7 @@ from swim_env.stability.suite import drawn_runs, measure_stability, work_of
 from swim_env.stability.torques import Ramp, SquareWave, WhiteNoise
 
 #: Steps of a run in a slice, and runs of every case in it.
-SLICE_STEPS, SLICE_RUNS = 300, 6
+SLICE_STEPS, SLICE_RUNS = 60, 6
 
 
 def _slice(case: str) -> list[HardRun]:
@@ -97,12 +97,12 @@ def test_what_the_cases_cover() -> None:
 
 
 def test_random_scenes_of_fixed_seeds() -> None:
-    found = drawn_runs(0, 300)
+    found = drawn_runs(0, 150)
     assert not found["failures"], found["failures"]
-    assert sum(found["ends"].values()) == found["count"] == 300
+    assert sum(found["ends"].values()) == found["count"] == 150
     assert set(found["ends"]) <= {"", *TERMINATION_REASONS}
     # Neither a way out nor so tame that nothing ends.
-    assert 0.3 < found["ends"][""] / 300 < 0.8, found["ends"]
+    assert 0.3 < found["ends"][""] / 150 < 0.8, found["ends"]
     assert len(found["ends"]) >= 6, found["ends"]
 
 
@@ -273,8 +273,8 @@ def test_energy_that_nothing_explains_ends_a_run_where_the_scene_says_so() -> No
 
 
 def test_the_running_budget_is_the_trajectorys() -> None:
-    for name, changes in (("swimmer", {}), ("paper_i", {"integrator.scheme": "composed"})):
-        simulator = Simulator(load_scene(name, changes))
+    for changes in ({}, {"integrator.scheme": "composed"}):
+        simulator = Simulator(load_scene("swimmer", changes))
         rng = np.random.default_rng(3)
         run = simulator.rollout(np.repeat(rng.uniform(-1.0, 1.0, (50, 8)), 4, axis=0))
         assert run.energy_drift > 0.0
@@ -351,9 +351,10 @@ def test_the_straight_body_leaves_its_line_as_kirchhoff_says() -> None:
     onset = measure_onset(3, 1e4)
     assert abs(onset.rate - 1.0) < 0.01
     assert 0.09 < onset.kirchhoff < 0.11
-    # The exact relative equilibrium, and a perturbation that grows by e^(60 lambda) = 400.
+    # The exact relative equilibrium, and a perturbation that grows as Kirchhoff says: m22/m11 times
+    # 1e-16/0.1 times cosh(60 lambda) is 6e-12.
     assert onset.alone == 0.0
-    assert 0.0 < onset.tiny < 1e-12
+    assert 3e-12 < onset.tiny < 1.2e-11
 
 
 def test_the_suite_and_its_tables(tmp_path: Path) -> None:
