@@ -1,7 +1,8 @@
 """Two checkouts of this project, timed against each other, to see if the new one is slower.
 
 Each runs in a process of its own that waits for its turn. In every round both play the same steps
-of the same scene, and which one begins changes from round to round.
+of the same scene, and which one begins changes from round to round. What counts is the time that the
+process itself had the processor.
 """
 
 from __future__ import annotations
@@ -46,9 +47,9 @@ print("ready", flush=True)
 for line in sys.stdin:
     simulator, torques = runs[line.strip()]
     simulator.reset()
-    start = time.perf_counter()
+    start = time.thread_time()
     trajectory = simulator.rollout(torques)
-    print(time.perf_counter() - start, trajectory.termination_reason, flush=True)
+    print(time.thread_time() - start, trajectory.termination_reason, flush=True)
 """
 
 

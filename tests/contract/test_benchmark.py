@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import os
+import shutil
 import struct
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from agents.learning.config import load_config
 from agents.training_cost import PARTS, Timers, measure_training
 from swim_env import FLUID_MODELS, SwimError, load_scene
 from swim_env.benchmark import report
+from swim_env.benchmark.checkouts import compare_checkouts
 from swim_env.benchmark.environments import (
     Workload,
     batched_workload,
@@ -465,3 +467,38 @@ def test_make_runs_the_benchmark():
     text = (ROOT / "Makefile").read_text()
     assert "scripts/benchmark.py --output docs/benchmark" in text
     assert "peers" in SECTIONS
+
+
+# ---- two checkouts -----------------------------------------------------------------------------
+
+
+def test_a_folder_without_the_package_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SwimError, match="no package swim_env"):
+        compare_checkouts(tmp_path)
+    with pytest.raises(SwimError, match="this checkout itself"):
+        compare_checkouts(ROOT)
+
+
+def test_a_checkout_that_fails_is_named(tmp_path: Path) -> None:
+    (tmp_path / "swim_env").mkdir()
+    (tmp_path / "swim_env" / "__init__.py").write_text("raise ImportError('broken')\n")
+    with pytest.raises(SwimError, match="could not be timed"):
+        compare_checkouts(tmp_path, rounds=1)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_a_copy_is_as_fast_and_a_slow_one_is_slower(tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "swim_env", tmp_path / "swim_env")
+    shutil.copytree(ROOT / "configs", tmp_path / "configs")
+    simulator = tmp_path / "swim_env" / "simulator.py"
+    plain = simulator.read_text(encoding="utf-8")
+    start = "        held = self._checked(torques, 2)\n"
+    assert plain.count(start) == 1
+    found = compare_checkouts(tmp_path, rounds=41)
+    for name, one in found.items():
+        assert 0.8 < one["ratio"]["median"] < 1.25, f"{name}: {one['ratio']}"
+    wait = "        sum(range(200_000))\n"
+    simulator.write_text(plain.replace(start, wait + start), encoding="utf-8")
+    slow = compare_checkouts(tmp_path, rounds=11)
+    assert slow["no fluid"]["ratio"]["median"] < 0.9, slow["no fluid"]
