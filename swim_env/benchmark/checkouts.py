@@ -1,8 +1,8 @@
 """Two checkouts of this project, timed against each other, to see if the new one is slower.
 
 Each runs in a process of its own that waits for its turn. In every round both play the same steps
-of the same scene, and which one begins changes from round to round. What counts is the time that the
-process itself had the processor.
+of the same scene, and which one begins changes from round to round. What counts is the time that
+the process itself had the processor.
 """
 
 from __future__ import annotations
