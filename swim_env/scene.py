@@ -15,6 +15,7 @@ from typing import Any
 from swim_env.errors import SceneError
 from swim_env.scene_checks import check_fields, check_text, nearest
 from swim_env.scene_parts import (
+    ENERGY_EXCESSES,
     FLUID_MODEL_NAMES,
     MOST_ELEMENTS_OF_EXPANSION,
     MOST_PANELS_IN_ALL,
@@ -43,6 +44,7 @@ from swim_env.scene_yaml import dump_yaml, parse_overrides, parse_yaml, read_tex
 
 __all__ = [
     "EFFECT_NAMES",
+    "ENERGY_EXCESSES",
     "FLUID_MODEL_NAMES",
     "SCHEME_NAMES",
     "TOLERANCE_RANGE",

@@ -23,8 +23,8 @@ from swim_env.files import write_atomically
 
 __all__ = ["CheckpointError", "load_checkpoint", "save_checkpoint"]
 
-#: Version of the format; a reader refuses others.
-FORMAT_VERSION = 1
+#: Version of the format; a reader refuses others. Episodes of version 1 kept no energy budget.
+FORMAT_VERSION = 2
 _ARRAY = "numpy array"
 
 

@@ -29,6 +29,7 @@ from swim_env.errors import SimulationEndedError, SwimError
 from swim_env.files import write_atomically
 from swim_env.provenance import where_and_when
 from swim_env.scene import Scene, load_scene
+from swim_env.scene_yaml import dump_yaml
 from swim_env.simulator import Simulator
 
 __all__ = ["Study", "Yardstick", "timed_play"]
@@ -260,8 +261,14 @@ def _line(case: Case, settings: Settings, reason: str, **figures: Any) -> dict[s
 
 
 def _digest(case: Case) -> str:
-    """Return what tells a scene and its duration from others, whatever their names."""
-    text = f"{case.duration!r}\n{case.scene.to_yaml()}"
+    """Return what tells a scene and its duration from others.
+
+    What is said of a run when its energy is off changes nothing of it and does not count.
+    """
+    data = case.scene.to_dict()
+    integrator = data["integrator"]
+    data["integrator"] = {k: integrator[k] for k in integrator if not k.startswith("energy_")}
+    text = f"{case.duration!r}\n{dump_yaml(data)}"
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 

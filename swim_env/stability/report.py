@@ -16,7 +16,22 @@ def failures_of(results: Mapping[str, Any]) -> list[str]:
         for run in results["runs"]
         for text in run["failures"]
     ]
+    found += [text for one in results["onsets"] for text in _wrong_onset(one)]
     return found + list(results["drawn"]["failures"])
+
+
+def _wrong_onset(one: Mapping[str, Any]) -> list[str]:
+    """Return what is not right with how a straight body left its line."""
+    label = f"straight body, N = {one['elements']}, EI {one['stiffness']:g}"
+    found = []
+    if not abs(one["rate"] - 1.0) <= 0.02:
+        found.append(f"{label}: its rate is {one['rate']:.3f} of Kirchhoff's")
+    # Less than what 1e-16 m/s aside grow to: round-off at most.
+    if not one["alone"] <= 0.1 * one["tiny"]:
+        found.append(f"{label}: left alone it turned by {one['alone']:.1e} rad")
+    if not 1e-12 < one["tiny"] < 1e-10:
+        found.append(f"{label}: 1e-16 m/s aside turned it by {one['tiny']:.1e} rad")
+    return found
 
 
 def stability_tables(results: Mapping[str, Any]) -> str:

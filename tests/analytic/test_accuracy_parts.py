@@ -44,6 +44,7 @@ from swim_env.accuracy.reference import (
 )
 from swim_env.accuracy.report import budget_of, held_out_table, study_tables, what_time_buys
 from swim_env.accuracy.settings import PAPER_SETTINGS, Settings, settings_of
+from swim_env.accuracy.study import _digest
 from swim_env.continuous import METHODS, integrate
 from swim_env.physics import added_mass_of_polygon
 from tests.analytic.conformal import rectangle_mass
@@ -1047,3 +1048,16 @@ def test_a_reference_survives_json(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.array_equal(_values(one), _values(other))
     assert (other.length, other.uncertainty) == (one.length, one.uncertainty)
     assert other.parts == one.parts
+
+
+def test_the_stored_study_is_of_the_scenes_that_are_there() -> None:
+    stored = (Path(__file__).parents[2] / "docs" / "accuracy" / "runs.jsonl").read_text(
+        encoding="utf-8"
+    )
+    digests = {json.loads(line)["case"] for line in stored.splitlines()}
+    for case in study_scenes():
+        assert _digest(case) in digests, f"{case.scene.name} is not the stored one"
+        warned = replace(case, scene=case.scene.replace("integrator.energy_tolerance", 0.5))
+        assert _digest(warned) == _digest(case)
+        other = replace(case, scene=case.scene.replace("integrator.time_step", 0.001))
+        assert _digest(other) != _digest(case)

@@ -477,7 +477,7 @@ def test_a_checkpoint_runs_no_code(tmp_path: Path) -> None:
 
     stopped(tmp_path / "run", 500)
     path = tmp_path / "run" / "checkpoint.zip"
-    torch.save({"format_version": 1, "model": Bomb()}, path)
+    torch.save({"format_version": 2, "model": Bomb()}, path)
     message = refused(CheckpointError, small_config(), tmp_path / "run", 3, resume=True)
     assert "no checkpoint" in message
     assert not touched.exists()
@@ -487,9 +487,9 @@ def test_a_checkpoint_runs_no_code(tmp_path: Path) -> None:
 
 def test_a_checkpoint_of_another_version_is_refused(tmp_path: Path) -> None:
     stopped(tmp_path, 500)
-    torch.save({"format_version": 2}, tmp_path / "checkpoint.zip")
+    torch.save({"format_version": 1}, tmp_path / "checkpoint.zip")
     message = refused(CheckpointError, small_config(), tmp_path, 3, resume=True)
-    assert "must be of format version 1, got 2" in message
+    assert "must be of format version 2, got 1" in message
 
 
 class FullDisk(io.FileIO):

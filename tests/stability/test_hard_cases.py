@@ -367,6 +367,16 @@ def test_the_suite_and_its_tables(tmp_path: Path) -> None:
     text = stability_tables(kept)
     assert f"| curling | {len(results['runs'])} |" in text
     assert "Not right" not in text and str(results["kernels"]) in text
+    onset = {"elements": 3, "stiffness": 5.0, "kirchhoff": 0.1, "rate": 1.0, "alone": 0.0}
+    for change, words in (
+        ({"rate": 1.03}, "of Kirchhoff's"),
+        ({"alone": 1e-11}, "left alone"),
+        ({"tiny": 1e-8}, "aside turned it"),
+    ):
+        kept["onsets"] = [{**onset, "tiny": 5e-12, **change}]
+        (text,) = failures_of(kept)
+        assert words in text, text
+    kept["onsets"] = []
     kept["runs"][0]["failures"] = ["momentum off by 3 times its bound"]
     assert "Not right" in stability_tables(kept)
     assert failures_of(kept) == [
