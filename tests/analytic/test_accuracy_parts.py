@@ -1057,7 +1057,7 @@ def test_the_stored_study_is_of_the_scenes_that_are_there() -> None:
     digests = {json.loads(line)["case"] for line in stored.splitlines()}
     for case in study_scenes():
         assert _digest(case) in digests, f"{case.scene.name} is not the stored one"
-        warned = replace(case, scene=case.scene.replace("integrator.energy_tolerance", 0.5))
+        warned = case._replace(scene=case.scene.replace("integrator.energy_tolerance", 0.5))
         assert _digest(warned) == _digest(case)
-        other = replace(case, scene=case.scene.replace("integrator.time_step", 0.001))
+        other = case._replace(scene=case.scene.replace("integrator.time_step", 0.001))
         assert _digest(other) != _digest(case)
