@@ -53,6 +53,8 @@ LONGEST, STRAIGHT = 300.0, 100.0
 _STEP = {(3, 4): 3e-5, (3, 12): 7e-5, (9, 4): 1e-4, (9, 12): 5e-4, (27, 4): 5e-4, (27, 12): 6e-3}
 #: Between these angles (rad) growth is that of the linear equations: above rounding, below bends.
 _LINEAR = 0.02
+#: Angles below this share of the largest weigh no more than it in the fit.
+_EARLY = 1e-2
 _BLOCK = 200
 
 
@@ -201,8 +203,9 @@ def fitted_rate(time: Array, angle: Array, guess: float) -> float | None:
     """Return the rate at which an angle grows, fitted over its linear part.
 
     theta = a + b exp(lambda t) + c exp(-lambda t) solves Kirchhoff's linear equations from any
-    start; a, b and c follow from lambda by linear least squares, each point weighed by the size of
-    the angle there so that early and late growth count alike.
+    start; a, b and c follow from lambda by linear least squares. Each point is weighed by the size
+    of the angle there, so that early and late growth count alike, but for the first hundredth of the
+    angle, where the little that the body bends at the start would count.
 
     Parameters
     ----------
@@ -226,7 +229,7 @@ def fitted_rate(time: Array, angle: Array, guess: float) -> float | None:
     time, angle = time[::thin], angle[::thin]
     if len(time) < 10 or not np.abs(angle).max() > 0.0:
         return None
-    weight = 1.0 / np.maximum(np.abs(angle), 1e-6 * np.abs(angle).max())
+    weight = 1.0 / np.maximum(np.abs(angle), _EARLY * np.abs(angle).max())
 
     def misfit(logarithm: float) -> float:
         rate = math.exp(logarithm)

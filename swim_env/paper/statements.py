@@ -174,10 +174,12 @@ def _ratio(data: Data, over: str, under: str, pick: Callable[[Data], float]) -> 
 
     What step and panels do to both alike cancels, so it is known better than either.
     """
-    values = [
-        pick(_run(data, f"{over}{level}", 10.0)) / pick(_run(data, f"{under}{level}", 10.0))
-        for level in ("", "_half", "_fine")
-    ]
+    values = []
+    for level in ("", "_half", "_fine"):
+        divisor = pick(_run(data, f"{under}{level}", 10.0))
+        if divisor == 0.0:
+            raise _Missing(f"{under} does not move")
+        values.append(pick(_run(data, f"{over}{level}", 10.0)) / divisor)
     bar = bar_of(*values)
     assert bar is not None
     return _Value(values[0], bar)
