@@ -14,7 +14,7 @@ import sys
 import time
 from pathlib import Path
 
-from swim_env.command_line import progress_bar, run
+from swim_env.command_line import INTERRUPTED, progress_bar, run
 from swim_env.errors import SwimError
 from swim_env.paper.book import page_of, write_book
 from swim_env.paper.suite import PARTS, all_units, work
@@ -62,8 +62,12 @@ def main(arguments: list[str] | None = None) -> int:
     everything = all_units(options.quick)
     chosen = all_units(options.quick, tuple(options.only)) if options.only else everything
     begin = time.perf_counter()
-    with progress_bar(len(chosen), "unit", "the paper") as progress:
-        done = do_units(chosen, store, work, options.workers, progress)
+    try:
+        with progress_bar(len(chosen), "unit", "the paper") as progress:
+            done = do_units(chosen, store, work, options.workers, progress)
+    except KeyboardInterrupt:
+        print("interrupted; what was done is kept, start again to go on", file=sys.stderr)
+        return INTERRUPTED
     seconds = time.perf_counter() - begin
     command = "scripts/reproduce_paper.py" + (" --quick" if options.quick else "")
     summary = write_book(folder, everything, store, command)

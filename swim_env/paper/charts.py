@@ -263,7 +263,9 @@ def draw_maps(data: Data) -> Figure:
 
     Grey points are not verified; lines are the natural frequencies of the straight body.
     """
-    figure = new_figure(9.0, 4.3)
+    from matplotlib.patheffects import withStroke
+
+    figure = new_figure(9.0, 4.6)
     left, right = figure.subplots(1, 2)
     drive = sorted(data["maps"].get("drive", []), key=lambda row: row["frequency"])
     body = sorted(data["maps"].get("body", []), key=lambda row: row["stiffness"])
@@ -279,7 +281,8 @@ def draw_maps(data: Data) -> Figure:
                     (across[0], frequency),
                     xytext=(2, 2),
                     textcoords="offset points",
-                    fontsize=SMALL - 2,
+                    fontsize=SMALL - 1,
+                    path_effects=[withStroke(linewidth=2.5, foreground="white")],
                 )
         left.plot(2.0, 1.0, "*", color="black", markerfacecolor="white", markersize=9)
     left.set_title("drive: scene swimmer, 1 N m (star: the paper's)", fontsize=SMALL, loc="left")
@@ -289,6 +292,10 @@ def draw_maps(data: Data) -> Figure:
         lengths = np.array(body[0]["columns"])
         _draw_map(figure, right, lengths, stiffness, body)
         right.set_yscale("log")
+        usual = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+        ticks = [one for one in usual if stiffness[0] <= one <= stiffness[-1]]
+        right.set_yticks(ticks, [f"{one:g}" for one in ticks])
+        right.set_yticks([], minor=True)
         first = np.array([[modes[0] for modes in row["resonances"]] for row in body])
         second = np.array([[modes[1] for modes in row["resonances"]] for row in body])
         if min(first.shape) > 1:
@@ -300,7 +307,12 @@ def draw_maps(data: Data) -> Figure:
         for length, name in ((1.0, "iii"), (2.0, "v")):
             right.plot(length, 5.0, "*", color="black", markerfacecolor="white", markersize=9)
             right.annotate(
-                name, (length, 5.0), xytext=(5, 4), textcoords="offset points", fontsize=SMALL
+                name,
+                (length, 5.0),
+                xytext=(6, 4),
+                textcoords="offset points",
+                fontsize=SMALL,
+                path_effects=[withStroke(linewidth=2.5, foreground="white")],
             )
     right.set_title(
         "body: the paper's wave, 0.5 N m (-- first, ··· second mode at 1 Hz)",

@@ -33,7 +33,7 @@ LINES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000
 #: A swimmer that covers less than this (body lengths) hides its own track: shapes are moved apart.
 _COVERED = 0.7
 #: How far apart (body lengths), and the length of a director (element lengths).
-_APART, _DIRECTOR = 0.11, 0.45
+_APART, _DIRECTOR = 0.075, 0.4
 
 
 def draw_torques(arrays: Arrays) -> Figure:
@@ -81,11 +81,19 @@ def draw_configurations(name: str, runs: Mapping[str, tuple[Run, Arrays]]) -> Fi
     scenes, between = PAPER_FIGURES[name]
     scenes = tuple(scene for scene in scenes if scene in runs)
     heights = [_height(*runs[scene], between) for scene in scenes]
+    if all(_is_apart(*runs[scene]) for scene in scenes):
+        heights = [max(heights)] * len(heights)
     figure = new_figure(8.6, max(2.6, min(8.0, 0.9 + sum(heights))))
     grid = figure.add_gridspec(len(scenes), 2, width_ratios=(2.5, 1.0), height_ratios=heights)
+    apart = [runs[scene][1]["nodes"][..., 0] for scene in scenes if _is_apart(*runs[scene])]
     for row, scene in enumerate(scenes):
         axes = figure.add_subplot(grid[row, 0])
         _draw_scene(axes, scene, *runs[scene], between)
+        if _is_apart(*runs[scene]):
+            # The same piece of x for all, so that ways can be compared.
+            left, right = (min(x.min() for x in apart), max(x.max() for x in apart))
+            axes.update_datalim([(left, 0.0), (right, 0.0)])
+            axes.autoscale_view()
     turning = figure.add_subplot(grid[:, 1])
     _draw_turning(turning, scenes, runs)
     figure.suptitle(f"Fig. {name[-1]}, configurations of our runs", fontsize=SMALL + 1)
@@ -104,7 +112,7 @@ def _is_apart(run: Run, arrays: Arrays) -> bool:
 def _height(run: Run, arrays: Arrays, between: int) -> float:
     """Return how high (inches) a scene's axes should be at true scale in the left column."""
     width, height = _box(run, arrays, between)
-    return float(np.clip(5.4 * height / width + 0.55, 1.1, 3.4))
+    return float(np.clip(5.4 * height / width + 0.6, 1.2, 3.4))
 
 
 def _box(run: Run, arrays: Arrays, between: int) -> tuple[float, float]:
@@ -129,7 +137,7 @@ def _draw_scene(axes: Axes, scene: str, run: Run, arrays: Arrays, between: int) 
     shapes = _placed(run, arrays, instants)
     colours = colormaps[TIME_COLOURS](np.linspace(0.0, 0.88, len(instants)))
     elements = shapes.shape[1] - 1
-    arm = min(_DIRECTOR * run["length"] / elements, 0.05 * run["length"])
+    arm = min(_DIRECTOR * run["length"] / elements, 0.045 * run["length"])
     for row, n in enumerate(instants):
         colour = colours[row]
         axes.plot(*shapes[row].T, color=colour, linewidth=1.3, zorder=2)

@@ -204,8 +204,8 @@ def fitted_rate(time: Array, angle: Array, guess: float) -> float | None:
 
     theta = a + b exp(lambda t) + c exp(-lambda t) solves Kirchhoff's linear equations from any
     start; a, b and c follow from lambda by linear least squares. Each point is weighed by the size
-    of the angle there, so that early and late growth count alike, but for the first hundredth of the
-    angle, where the little that the body bends at the start would count.
+    of the angle there, so that early and late growth count alike, but for the first hundredth of
+    the angle, where the little that the body bends at the start would count.
 
     Parameters
     ----------

@@ -16,6 +16,7 @@ from swim_env.paper.statements import (
     DIFFER,
     NOT_MEASURED,
     STATEMENTS,
+    SYMMETRY,
     UNDECIDED,
     Finding,
     Statement,
@@ -131,7 +132,9 @@ def _statements(findings: Sequence[tuple[Statement, Finding]]) -> str:
     return (
         "## Statement by statement\n\nBL is a body length. A turn is that of the mean "
         "element angle "
-        "between the means of the first and of the last second.\n\n" + _table(heads, rows)
+        "between the means of the first and of the last second.\n\n"
+        + _table(heads, rows)
+        + f"\nMirror symmetry: {SYMMETRY}\n"
     )
 
 
@@ -218,6 +221,9 @@ def _stability(data: Data, pictures: Mapping[str, str]) -> str:
                         "" if paper is None else f"{paper:g}",
                         _seconds(ours["time"]),
                         bar,
+                        ""
+                        if paper is None or ours["time"] is None
+                        else f"{ours['time'] / paper:.2f}",
                         _seconds(ours["expected"]),
                         _number(ours["rate"], ".4f"),
                         f"{ours['kirchhoff']:.4f}",
@@ -233,6 +239,7 @@ def _stability(data: Data, pictures: Mapping[str, str]) -> str:
         "paper (s)",
         "ours (s)",
         "± of the step",
+        "ours over paper",
         "Kirchhoff (s)",
         "rate fitted (1/s)",
         "Kirchhoff's rate (1/s)",
@@ -247,7 +254,7 @@ def _stability(data: Data, pictures: Mapping[str, str]) -> str:
         "the discrete "
         "body's own masses: λ² = U² m11 (m22 - m11)/(m22 I - g²), and the linear equations "
         "integrated "
-        "from the same start.\n\n" + _table(heads, rows)
+        "from the same start. Times are whole steps.\n\n" + _table(heads, rows)
     )
     text += "\n" + _picture(
         pictures,
@@ -407,8 +414,30 @@ def _variants(data: Data, pictures: Mapping[str, str]) -> str:
     text += "\n" + _picture(
         pictures, "variants", "Direction, speed and turn of the driven scenes by reading."
     )
-    text += "\n" + _judged_by_reading(data, known)
+    text += "\n" + _step_words(data, known) + "\n" + _judged_by_reading(data, known)
     return text + "\n" + _variant_rates(data, known) + "\n" + _mirror(data)
+
+
+def _step_words(data: Data, known: Sequence[str]) -> str:
+    """Say how much the step matters to the displacements that are not in brackets."""
+    changes = [
+        (abs(_ahead(one["half"]) / _ahead(one["base"]) - 1.0), scene, name)
+        for name in known
+        for scene, one in data["variants"][name].items()
+        if scene in NUMERALS[:9]
+        and not any(one[level]["end"] for level in ("base", "half"))
+        and all(one[level]["energy"]["trusted"] for level in ("base", "half"))
+        and _ahead(one["base"]) != 0.0
+    ]
+    if not changes:
+        return ""
+    most, scene, name = max(changes)
+    middle = sorted(change for change, *_ in changes)[len(changes) // 2]
+    return (
+        f"Half the step changes these displacements by {middle:.1%} in the median and by "
+        f"{most:.0%} at "
+        f"most (scene {scene}, {VARIANTS[name]}).\n"
+    )
 
 
 def _ahead(run: Data) -> float:
@@ -460,7 +489,9 @@ def _judged_by_reading(data: Data, known: Sequence[str]) -> str:
     return (
         "The statements about driven scenes held against every reading, by the same criteria "
         "(error "
-        "bars of the step alone, but for the first column):\n\n" + _table(heads, rows)
+        "bars of the step alone, but for the first column). A reading that turns to a stated "
+        "side by less "
+        "than the criterion's degree differs here too:\n\n" + _table(heads, rows)
     )
 
 
@@ -600,7 +631,9 @@ def _internal(data: Data, pictures: Mapping[str, str]) -> str:
         "moments are "
         "those of torque and spring. Largest values of the whole run (per metre of depth); "
         "the strain is "
-        "the half thickness times the curvature.\n\n"
+        "the half thickness times the curvature. They are peaks of modes that ring undamped, "
+        "and have "
+        "no bar of their own; that of the largest joint angle shows its size.\n\n"
         + _table(heads, rows)
         + "\n"
         + _picture(
@@ -728,7 +761,7 @@ def _signed(point: Data) -> float:
 
 def _discussion(data: Data, findings: Sequence[tuple[Statement, Finding]]) -> str:
     by_key = {statement.key: finding for statement, finding in findings}
-    lines = ["## What can be had, and from what\n"]
+    lines = ["## What can be had, and from what"]
 
     def said(keys: Sequence[str]) -> list[Finding]:
         return [by_key[key] for key in keys if key in by_key]
@@ -813,7 +846,29 @@ def _curve_words(data: Data) -> str:
             f"{abs(turn):.2f}° (scene {scene}): some lopsidedness, and far from the semicircle and "
             "the quadrant of Fig. 5."
         )
-    return text
+    return text + _semicircle_words(data)
+
+
+def _semicircle_words(data: Data) -> str:
+    """Say how far iv would have to swim for a semicircle, where it curves most."""
+    runs = {
+        name: data["variants"].get(name, {}).get("iv", {}).get("base")
+        for name in VARIANTS
+        if name not in ("frozen", "halved")
+    }
+    known = {
+        name: run
+        for name, run in runs.items()
+        if run is not None and not run["end"] and run["curvature"] != 0.0
+    }
+    if not known:
+        return ""
+    most = max(known, key=lambda name: abs(known[name]["curvature"]))
+    run = known[most]
+    return (
+        f" At the largest curvature of iv among them ({VARIANTS[most]}) a semicircle takes "
+        f"{math.pi / abs(run['curvature']):.0f} m of way, and it covers {run['way']:.2f} m."
+    )
 
 
 def _rate_words(data: Data) -> str:
@@ -833,14 +888,43 @@ def _rate_words(data: Data) -> str:
 
 
 def _settings(data: Data) -> str:
-    return (
+    rows = []
+    for name in NUMERALS:
+        base, half, fine = (data["settings"].get(f"{name}{x}") for x in ("", "_half", "_fine"))
+        if base is None:
+            continue
+        rows.append(
+            (
+                name,
+                base["elements"],
+                f"{1e3 * base['time_step']:g}",
+                base["panels"],
+                base["caps"],
+                f"{base['tolerance']:g}",
+                "" if half is None else f"{1e3 * half['time_step']:g}",
+                "" if fine is None else f"{fine['panels']}, {fine['caps']}",
+            )
+        )
+    heads = (
+        "scene",
+        "elements",
+        "step (ms)",
+        "panels an element",
+        "at each end",
+        "tolerance",
+        "finer: step (ms)",
+        "finer: panels an element, at each end",
+    )
+    text = (
         "## Settings\n\n"
-        "Table 1's scenes as they ship (`configs/scenes/paper_*.yaml`): steps of 10 ms, Newton's "
-        "tolerance 1e-10, 4 panels an element (12 at N = 3), one at each end. Finer runs: 5 "
-        "ms; 12 panels "
-        "(36 at N = 3) with ends in proportion. Times of onset have the bar of the step "
-        "alone. Nothing "
-        f"of this page was written by hand: {data['done']} files of figures were there, from "
-        "commit "
-        f"{_commits(data)}.\n"
+        "Table 1's scenes as they ship (`configs/scenes/paper_*.yaml`). Times of onset have "
+        "the bar of "
+        "the step alone.\n\n"
+    )
+    if rows:
+        text += _table(heads, rows) + "\n"
+    return text + (
+        f"{data['done']} files of figures were there, from commit {_commits(data)}. `make "
+        "paper` makes "
+        "them and this page; nothing on it was written by hand.\n"
     )

@@ -21,6 +21,7 @@ __all__ = [
     "DIFFER",
     "NOT_MEASURED",
     "STATEMENTS",
+    "SYMMETRY",
     "UNDECIDED",
     "Finding",
     "Statement",
@@ -283,16 +284,19 @@ def _curves(names: tuple[str, ...], side: int) -> Callable[[Data], Finding]:
         return Finding(
             "turn of the heading (left positive) " + _listed(values, "{}°"),
             _yes(all(right)),
-            _SYMMETRY,
+            _STRAIGHT,
         )
 
     return judge
 
 
-_SYMMETRY = (
+#: The short form of it, for cells.
+_STRAIGHT = "Mirror symmetry (below the table)."
+#: Why a steady wave cannot turn a body in a mirror-symmetric fluid.
+SYMMETRY = (
     "The wave half a period later is its own mirror image, so in a mirror-symmetric fluid the two "
     "halves of a steady cycle turn the body by opposite angles: no steady curve to either side. "
-    "One-sided sources on the centreline have no such symmetry (Variants)."
+    "One-sided sources on the centreline have no such symmetry."
 )
 
 
@@ -307,7 +311,10 @@ def _ii_bends_less(data: Data) -> Finding:
     speeds = {name: _value(data, name, _speed, 10.0) for name in ("i", "ii")}
     orders = [_order(bends["i"], bends["ii"]), _order(speeds["i"], speeds["ii"])]
     return Finding(
-        "largest joint angle " + _listed(bends, "{} rad") + "; speed " + _listed(speeds, "{} BL/s"),
+        "largest joint angle "
+        + _listed(bends, "{} rad")
+        + "; speed "
+        + _listed(speeds, "{} BL/s", ".5f"),
         _all_of(orders),
     )
 
@@ -331,7 +338,7 @@ def _iii_slower_still(data: Data) -> Finding:
 def _turns_by(name: str, wanted: float) -> Callable[[Data], Finding]:
     def judge(data: Data) -> Finding:
         turn = _value(data, name, _turn, 90.0)
-        why = _SYMMETRY if abs(turn.value) < CURVED else ""
+        why = _STRAIGHT if abs(turn.value) < CURVED else ""
         return Finding(
             f"{name}: {turn.text('.3f')}° (left positive), paper about {wanted:+.0f}°",
             _yes(abs(abs(turn.value) - abs(wanted)) <= _TURN and turn.value * wanted >= 0.0),
@@ -346,7 +353,7 @@ def _semicircle(data: Data) -> Finding:
     return Finding(
         f"iv: {turn.text('.3f')}°, paper about 180° either way",
         _yes(abs(abs(turn.value) - 180.0) <= _TURN),
-        _SYMMETRY if abs(turn.value) < CURVED else "",
+        _STRAIGHT if abs(turn.value) < CURVED else "",
     )
 
 
@@ -578,15 +585,11 @@ def _panels_matter(elements: int, earlier: bool) -> Callable[[Data], Finding]:
             shares.append(abs(many / few - 1.0))
             signs.append(many < few)
             parts.append(f"{name}: {few:.2f} and {many:.2f} s")
-        if earlier:
-            verdict = _yes(all(signs) and max(shares) <= 0.02)
-            why = (
-                "The rate hangs on panels through the added mass, which they change by about a "
-                "per cent; which way the time goes is no result of theirs alone."
-            )
-        else:
-            verdict = _yes(max(shares) <= 0.02)
-            why = ""
+        rates = [_needed(data, elements, panels, "small")["kirchhoff"] for panels in (4, 12)]
+        verdict = _yes(max(shares) <= 0.02 and (all(signs) or not earlier))
+        why = (
+            f"Kirchhoff's rate with the body's own masses is {rates[0]:.4f} and {rates[1]:.4f} 1/s."
+        )
         return Finding(f"4 and 12 panels: {'; '.join(parts)}", verdict, why)
 
     return judge

@@ -10,7 +10,7 @@ from swim_env.paper.onset import measure_onset, onset_units
 from swim_env.paper.runs import NUMERALS, play_run, scene_units
 from swim_env.paper.units import Arrays, Figures, Store, Unit
 from swim_env.paper.variants import measure_variant, variant_units
-from swim_env.scene import load_scene
+from swim_env.scene import Scene, load_scene
 
 __all__ = ["PARTS", "all_units", "collect", "work"]
 
@@ -68,6 +68,18 @@ WORKERS = {
 }
 
 
+def _settings(scene: Scene) -> dict[str, Any]:
+    """Return what a scene is computed with."""
+    fluid = scene.fluid
+    return {
+        "elements": scene.beam.elements,
+        "panels": None if fluid is None else fluid.panels_per_element,
+        "caps": None if fluid is None else fluid.panels_per_end(scene.beam),
+        "time_step": scene.integrator.time_step,
+        "tolerance": scene.integrator.tolerance,
+    }
+
+
 def collect(units: list[Unit], store: Store) -> dict[str, Any]:
     """Return what has been found, by kind, from the files alone.
 
@@ -75,10 +87,12 @@ def collect(units: list[Unit], store: Store) -> dict[str, Any]:
     -------
     dict
         ``runs`` by name behind ``run_``, ``onset`` a list, ``variants`` by variant and scene,
-        ``modes`` by scene, ``maps`` by map a list of rows; ``commits``, ``dates``: where and when
+        ``modes`` by scene, ``maps`` by map a list of rows; ``settings`` of the runs by name, which
+        are those of the files, as their keys are; ``commits``, ``dates``: where and when
         the files were made; ``units`` and ``done``: how many there are and were found.
     """
     data: dict[str, Any] = {"runs": {}, "onset": [], "variants": {}, "modes": {}, "maps": {}}
+    data["settings"] = {}
     commits: set[str] = set()
     dates: set[str] = set()
     done = 0
@@ -91,6 +105,7 @@ def collect(units: list[Unit], store: Store) -> dict[str, Any]:
         dates.add(str(kept["date"]))
         figures = kept["figures"]
         if unit.kind == "run":
+            data["settings"][unit.name.removeprefix("run_")] = _settings(unit.scene)
             data["runs"][unit.name.removeprefix("run_")] = figures
         elif unit.kind == "onset":
             data["onset"].append(figures)

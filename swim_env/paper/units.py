@@ -12,8 +12,10 @@ import hashlib
 import json
 import multiprocessing
 import os
+import zipfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
@@ -113,7 +115,7 @@ class Store:
         try:
             with np.load(self._npz(unit), allow_pickle=False) as file:
                 return {name: file[name] for name in file.files}
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, zipfile.BadZipFile) as error:
             raise SwimError(f"cannot read {self._npz(unit)}: {error}; delete it") from None
 
     def write(
@@ -220,6 +222,12 @@ def _results(
         try:
             for future in as_completed(waiting):
                 yield waiting.pop(future), future.result()
+        except BrokenProcessPool:
+            raise SwimError(
+                "a worker process has died, perhaps for want of memory; what was done is "
+                "kept, start "
+                "again to go on"
+            ) from None
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
