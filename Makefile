@@ -29,7 +29,7 @@ STAMP_DEV := $(VENV)/.stamp-dev
 # An editable install knows the top packages that were there when it was made.
 SOURCES := pyproject.toml setup.py constraints.txt $(wildcard agents/__init__.py)
 
-.PHONY: help venv demo benchmark accuracy stability test test-slow test-ci-slice lint types clean
+.PHONY: help venv demo benchmark accuracy stability paper test test-slow test-ci-slice lint types clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -53,6 +53,9 @@ accuracy: $(STAMP_DEV) ## set up and run the study of accuracy and cost into doc
 
 stability: $(STAMP_DEV) ## set up and play all hard cases into docs/stability (an hour)
 	$(BIN)/python scripts/stability.py --output docs/stability
+
+paper: $(STAMP_DEV) ## set up and put the paper's statements beside our figures into docs/paper (20 minutes)
+	$(BIN)/python scripts/reproduce_paper.py --output docs/paper
 
 test: $(STAMP_DEV) ## set up and run the tests (under 6 minutes)
 	$(PYTEST) -n $(WORKERS) -m "not slow"

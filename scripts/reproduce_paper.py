@@ -1,0 +1,87 @@
+#!/usr/bin/env python
+"""Run everything that the paper reports and put its statements, our figures and verdicts on a page.
+
+FOLDER gets units/ with one data file for every piece of work, the pictures and verdicts.json; the
+page is FOLDER.md beside it. Started again with the same --output it does only what is missing or
+has changed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+
+from swim_env.command_line import INTERRUPTED, progress_bar, run
+from swim_env.errors import SwimError
+from swim_env.paper.book import page_of, write_book
+from swim_env.paper.suite import PARTS, all_units, work
+from swim_env.paper.units import Store, do_units
+from swim_env.viewer import require_matplotlib
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument(
+        "--output",
+        metavar="FOLDER",
+        help="where results go; results/paper unless given, results/paper_quick with --quick",
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="short runs and few points, in a minute or two"
+    )
+    parser.add_argument(
+        "--only",
+        nargs="+",
+        metavar="PART",
+        help=f"do only some of: {', '.join(PARTS)}; the page has what is there of the others",
+    )
+    parser.add_argument("--workers", type=int, metavar="NUMBER", help="processes side by side")
+    parser.add_argument(
+        "--json", action="store_true", help="end with the verdicts as one JSON line"
+    )
+    return parser
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command."""
+    options = _parser().parse_args(arguments)
+    if options.workers is not None and options.workers < 1:
+        raise SwimError(f"--workers must be at least 1, got {options.workers}")
+    unknown = [name for name in options.only or () if name not in PARTS]
+    if unknown:
+        raise SwimError(f"--only must be among {', '.join(PARTS)}, got {unknown[0]}")
+    require_matplotlib()
+    usual = "results/paper_quick" if options.quick else "results/paper"
+    folder = Path(options.output or usual)
+    # Told at once, not after a quarter of an hour.
+    (folder / "units").mkdir(parents=True, exist_ok=True)
+    store = Store(folder / "units")
+    everything = all_units(options.quick)
+    chosen = all_units(options.quick, tuple(options.only)) if options.only else everything
+    begin = time.perf_counter()
+    try:
+        with progress_bar(len(chosen), "unit", "the paper") as progress:
+            done = do_units(chosen, store, work, options.workers, progress)
+    except KeyboardInterrupt:
+        print("interrupted; what was done is kept, start again to go on", file=sys.stderr)
+        return INTERRUPTED
+    seconds = time.perf_counter() - begin
+    command = "scripts/reproduce_paper.py" + (" --quick" if options.quick else "")
+    summary = write_book(folder, everything, store, command)
+    if options.json:
+        print(json.dumps(summary, allow_nan=False))
+    else:
+        for key, one in summary["verdicts"].items():
+            print(f"{one['verdict']:13s} {key}: {one['measured']}")
+    print(
+        f"{done} of {len(chosen)} units in {seconds:.0f} s; the page is {page_of(folder)}",
+        file=sys.stderr,
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(run(main))

@@ -1,0 +1,1 @@
+"""The paper and this project side by side: its statements measured, its figures redrawn."""

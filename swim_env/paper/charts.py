@@ -1,0 +1,351 @@
+"""Pictures of what the paper has no figure of: onset, variants, what is kept, forces, maps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.paper.figures import LINES
+from swim_env.paper.maps import is_verified
+from swim_env.paper.onset import PAPER_TIMES, implied_rate
+from swim_env.paper.runs import NUMERALS
+from swim_env.paper.statements import onset_of
+from swim_env.paper.variants import VARIANTS
+from swim_env.viewer.stills import BLUE, GREY, ORANGE, SMALL, TIME_COLOURS, new_figure, style_axes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "draw_constants",
+    "draw_internal",
+    "draw_maps",
+    "draw_onset",
+    "draw_variants",
+]
+
+Data = Mapping[str, Any]
+Arrays = Mapping[str, NDArray[Any]]
+
+STARTS = {
+    "epsilon": "2.2e-16 m/s",
+    "small": "1e-4 m/s",
+    "sloped": "(3.5 - x/dl) 1e-5 m/s",
+}
+_MARKS = {"epsilon": "o", "small": "s", "sloped": "^"}
+#: How far apart the rows of energy are, in thousandths of the largest.
+_ROW = 4.0
+_VARIANT_MARKS = ("s", "x", "o", "^", "v", "D")
+
+
+def draw_onset(data: Data) -> Figure:
+    """Draw times of the first deviation and growth rates, ours beside the paper's."""
+    figure = new_figure(8.6, 3.5)
+    left, right = figure.subplots(1, 2, width_ratios=(1.5, 1.0))
+    bodies = [
+        (n, panels)
+        for n in (3, 9, 27)
+        for panels in (4, 12)
+        if onset_of(data, n, panels, "small") is not None
+    ]
+    for colour, (kind, name) in zip(LINES, STARTS.items(), strict=False):
+        for x, (n, panels) in enumerate(bodies):
+            ours = onset_of(data, n, panels, kind)
+            if ours is not None and ours["time"] is not None:
+                left.plot(x - 0.1, ours["time"], _MARKS[kind], color=colour, markersize=6)
+            if ours is not None and ours["expected"] is not None:
+                left.plot(x - 0.1, ours["expected"], "_", color="black", markersize=12)
+            paper = PAPER_TIMES.get((n, panels, kind))
+            if paper is not None:
+                left.plot(
+                    x + 0.18, paper, _MARKS[kind], color=colour, markersize=6, fillstyle="none"
+                )
+        left.plot([], [], _MARKS[kind], color=colour, label=name)
+    left.plot([], [], "o", color=GREY, fillstyle="none", label="hollow: the paper")
+    left.plot([], [], "_", color="black", markersize=12, label="Kirchhoff's equations")
+    left.set_yscale("log")
+    left.set_ylim(1.0, 400.0)
+    left.set_xticks(range(len(bodies)), [f"N = {n}\n{panels} panels" for n, panels in bodies])
+    figure.legend(
+        *left.get_legend_handles_labels(),
+        loc="outside lower left",
+        ncols=5,
+        fontsize=SMALL - 1,
+        frameon=False,
+    )
+    left.set_title("an end is 1 % of the length off its line", fontsize=SMALL, loc="left")
+    style_axes(left, "", "time (s)")
+    _draw_rates(right, data)
+    return figure
+
+
+def _draw_rates(axes: Axes, data: Data) -> None:
+    shown = [one for one in data["onset"] if one["rate"] is not None and one["step"] == 0.01]
+    counts = sorted({one["elements"] for one in shown})
+    for one in shown:
+        axes.plot(
+            counts.index(one["elements"]) - 0.12,
+            one["rate"],
+            _MARKS[one["perturbation"]],
+            color=BLUE,
+            markersize=4,
+            alpha=0.6,
+        )
+    for x, n in enumerate(counts):
+        rates = [one["kirchhoff"] for one in shown if one["elements"] == n]
+        axes.plot([x - 0.3, x + 0.3], [rates[0]] * 2, color="black", linewidth=1.2)
+        for panels in (4, 12):
+            times = [PAPER_TIMES.get((n, panels, kind)) for kind in ("epsilon", "small")]
+            if times[0] is not None and times[1] is not None:
+                axes.plot(
+                    x + 0.15,
+                    implied_rate(times[0], times[1]),
+                    "D",
+                    color=ORANGE,
+                    fillstyle="none",
+                    markersize=6,
+                )
+    axes.plot([], [], "o", color=BLUE, label="fitted to our runs")
+    axes.plot([], [], color="black", label="Kirchhoff's equations")
+    axes.plot([], [], "D", color=ORANGE, fillstyle="none", label="needed by the paper's pairs")
+    axes.set_ylim(0.0, 1.0)
+    axes.set_xlim(-0.5, len(counts) - 0.5)
+    axes.set_xticks(range(len(counts)), [f"N = {n}" for n in counts])
+    axes.legend(fontsize=SMALL - 1, frameon=False, loc="upper right")
+    axes.set_title("growth rate at 0.1 m/s", fontsize=SMALL, loc="left")
+    style_axes(axes, "", "rate (1/s)")
+
+
+def draw_variants(data: Data) -> Figure:
+    """Draw direction and speed of every driven scene, and how it turns, for every variant."""
+    figure = new_figure(8.6, 4.6)
+    top, bottom = figure.subplots(2, 1, sharex=True)
+    scenes = [name for name in NUMERALS[:9] if name in data["runs"]]
+    rows: list[tuple[str, str, Mapping[str, Any]]] = [
+        ("closed outline (ours)", "*", {name: data["runs"][name] for name in scenes})
+    ]
+    for mark, (variant, words) in zip(_VARIANT_MARKS, VARIANTS.items(), strict=True):
+        if variant in data["variants"]:
+            rows.append((words, mark, {k: v["base"] for k, v in data["variants"][variant].items()}))
+    spread = np.linspace(-0.3, 0.3, len(rows))
+    colours = ("#000000", *LINES[:6])
+    for i, (words, mark, of_scene) in enumerate(rows):
+        known = [
+            x for x, name in enumerate(scenes) if name in of_scene and not of_scene[name]["end"]
+        ]
+        ahead, turn = [], []
+        for x in known:
+            run = of_scene[scenes[x]]
+            ahead.append(-run["displacement"][0] / run["length"])
+            turn.append(math.degrees(run["turn"]))
+        look = {"marker": mark, "color": colours[i], "linestyle": "", "markersize": 6}
+        top.plot(np.array(known) + spread[i], ahead, label=words, **look)
+        bottom.plot(np.array(known) + spread[i], turn, **look)
+    for axes in (top, bottom):
+        axes.axhline(0.0, color=GREY, linewidth=0.6)
+        for x in range(len(scenes) - 1):
+            axes.axvline(x + 0.5, color="#DDDDDD", linewidth=0.6)
+    top.set_yscale("symlog", linthresh=0.03)
+    top.set_ylim(-6.0, 6.0)
+    top.set_yticks([-1.0, -0.1, 0.0, 0.1, 1.0], ["-1", "-0.1", "0", "0.1", "1"])
+    top.set_xticks(range(len(scenes)), scenes)
+    duration = data["runs"][scenes[0]]["duration"] if scenes else 0.0
+    top.set_title(f"runs of {duration:g} s", fontsize=SMALL, loc="left")
+    style_axes(top, "", "head first (body lengths)")
+    style_axes(bottom, "scene", "turn (°), left positive")
+    figure.legend(loc="outside lower center", ncols=2, fontsize=SMALL - 1, frameon=False)
+    return figure
+
+
+def draw_constants(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
+    """Draw what energy and momentum do over time in the twelve runs.
+
+    Parameters
+    ----------
+    data : mapping
+        Of `swim_env.paper.suite.collect`.
+    arrays : mapping
+        Of each scene, those of `swim_env.paper.runs.play_run`.
+    """
+    from matplotlib import colormaps
+
+    figure = new_figure(8.6, 4.2)
+    left, right = figure.subplots(1, 2)
+    names = [name for name in NUMERALS if name in arrays]
+    colours = colormaps[TIME_COLOURS](np.linspace(0.0, 0.92, max(1, len(names))))
+    for i, name in enumerate(names):
+        found, energy = arrays[name], data["runs"][name]["energy"]
+        look = {"color": colours[i], "linewidth": 0.8, "linestyle": ("-", "--", ":")[i % 3]}
+        scale = energy["largest"] or 1.0
+        left.axhline(-_ROW * i, color="#DDDDDD", linewidth=0.5)
+        share = 1e3 * found["unexplained"] / scale
+        left.plot(found["series_time"], share - _ROW * i, color=colours[i], linewidth=0.7)
+        drift = np.maximum(found["drift"], 1e-18)
+        right.plot(found["series_time"], drift, label=name, **look)
+    bound = max((data["runs"][name]["momentum"]["bound"] for name in names), default=1e-9)
+    right.axhline(1e-9, color="black", linewidth=1.0)
+    right.annotate(
+        "the paper's 1e-9", (0.02, 1.3e-9), xycoords=("axes fraction", "data"), fontsize=SMALL - 1
+    )
+    right.set_yscale("log")
+    right.set_ylim(1e-18, 10.0 * max(bound, 1e-9))
+    left.set_yticks([-_ROW * i for i in range(len(names))], names)
+    left.set_title(
+        f"energy that the work does not explain: rows are {_ROW:g}/1000\nof the largest "
+        "energy apart",
+        fontsize=SMALL,
+        loc="left",
+    )
+    right.set_title("momentum: |J - J(0)| (kg m/s, kg m²/s)", fontsize=SMALL, loc="left")
+    style_axes(left, "time (s)", "scene")
+    style_axes(right, "time (s)", "drift")
+    figure.legend(loc="outside right center", fontsize=SMALL - 1, frameon=False)
+    return figure
+
+
+def draw_internal(arrays: Mapping[str, Arrays]) -> Figure:
+    """Draw moments and forces along the beam in the last second, for scenes i and v as they are.
+
+    Parameters
+    ----------
+    arrays : mapping
+        Of each scene; those with ``total``, ``shear`` and ``axial``.
+    """
+    names = [name for name in ("i", "v") if "total" in arrays.get(name, {})]
+    figure = new_figure(8.6, 2.7 * max(1, len(names)))
+    grid = figure.subplots(max(1, len(names)), 3, squeeze=False)
+    for row, name in enumerate(names):
+        found = arrays[name]
+        joints = found["total"].shape[1]
+        place = np.arange(1, joints + 1) / (joints + 1)
+        for look, key in zip(("o-", "s--", "^:"), ("torque", "elastic", "total"), strict=True):
+            values = np.sqrt((found[key] ** 2).mean(axis=0))
+            colour = LINES[("torque", "elastic", "total").index(key)]
+            words = {"torque": "drive", "elastic": "spring", "total": "sum"}[key]
+            grid[row, 0].plot(place, values, look, color=colour, markersize=4, label=words)
+        for look, key in zip(("o-", "s--"), ("shear", "axial"), strict=True):
+            values = np.sqrt((found[key] ** 2).mean(axis=0))
+            colour = LINES[("shear", "axial").index(key)]
+            words = {"shear": "across", "axial": "along"}[key]
+            grid[row, 1].plot(place, values, look, color=colour, markersize=4, label=words)
+        largest = float(np.abs(found["total"]).max()) or 1.0
+        image = grid[row, 2].pcolormesh(
+            place,
+            np.arange(len(found["total"])) / max(1, len(found["total"])),
+            found["total"],
+            cmap="PuOr_r",
+            vmin=-largest,
+            vmax=largest,
+            shading="nearest",
+        )
+        bar = figure.colorbar(image, ax=grid[row, 2])
+        bar.set_label("sum (N m)", fontsize=SMALL)
+        bar.ax.tick_params(labelsize=SMALL - 1)
+        for axes in grid[row, :2]:
+            axes.set_ylim(bottom=0.0)
+            axes.legend(fontsize=SMALL - 1, frameon=False)
+        grid[row, 0].set_title(f"{name}) moments at the joints", fontsize=SMALL, loc="left")
+        grid[row, 1].set_title("forces across the joints", fontsize=SMALL, loc="left")
+        grid[row, 2].set_title("moment in the last second", fontsize=SMALL, loc="left")
+        style_axes(grid[row, 0], "place s/l", "root mean square (N m)")
+        style_axes(grid[row, 1], "place s/l", "root mean square (N)")
+        style_axes(grid[row, 2], "place s/l", "time (s)")
+    return figure
+
+
+def draw_maps(data: Data) -> Figure:
+    """Draw net speed over frequency and wave number, and over stiffness and length.
+
+    Grey points are not verified; lines are the natural frequencies of the straight body.
+    """
+    from matplotlib.patheffects import withStroke
+
+    figure = new_figure(9.0, 4.6)
+    left, right = figure.subplots(1, 2)
+    drive = sorted(data["maps"].get("drive", []), key=lambda row: row["frequency"])
+    body = sorted(data["maps"].get("body", []), key=lambda row: row["stiffness"])
+    if drive:
+        frequencies = [row["frequency"] for row in drive]
+        across = np.array(drive[0]["columns"]) / math.pi
+        _draw_map(figure, left, across, np.array(frequencies), drive)
+        for frequency in drive[0]["resonances"][0]:
+            if frequency <= frequencies[-1]:
+                left.axhline(frequency, color="black", linewidth=0.9, linestyle="--")
+                left.annotate(
+                    f"{frequency:.1f} Hz",
+                    (across[0], frequency),
+                    xytext=(2, 2),
+                    textcoords="offset points",
+                    fontsize=SMALL - 1,
+                    path_effects=[withStroke(linewidth=2.5, foreground="white")],
+                )
+        left.plot(2.0, 1.0, "*", color="black", markerfacecolor="white", markersize=9)
+    left.set_title("drive: scene swimmer, 1 N m (star: the paper's)", fontsize=SMALL, loc="left")
+    style_axes(left, "wave number κ (π rad per body length)", "frequency (Hz)")
+    if body:
+        stiffness = np.array([row["stiffness"] for row in body])
+        lengths = np.array(body[0]["columns"])
+        _draw_map(figure, right, lengths, stiffness, body)
+        right.set_yscale("log")
+        usual = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+        ticks = [one for one in usual if stiffness[0] <= one <= stiffness[-1]]
+        right.set_yticks(ticks, [f"{one:g}" for one in ticks])
+        right.set_yticks([], minor=True)
+        first = np.array([[modes[0] for modes in row["resonances"]] for row in body])
+        second = np.array([[modes[1] for modes in row["resonances"]] for row in body])
+        if min(first.shape) > 1:
+            for values, style in ((first, "--"), (second, ":")):
+                if values.min() < 1.0 < values.max():
+                    right.contour(
+                        lengths, stiffness, values, [1.0], colors="black", linestyles=style
+                    )
+        for length, name in ((1.0, "iii"), (2.0, "v")):
+            right.plot(length, 5.0, "*", color="black", markerfacecolor="white", markersize=9)
+            right.annotate(
+                name,
+                (length, 5.0),
+                xytext=(6, 4),
+                textcoords="offset points",
+                fontsize=SMALL,
+                path_effects=[withStroke(linewidth=2.5, foreground="white")],
+            )
+    right.set_title(
+        "body: the paper's wave, 0.5 N m (-- first, ··· second mode at 1 Hz)",
+        fontsize=SMALL,
+        loc="left",
+    )
+    style_axes(right, "length (m)", "stiffness EI (N m²)")
+    return figure
+
+
+def _draw_map(
+    figure: Figure, axes: Axes, x: NDArray[Any], y: NDArray[Any], rows: Sequence[Data]
+) -> None:
+    """Draw a row of points after another, in colour where they are verified and grey elsewhere."""
+    from matplotlib.colors import SymLogNorm
+
+    good = np.array([[is_verified(point) for point in row["points"]] for row in rows])
+    speed = np.array(
+        [[np.nan if p["speed"] is None else p["speed"] for p in row["points"]] for row in rows]
+    )
+    known = np.abs(speed[good & np.isfinite(speed)])
+    largest = float(known.max()) if known.size else 1.0
+    axes.set_facecolor("#BBBBBB")
+    image = axes.pcolormesh(
+        x,
+        y,
+        np.ma.masked_where(~good, speed),
+        cmap="PuOr_r",
+        norm=SymLogNorm(max(1e-3, 1e-2 * largest), vmin=-largest, vmax=largest),
+        shading="nearest",
+    )
+    bar = figure.colorbar(image, ax=axes, location="bottom", shrink=0.9, aspect=35)
+    bar.set_label(
+        "net speed head first (body lengths a second); grey: not verified", fontsize=SMALL
+    )
+    bar.ax.tick_params(labelsize=SMALL - 2)

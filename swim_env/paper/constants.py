@@ -1,0 +1,157 @@
+"""What a run keeps and spends: momentum, energy, and the forces and moments along the beam."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.trajectory import Trajectory
+
+__all__ = ["energy_figures", "internal_figures", "joint_moments", "momentum_figures"]
+
+Array = NDArray[np.float64]
+
+#: What rounding adds to the momentum in a step, as a share of its terms.
+ROUND_OFF = 1e-15
+
+
+def momentum_figures(trajectory: Trajectory) -> dict[str, Any]:
+    """Return how well the discrete momentum map is kept.
+
+    The bound is 10 tolerances plus 1e-15 n times the size of the map's terms, n the step (PHYSICS
+    section 6): Newton's method leaves an error of its tolerance that the carried momenta hand on,
+    and the sums round.
+
+    Returns
+    -------
+    dict
+        ``drift`` max |J_n - J_0| (kg m/s and kg m^2/s, as one norm), the ``bound`` at the step
+        where the drift comes closest to it, and ``share`` of the bound there.
+    """
+    momentum = trajectory.momentum
+    drift = np.linalg.norm(momentum - momentum[0], axis=1)
+    arms = np.linalg.norm(trajectory.path, axis=1)
+    linear = float(np.hypot(*momentum[0, :2]))
+    terms = np.maximum(np.linalg.norm(momentum[0]), arms * linear)
+    bound = 10.0 * trajectory.scene.integrator.tolerance
+    bounds = bound + ROUND_OFF * np.arange(len(drift)) * terms
+    worst = int(np.argmax(drift / bounds))
+    return {
+        "drift": float(drift.max()),
+        "bound": float(bounds[worst]),
+        "share": float(drift[worst] / bounds[worst]),
+    }
+
+
+def energy_figures(trajectory: Trajectory) -> dict[str, Any]:
+    """Return what the energy does.
+
+    Returns
+    -------
+    dict
+        ``largest`` H (J); ``unexplained`` max |H_n - H_0 - work + dissipated| as a share of it;
+        ``first`` and ``last`` the mean unexplained energy of the first and the last quarter of the
+        run, as shares: a trend would show there. ``work``, ``positive_work`` (J) of the torques and
+        ``power``, the mean of the positive part (W); ``trusted`` by the scene's energy tolerance.
+    """
+    balance = trajectory.energy - trajectory.energy[0]
+    balance[1:] -= np.cumsum(trajectory.work - trajectory.dissipated)
+    largest = float(trajectory.energy.max())
+    scale = largest if largest > 0.0 else 1.0
+    quarter = max(1, len(balance) // 4)
+    positive = float(trajectory.positive_work.sum())
+    return {
+        "largest": largest,
+        "unexplained": float(np.abs(balance).max()) / scale,
+        "first": float(balance[:quarter].mean()) / scale,
+        "last": float(balance[-quarter:].mean()) / scale,
+        "work": float(trajectory.work.sum()),
+        "positive_work": positive,
+        "power": positive / trajectory.duration if trajectory.duration else 0.0,
+        "trusted": not trajectory.warnings(),
+    }
+
+
+def joint_moments(trajectory: Trajectory) -> dict[str, Array]:
+    """Return the moments that the two sides of each joint exert on each other, part by part.
+
+    In a step a joint carries its torque, the spring's moment (33) at the mean directors,
+    EI/dl K cos(...) with K of (16), and the damper's. All turn the element behind it; the sum is
+    what the body's material and muscle have to bear there.
+
+    Returns
+    -------
+    dict of (T, N - 1) arrays
+        ``torque``, ``elastic``, ``damping`` and their sum ``total`` (N m), of every step.
+    """
+    beam, scene = trajectory.scene.beam, trajectory.scene
+    spring = beam.stiffness_at_joints() / beam.element_length
+    joint = np.diff(trajectory.angles, axis=1)
+    mean = 0.5 * (joint[:-1] + joint[1:])
+    turn = 0.5 * np.diff(trajectory.angles, axis=0)
+    soften = np.ones_like(mean)
+    if scene.integrator.strain == "averaged_directors":
+        soften = (np.cos(turn[:, :-1]) * np.cos(turn[:, 1:])) ** 2
+    elastic = -spring * soften * np.sin(mean) * np.cos(mean)
+    if scene.integrator.strain == "joint_angle":
+        elastic = -spring * mean
+    damping = np.zeros_like(elastic)
+    if scene.damping is not None:
+        rate = np.diff(joint, axis=0) / scene.integrator.time_step
+        damping = -spring * scene.damping.retardation_time * rate
+    torque = trajectory.torques
+    return {
+        "torque": torque,
+        "elastic": elastic,
+        "damping": damping,
+        "total": torque + elastic + damping,
+    }
+
+
+def internal_forces(trajectory: Trajectory) -> tuple[Array, Array]:
+    """Return the forces across the joints along and across the body.
+
+    Returns
+    -------
+    axial, shear : (T - 1, N - 1) arrays
+        Components (N) along the mean tangent and the mean normal of the joint's two elements, at
+        the beginning of the second step and of every one after it; the axial one is a pull where
+        it is positive.
+    """
+    forces = trajectory.internal_forces
+    assert forces is not None
+    # At the beginning of a run there is no step before, whose momenta the balance needs.
+    forces, angles = forces[1:], trajectory.angles[1:-1]
+    mean = 0.5 * (angles[:, :-1] + angles[:, 1:])
+    cos, sin = np.cos(mean), np.sin(mean)
+    axial: Array = forces[..., 0] * cos + forces[..., 1] * sin
+    shear: Array = forces[..., 1] * cos - forces[..., 0] * sin
+    return axial, shear
+
+
+def internal_figures(trajectory: Trajectory) -> dict[str, Any]:
+    """Return peaks along the beam of forces, moments and strain.
+
+    Returns
+    -------
+    dict
+        Lists over the N - 1 joints: ``axial``, ``shear`` root mean squares (N), ``torque``,
+        ``elastic``, ``total`` root mean squares of the moments (N m), ``peak_axial``,
+        ``peak_shear``, ``peak_elastic``, ``peak_total``; and ``strain``, the largest bending
+        strain at the skin, h times the curvature.
+    """
+    axial, shear = internal_forces(trajectory)
+    moments = joint_moments(trajectory)
+    beam = trajectory.scene.beam
+    curvature = np.sin(np.abs(np.diff(trajectory.angles, axis=1))) / beam.element_length
+    found = {"axial": axial, "shear": shear}
+    found |= {name: moments[name] for name in ("torque", "elastic", "total")}
+    figures: dict[str, Any] = {
+        name: np.sqrt(np.mean(values**2, axis=0)).tolist() for name, values in found.items()
+    }
+    for name in ("axial", "shear", "elastic", "total"):
+        figures[f"peak_{name}"] = np.abs(found[name]).max(axis=0).tolist()
+    figures["strain"] = (beam.half_thickness * curvature.max(axis=0)).tolist()
+    return figures

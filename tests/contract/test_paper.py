@@ -1,0 +1,624 @@
+"""The page that puts the paper's statements beside ours: verdicts, files, resuming, the command."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scripts.reproduce_paper import main
+from swim_env import load_scene
+from swim_env.command_line import BAD_INPUT, run
+from swim_env.paper import units as units_module
+from swim_env.paper.book import write_book
+from swim_env.paper.constants import internal_forces, joint_moments, momentum_figures
+from swim_env.paper.maps import LARGEST_BEND, is_verified
+from swim_env.paper.modes import (
+    bending_orders,
+    growth_rate,
+    mass_matrix,
+    natural_frequencies,
+    rigid_mass,
+)
+from swim_env.paper.onset import (
+    LATERAL,
+    PAPER_TIMES,
+    fitted_rate,
+    implied_rate,
+    measure_onset,
+    onset_units,
+    perturbed,
+)
+from swim_env.paper.page import make_page
+from swim_env.paper.runs import NUMERALS, bar_of, bar_text, number_text, played, run_figures
+from swim_env.paper.statements import (
+    AGREE,
+    DIFFER,
+    NOT_MEASURED,
+    STATEMENTS,
+    UNDECIDED,
+    find_all,
+)
+from swim_env.paper.suite import all_units, collect
+from swim_env.paper.units import Arrays, Figures, Store, Unit, do_units
+from swim_env.paper.variants import of_variant, with_halved_turning
+from swim_env.simulator import Simulator
+
+ROOT = Path(__file__).parents[2]
+
+# ---- a world in which the paper is right -------------------------------------------------------
+
+#: Displacement along x (m), turn (degrees) and length (m) of the paper's swimmers there.
+SWIMMERS: dict[str, tuple[float, float, float]] = {
+    "i": (-2.0, -10.0, 1.0),
+    "ii": (-1.5, -10.0, 1.0),
+    "iii": (-1.0, -10.0, 1.0),
+    "iv": (-1.0, -180.0, 1.0),
+    "v": (-6.0, -90.0, 2.0),
+    "vi": (-0.3, 10.0, 1.0),
+    "vii": (-0.8, 10.0, 1.0),
+    "viii": (-1.0, -30.0, 1.0),
+    "ix": (-0.3, 0.1, 1.0),
+}
+
+
+def a_run(dx: float, turn: float, length: float, stops: bool = False) -> dict[str, Any]:
+    """Return figures of a run of 100 s that swims and turns steadily, or stops at 50 s."""
+    share = np.linspace(0.0, 1.0, 100)
+    way = np.minimum(2.0 * share, 1.0) if stops else share
+    heading = np.radians(turn) * share
+    path = np.stack([dx * way, np.zeros(100)], axis=1)
+    return {
+        "duration": 100.0,
+        "steps": 10000,
+        "end": "",
+        "length": length,
+        "path": path.tolist(),
+        "heading": heading.tolist(),
+        "displacement": [dx, 0.0],
+        "speed": abs(dx) / 99.0,
+        "way": abs(dx),
+        "turn": math.radians(turn),
+        "curvature": math.radians(turn) / max(abs(dx), 1e-9),
+        "left": 1.0,
+        "angle": np.radians(np.linspace(0.0, turn, 101)).tolist(),
+        "bends": [0.02] * 8,
+        "halved": 0,
+        "momentum": {"drift": 1e-15, "bound": 1e-9, "share": 1e-6},
+        "energy": {
+            "largest": 0.1,
+            "unexplained": 1e-3,
+            "first": 0.0,
+            "last": 1e-4,
+            "work": 0.1,
+            "positive_work": 10.0,
+            "power": 0.1,
+            "trusted": True,
+        },
+    }
+
+
+def an_onset(elements: int, panels: int, kind: str, time: float | None, **other: Any) -> Figures:
+    """Return figures of a straight body that leaves its line at a time."""
+    return {
+        "elements": elements,
+        "panels": panels,
+        "stiffness": 5.0,
+        "perturbation": kind,
+        "model": "panels",
+        "step": 0.01,
+        "duration": 300.0,
+        "time": time,
+        "end": "",
+        "rate": 0.3,
+        "kirchhoff": 0.3,
+        "expected": time,
+        "largest_angle": 0.0,
+        "largest_offset": 0.0,
+        **other,
+    }
+
+
+def the_papers_world() -> dict[str, Any]:
+    """Return data in which every statement holds."""
+    runs: dict[str, Any] = {}
+    for name, (dx, turn, length) in SWIMMERS.items():
+        runs[name] = a_run(dx, turn, length, stops=name == "viii")
+    half = np.array(runs["i"]["path"])[:50]
+    runs["viii"]["path"] = [*half.tolist(), *[half[-1].tolist()] * 50]
+    runs["ii"]["bends"] = [0.01] * 8
+    runs["vi"]["bends"] = [0.001] * 4 + [0.02] * 4
+    for name, turn in (("x", -180.0), ("xi", -90.0), ("xii", -90.0)):
+        runs[name] = a_run(8.0, turn, 1.0)
+    runs["x"]["angle"][10] = math.radians(-178.0)
+    for name in NUMERALS:
+        runs[f"{name}_half"] = copy.deepcopy(runs[name])
+        runs[f"{name}_fine"] = copy.deepcopy(runs[name])
+    runs["i_alone"] = a_run(0.0, 0.0, 1.0)
+    runs["i_mirrored"] = a_run(-2.0, 10.0, 1.0)
+    onset = [an_onset(n, panels, kind, time) for (n, panels, kind), time in PAPER_TIMES.items()]
+    onset += [an_onset(27, 12, kind, PAPER_TIMES[27, 4, kind] * 0.999) for kind in LATERAL]
+    onset += [
+        an_onset(n, panels, kind, time, stiffness=1e4)
+        for (n, panels, kind), time in PAPER_TIMES.items()
+    ]
+    onset += [
+        an_onset(n, panels, "none", None, duration=100.0, rate=None)
+        for n, panels in ((3, 12), (9, 4))
+    ]
+    modes = {"frequencies": [5.0, 15.0, 30.0], "highest": 260.0}
+    orders = {"elements": [9, 18, 36], "errors": [0.04, 0.01, 0.0025], "order": 2.0}
+    return {
+        "runs": runs,
+        "onset": onset,
+        "variants": {},
+        "modes": {"i": {**modes, "orders": orders}, "v": modes},
+        "maps": {},
+        "settings": {},
+        "commits": ["0" * 40],
+        "dates": ["2020-01-01"],
+        "units": 1,
+        "done": 1,
+    }
+
+
+def verdicts(data: dict[str, Any]) -> dict[str, str]:
+    return {statement.key: finding.verdict for statement, finding in find_all(data)}
+
+
+def test_in_the_papers_world_everything_agrees() -> None:
+    found = verdicts(the_papers_world())
+    assert {key: verdict for key, verdict in found.items() if verdict != AGREE} == {}
+
+
+def _set(name: str, **changes: Any) -> Any:
+    """Return a change of a run and its finer ones."""
+
+    def change(data: dict[str, Any]) -> None:
+        for level in ("", "_half", "_fine"):
+            if f"{name}{level}" in data["runs"]:
+                data["runs"][f"{name}{level}"].update(copy.deepcopy(changes))
+
+    return change
+
+
+def _swims(name: str, dx: float, turn: float | None = None) -> Any:
+    _, usual, length = SWIMMERS[name]
+    return _set(name, **a_run(dx, usual if turn is None else turn, length))
+
+
+def _onsets(**changes: Any) -> Any:
+    """Return a change of all onsets with some settings, ``where``, by a factor of their time."""
+    where, factor = changes.pop("where", {}), changes.pop("factor", 1.0)
+
+    def change(data: dict[str, Any]) -> None:
+        for one in data["onset"]:
+            if all(one[key] == value for key, value in where.items()):
+                one.update(changes)
+                if one["time"] is not None:
+                    one["time"] *= factor
+
+    return change
+
+
+#: A change of the paper's world for every statement, after which it does not hold.
+WRONG: dict[str, Any] = {
+    "order": lambda data: data["modes"]["i"]["orders"].update(order=1.0),
+    "momentum": _set("iv", momentum={"drift": 1e-8, "bound": 1e-9, "share": 10.0}),
+    "energy": lambda data: data["runs"]["vi"]["energy"].update(last=0.2),
+    "steps": lambda data: data["modes"]["i"].update(highest=10.0),
+    "i-iii left": _swims("ii", 1.5),
+    "i-iii curve": _swims("ii", -1.5, 0.1),
+    "i fastest": _swims("ii", -3.0),
+    "ii slower": _set("ii", bends=[0.05] * 8),
+    "iii slower": _swims("iii", -1.6),
+    "iv less stable": _swims("iv", -1.0, 0.2),
+    "iv semicircle": _swims("iv", -1.0, -20.0),
+    "v quadrant": _swims("v", -6.0, 90.0),
+    "v faster": _swims("v", -1.5),
+    "vi-vii left": _swims("vi", 0.3),
+    "vi-vii curve": _swims("vii", -0.8, -10.0),
+    "vi bends": _set("vi", bends=[0.02] * 8),
+    "vi slow": _swims("vi", -1.9),
+    "vii faster": _swims("vii", -0.1),
+    "vii bends": _set("vii", bends=[0.001] * 4 + [0.02] * 4),
+    "viii as i": _swims("viii", -1.0),
+    "viii slows": _swims("viii", -2.0),
+    "viii tighter": _set("viii", heading=[0.0] * 100),
+    "ix slow": _swims("ix", 0.3),
+    "ix straight": _swims("ix", -0.3, 5.0),
+    "equilibrium": _onsets(where={"perturbation": "none"}, largest_offset=0.5),
+    "times 3 12": _onsets(where={"elements": 3}, factor=2.0),
+    "times 9 4": _onsets(where={"elements": 9, "perturbation": "small"}, factor=1.2),
+    "times 9 12": _onsets(where={"elements": 9, "panels": 12}, time=None),
+    "times 27 4": _onsets(where={"elements": 27}, factor=0.5),
+    "12 panels": _onsets(where={"elements": 9, "panels": 12}, factor=1.01),
+    "27 panels": _onsets(where={"elements": 27, "panels": 12}, factor=1.1),
+    "stiffness": _onsets(where={"stiffness": 1e4}, factor=1.1),
+    "x turns": _set("x", angle=[0.0] * 101),
+    "xi as xii": _set("xi", **a_run(8.0, 90.0, 1.0)),
+    "delayed": _onsets(where={"elements": 27}, factor=0.5),
+    "locomotion": _swims("i", 0.0),
+    "alone": lambda data: data["runs"]["i_alone"].update(displacement=[0.1, 0.0]),
+}
+
+
+@pytest.mark.parametrize("key", [statement.key for statement in STATEMENTS])
+def test_a_statement_can_be_found_wrong(key: str) -> None:
+    data = the_papers_world()
+    WRONG[key](data)
+    assert verdicts(data)[key] == DIFFER
+
+
+def test_error_bars_that_overlap_leave_an_order_undecided() -> None:
+    data = the_papers_world()
+    data["runs"]["i_fine"]["speed"] *= 0.5
+    found = verdicts(data)
+    assert found["i fastest"] == UNDECIDED
+    # A ratio knows what both have in common.
+    data["runs"]["ii_fine"]["speed"] *= 0.5
+    data["runs"]["iii_fine"]["speed"] *= 0.5
+    assert verdicts(data)["iii slower"] == AGREE
+
+
+def test_what_is_missing_short_or_ended_is_said_and_not_judged() -> None:
+    data = the_papers_world()
+    data["runs"]["v"]["end"] = "step_not_solved"
+    data["runs"]["vi"]["duration"] = 5.0
+    del data["runs"]["x"]
+    data["onset"] = []
+    findings = {statement.key: finding for statement, finding in find_all(data)}
+    for key in ("v quadrant", "v faster", "vi bends", "x turns", "times 3 12", "equilibrium"):
+        assert findings[key].verdict == NOT_MEASURED, key
+    assert "step_not_solved" in findings["v faster"].measured
+    assert "5 s" in findings["vi bends"].measured
+    empty = {"runs": {}, "onset": [], "modes": {}, "variants": {}, "maps": {}}
+    assert set(verdicts(empty).values()) == {NOT_MEASURED}
+
+
+# ---- the page ----------------------------------------------------------------------------------
+
+
+def _page(data: dict[str, Any]) -> str:
+    return make_page(data, {}, "a test")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        _swims("i", -2.1),
+        _onsets(factor=1.01),
+        lambda data: data["runs"]["x"]["momentum"].update(drift=2e-15),
+        lambda data: data["modes"]["v"].update(frequencies=[0.77, 2.0, 3.0]),
+        lambda data: data.update(commits=["1" * 40]),
+        lambda data: data.update(done=0),
+    ],
+    ids=["run", "onset", "momentum", "modes", "commit", "missing"],
+)
+def test_the_page_follows_the_data(change: Any) -> None:
+    data = the_papers_world()
+    before = _page(data)
+    change(data)
+    assert _page(data) != before
+
+
+def test_the_page_says_what_differs_and_counts_it() -> None:
+    data = the_papers_world()
+    assert f"{len(STATEMENTS)} statements: {len(STATEMENTS)} agree." in _page(data)
+    WRONG["vi bends"](data)
+    page = _page(data)
+    assert "1 differ." in page
+    assert "* vi bends in its rear half only\n" in page
+
+
+def test_an_empty_page_has_no_numbers_of_ours() -> None:
+    data = {key: type(value)() for key, value in the_papers_world().items()}
+    page = _page(data)
+    assert "0 files of figures were there" in page
+    assert f"{len(STATEMENTS)} not measured" in page
+
+
+def test_numbers_have_no_minus_before_a_zero_and_bars_one_digit() -> None:
+    assert number_text(-1e-9, "+.3f") == "+0.000"
+    assert number_text(-1e-9, ".3f") == "0.000"
+    assert number_text(-0.25, "+.2f") == "-0.25"
+    assert [bar_text(bar) for bar in (0.0, 0.0123, 17.0, 1e-9)] == ["0", "0.01", "20", "1e-09"]
+    assert bar_of(1.0, 1.1, 0.7) == pytest.approx(0.5)
+    assert bar_of(1.0, None, 0.7) is None
+
+
+# ---- files and resuming ------------------------------------------------------------------------
+
+
+def _units() -> list[Unit]:
+    return [
+        Unit(f"one_{i}", "run", load_scene("paper_x"), {"number": i}, cost=float(i))
+        for i in range(4)
+    ]
+
+
+class _Worker:
+    """Counts what it does, and gives up before one unit."""
+
+    def __init__(self, stops_at: str = "") -> None:
+        self.did: list[str] = []
+        self.stops_at = stops_at
+
+    def __call__(self, unit: Unit) -> tuple[Figures, Arrays]:
+        if unit.name == self.stops_at:
+            raise KeyboardInterrupt
+        self.did.append(unit.name)
+        return {"number": unit.options["number"]}, {"square": np.arange(3.0)}
+
+
+def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path: Path) -> None:
+    store, first = Store(tmp_path / "units"), _Worker(stops_at="one_1")
+    with pytest.raises(KeyboardInterrupt):
+        do_units(_units(), store, first, workers=1)
+    # The long ones first.
+    assert first.did == ["one_3", "one_2"]
+    second, told = _Worker(), []
+    assert do_units(_units(), store, second, 1, told.append) == 2
+    assert second.did == ["one_1", "one_0"]
+    assert told == [2, 1, 1]
+    assert do_units(_units(), store, _Worker(), 1) == 0
+    kept = store.figures(_units()[3])
+    assert kept is not None and kept["figures"] == {"number": 3}
+    assert store.arrays(_units()[3])["square"].tolist() == [0.0, 1.0, 2.0]
+    assert len(list((tmp_path / "units").iterdir())) == 8
+
+
+def test_what_has_changed_or_is_damaged_is_done_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, units = Store(tmp_path), _units()
+    do_units(units, store, _Worker(), 1)
+    units[0] = Unit("one_0", "run", load_scene("paper_x", ["beam.elements=4"]), units[0].options)
+    units[1] = Unit("one_1", "run", units[1].scene, {"number": 7})
+    (tmp_path / "one_2.json").write_text('{"key": ')
+    (tmp_path / "one_3.npz").unlink()
+    again = _Worker()
+    assert do_units(units, store, again, 1) == 4
+    assert do_units(units, store, again, 1) == 0
+    # Other kernels make other figures.
+    monkeypatch.setattr(units_module, "_kernels", lambda: "others")
+    assert do_units(units, store, again, 1) == 4
+
+
+def test_units_have_names_of_their_own_and_keys_that_last() -> None:
+    keys = {}
+    for quick in (False, True):
+        units = all_units(quick)
+        names = [unit.name for unit in units]
+        assert len(set(names)) == len(names)
+        keys[quick] = {unit.name: unit.key for unit in units if unit.kind == "run"}
+    assert {unit.kind for unit in units} == {"run", "onset", "variant", "modes", "map"}
+    assert keys[True] == {u.name: u.key for u in all_units(quick=True, only=("runs",))}
+    assert keys[True]["run_i"] != keys[False]["run_i"]
+
+
+def test_the_study_of_onsets_has_all_that_the_paper_varies() -> None:
+    played_ones = {
+        (u.options["elements"], u.options["panels"], u.options["stiffness"])
+        for u in onset_units()
+        for kind in LATERAL
+        if u.options["perturbation"] == kind and u.options["step"] == 0.01
+    }
+    assert len(played_ones) == 3 * 2 * 5
+    speeds = perturbed(9, 4, 5.0, "sloped").initial.velocities(perturbed(9, 4, 5.0, "sloped").beam)
+    places = np.arange(9) + 0.5
+    np.testing.assert_allclose(speeds[0][:, 1], (3.5 - places) * 1e-5, atol=1e-18)
+    np.testing.assert_allclose(speeds[1], -9e-5)
+
+
+# ---- measures ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rate", [0.1, 0.35])
+@pytest.mark.parametrize("start", [1e-3, 1e-9])
+def test_a_rate_is_found_again(rate: float, start: float) -> None:
+    time = np.linspace(0.0, 12.0 / rate, 3000)
+    angle = start * (np.cosh(rate * time) - 1.0) - 0.3 * start * np.sinh(rate * time)
+    found = fitted_rate(time, angle, 0.15)
+    assert found == pytest.approx(rate, rel=2e-3)
+    assert fitted_rate(time, 0.0 * angle, 0.15) is None
+
+
+def test_pairs_of_the_papers_times_need_these_rates() -> None:
+    # PHYSICS section 3: 0.81, 0.36, 0.35.
+    found = [
+        implied_rate(PAPER_TIMES[n, p, "epsilon"], PAPER_TIMES[n, p, "small"])
+        for n, p in ((3, 12), (9, 4), (27, 4))
+    ]
+    assert [round(one, 2) for one in found] == [0.81, 0.36, 0.35]
+
+
+def test_a_short_onset_is_kirchhoffs() -> None:
+    unit = next(one for one in onset_units() if one.name == "onset_small_3_12_5")
+    figures, _ = measure_onset(unit)
+    assert figures["time"] == pytest.approx(figures["expected"], rel=0.01)
+    assert figures["rate"] == pytest.approx(figures["kirchhoff"], rel=0.02)
+
+
+def test_frequencies_and_masses_are_those_that_are_known() -> None:
+    scene = load_scene("paper_i")
+    # PHYSICS section 4: 5.1 and 15.7 Hz.
+    first, second = natural_frequencies(scene, 2)
+    assert (round(first, 1), round(second, 1)) == (5.1, 15.7)
+    mass = rigid_mass(mass_matrix(Simulator(scene)))
+    assert mass.along == pytest.approx(0.31)
+    assert mass.across == pytest.approx(0.31 + 10.0 * math.pi / 4.0, rel=0.08)
+    assert growth_rate(mass, 0.1) == pytest.approx(0.1, rel=0.05)
+    assert growth_rate(mass, 0.2) == pytest.approx(2.0 * growth_rate(mass, 0.1))
+    assert bending_orders(scene)["order"] == pytest.approx(2.0, abs=0.05)
+
+
+def test_halved_turning_weighs_less_in_turning_alone() -> None:
+    scene = of_variant(load_scene("paper_x"), "halved")
+    whole = rigid_mass(mass_matrix(Simulator(scene)))
+    halved = rigid_mass(mass_matrix(with_halved_turning(scene)))
+    assert halved.across == pytest.approx(whole.across)
+    assert 0.5 * whole.inertia < halved.inertia < 0.97 * whole.inertia
+
+
+def test_moments_and_forces_balance_on_every_element() -> None:
+    """Without a fluid: I theta'' = M_front - M_behind + dl/2 n.(F_front + F_behind)."""
+    scene = load_scene(
+        "paper_i",
+        {
+            "fluid": None,
+            "internal_forces": {},
+            "beam.rotary_inertia": 1e-3,
+            "beam.bending_stiffness": 0.5,
+            "damping.retardation_time": 0.002,
+            "actuation.amplitude": 0.2,
+            "integrator.time_step": 2e-4,
+            "episode.duration": 0.4,
+        },
+    )
+    run = played(Simulator(scene))
+    assert run.internal_forces is not None
+    dl, step = scene.beam.element_length, scene.integrator.time_step
+    total = joint_moments(run)["total"]
+    # A joint's moment turns what is behind it; both are means around the instant of the forces.
+    at_node = 0.5 * (total[:-1] + total[1:])
+    moments = np.pad(at_node, ((0, 0), (1, 1)))
+    forces = np.pad(run.internal_forces[1:], ((0, 0), (1, 1), (0, 0)))
+    angles = run.angles[1:-1]
+    normals = np.stack([-np.sin(angles), np.cos(angles)], axis=-1)
+    # What is behind a joint pulls at what is in front of it by F.
+    arms = 0.5 * dl * (normals * (forces[:, 1:] + forces[:, :-1])).sum(axis=-1)
+    turning = moments[:, :-1] - moments[:, 1:] + arms
+    second = np.diff(run.angles, n=2, axis=0) / step**2
+    error = np.abs(dl * 1e-3 * second - turning)[5:].max()
+    assert error < 0.02 * np.abs(total).max(), f"off by {error:.2g} N m"
+    axial, shear = internal_forces(run)
+    np.testing.assert_allclose(
+        np.hypot(axial, shear), np.linalg.norm(run.internal_forces[1:], axis=-1), atol=1e-12
+    )
+
+
+def test_figures_of_a_run_are_means_over_seconds() -> None:
+    run = played(Simulator(load_scene("paper_x", {"episode.duration": 3.0})))
+    found = run_figures(run)
+    assert len(found["path"]) == 3 and len(found["angle"]) == 4
+    assert found["displacement"][0] == pytest.approx(0.2, rel=1e-3)
+    assert found["speed"] == pytest.approx(0.1, rel=1e-3)
+    assert found["left"] is None and found["end"] == ""
+    kept = momentum_figures(run)
+    assert 0.0 < kept["drift"] < 1e-12 and kept["share"] < 1.0
+
+
+def test_points_of_a_map_are_verified_or_not() -> None:
+    good = {
+        "speed": 0.01,
+        "coarse": 0.0105,
+        "panels": None,
+        "checked": False,
+        "bend": 0.1,
+        "trusted": True,
+    }
+    assert is_verified(good)
+    for change in (
+        {"speed": None},
+        {"coarse": None},
+        {"coarse": 0.012},
+        {"trusted": False},
+        {"bend": 2.0 * LARGEST_BEND},
+        {"checked": True},
+        {"checked": True, "panels": -0.01},
+    ):
+        assert not is_verified({**good, **change}), change
+    assert is_verified({**good, "checked": True, "panels": 0.0101, "bend": 2.0 * LARGEST_BEND})
+
+
+# ---- the command -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--workers", "0"], "--workers must be at least 1, got 0"),
+        (["--only", "runs", "figures"], "--only must be among runs, onset, variants, modes, maps"),
+    ],
+)
+def test_bad_options_are_one_clear_error(
+    options: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(main, [*options, "--output", str(tmp_path / "out")]) == BAD_INPUT
+    error = capsys.readouterr().err
+    assert error.startswith("error: ") and message in error and error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_command_makes_a_page_of_its_files_and_of_nothing_else(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "out"
+    options = ["--quick", "--only", "modes", "--workers", "2", "--output", str(folder), "--json"]
+    assert run(main, options) == 0
+    told = capsys.readouterr()
+    assert "12 of 12 units" in told.err
+    assert json.loads(told.out)["verdicts"]["order"]["verdict"] == AGREE
+    page = (tmp_path / "out.md").read_text(encoding="utf-8")
+    assert "order 2.01" in page
+    # A file says something else, and so does the page; nothing is done anew.
+    file = folder / "units" / "modes_i.json"
+    kept = json.loads(file.read_text(encoding="utf-8"))
+    kept["figures"]["orders"]["order"] = 1.23
+    file.write_text(json.dumps(kept), encoding="utf-8")
+    assert run(main, options) == 0
+    told = capsys.readouterr()
+    assert "0 of 12 units" in told.err
+    assert json.loads(told.out)["verdicts"]["order"]["verdict"] == DIFFER
+    assert "order 1.23" in (tmp_path / "out.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_the_quick_command_from_end_to_end(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "quick"
+    assert run(main, ["--quick", "--output", str(folder), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["done"] == found["units"] == len(all_units(quick=True))
+    assert found["verdicts"]["equilibrium"]["verdict"] == AGREE
+    pictures = {path.stem for path in folder.glob("*.png")}
+    assert pictures >= {f"fig{n}" for n in range(3, 9)} | {"maps", "onset", "variants", "internal"}
+    page = (tmp_path / "quick.md").read_text(encoding="utf-8")
+    for name in pictures:
+        assert f"(quick/{name}.png)" in page
+
+
+# ---- what is kept ------------------------------------------------------------------------------
+
+
+def test_the_kept_page_is_made_of_the_kept_files(monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = ROOT / "docs" / "paper"
+
+    def kept(self: Store, unit: Unit) -> Figures | None:
+        # Whatever the kernels are by now: this is about the page and its files.
+        file = self.folder / f"{unit.name}.json"
+        found: Figures | None = json.loads(file.read_text(encoding="utf-8"))
+        return found
+
+    monkeypatch.setattr(Store, "figures", kept)
+    units = all_units()
+    data = collect(units, Store(folder / "units"))
+    assert data["done"] == data["units"] == len(units)
+    pictures = {path.stem: f"paper/{path.name}" for path in folder.glob("*.png")}
+    page = make_page(data, pictures, "scripts/reproduce_paper.py")
+    assert page == (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
+    stored = json.loads((folder / "verdicts.json").read_text(encoding="utf-8"))
+    assert {key: one["verdict"] for key, one in stored["verdicts"].items()} == verdicts(data)
+
+
+def test_a_book_of_nothing_can_be_written(tmp_path: Path) -> None:
+    summary = write_book(tmp_path / "none", [], Store(tmp_path / "units"), "a test")
+    assert summary["counts"] == {NOT_MEASURED: len(STATEMENTS)}
+    assert (tmp_path / "none.md").exists()
