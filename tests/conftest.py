@@ -6,8 +6,12 @@ import pytest
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Compile the kernels before parallel workers start, so that they do not all do it."""
-    if not hasattr(config, "workerinput") and not config.option.collectonly:
+    """Load the kernels before any test calls one; the first process compiles them for all workers.
+
+    Their bits hang on the order in which they are loaded: a test that called one by itself, and
+    happened to be its worker's first, would change those of all that follow.
+    """
+    if not config.option.collectonly:
         from swim_env.assessment import load_assessment
 
         load_assessment()

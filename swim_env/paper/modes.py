@@ -6,6 +6,7 @@ simulator gives column by column: the momenta of unit velocities.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh, expm
+from scipy.optimize import brentq
 
 from swim_env.scene import Scene
 from swim_env.simulator import Simulator
@@ -23,6 +25,7 @@ __all__ = [
     "mass_matrix",
     "natural_frequencies",
     "onset_by_kirchhoff",
+    "rate_for_onset",
     "rigid_mass",
 ]
 
@@ -212,3 +215,28 @@ def bending_orders(scene: Scene) -> dict[str, Any]:
         "errors": errors,
         "order": math.log2(errors[-2] / errors[-1]),
     }
+
+
+def rate_for_onset(
+    mass: RigidMass, speed: float, lateral: float, length: float, share: float, time: float
+) -> float:
+    """Return the growth rate (1/s) with which a rigid straight body is off its line at a time.
+
+    The masses are kept, and the rotary inertia is what it would have to be.
+
+    Parameters
+    ----------
+    mass : RigidMass
+        Of body and fluid.
+    speed, lateral, length, share
+        As in `onset_by_kirchhoff`, of a start that does not turn.
+    time : float
+        When it is off its line (s).
+    """
+
+    def late(factor: float) -> float:
+        other = dataclasses.replace(mass, inertia=factor * mass.inertia)
+        return onset_by_kirchhoff(other, speed, lateral, 0.0, length, share) - time
+
+    factor = brentq(late, 1e-4, 1.0, xtol=1e-9)
+    return growth_rate(dataclasses.replace(mass, inertia=factor * mass.inertia), speed)
