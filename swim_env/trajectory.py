@@ -162,6 +162,7 @@ class Trajectory:
         """
         steps = self.steps
         speed = float(np.hypot(*self.displacement)) / self.duration if steps else 0.0
+        warnings = self.warnings()
         return {
             "scene": self.scene.name,
             "duration": self.duration,
@@ -174,8 +175,8 @@ class Trajectory:
             "dissipated": float(self.dissipated.sum()),
             "energy_drift": self.energy_drift,
             "energy_tolerance": self.scene.integrator.energy_tolerance,
-            "trusted": not self.warnings(),
-            "warnings": self.warnings(),
+            "trusted": not warnings,
+            "warnings": warnings,
             "momentum_drift": momentum_drift(self.momentum, self.impulse),
             "max_residual": float(self.residual.max(initial=0.0)),
             "newton_iterations_mean": float(self.iterations.mean()) if steps else 0.0,

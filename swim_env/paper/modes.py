@@ -1,148 +1,24 @@
-"""The straight body: its masses as one rigid body, its natural frequencies, Kirchhoff's rate.
-
-All of them come from the mass matrix of the discrete body at rest and straight, which the
-simulator gives column by column: the momenta of unit velocities.
-"""
+"""The straight body's natural frequencies, in its fluid and alone."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh, expm
-from scipy.optimize import brentq
+from scipy.linalg import eigh
 
+from swim_env.kirchhoff import mass_matrix, rigid_mass
 from swim_env.scene import Scene
 from swim_env.simulator import Simulator
 
-__all__ = [
-    "RigidMass",
-    "growth_rate",
-    "mass_matrix",
-    "natural_frequencies",
-    "onset_by_kirchhoff",
-    "rate_for_onset",
-    "rigid_mass",
-]
+__all__ = ["bending_orders", "modes_figures", "natural_frequencies"]
 
 Array = NDArray[np.float64]
 
 #: beta l of a free-free beam's first bending modes (Rayleigh).
 FREE_FREE = (4.730041, 7.853205, 10.995608)
-
-
-@dataclass(frozen=True)
-class RigidMass:
-    """What a straight body weighs with the fluid around it, as one rigid body.
-
-    Attributes
-    ----------
-    along, across : float
-        m11 and m22 (kg).
-    inertia : float
-        About the centre, I (kg m^2).
-    coupling : float
-        g between moving across and turning (kg m).
-    """
-
-    along: float
-    across: float
-    inertia: float
-    coupling: float
-
-
-def mass_matrix(simulator: Simulator) -> Array:
-    """Return the straight body's mass matrix, by the velocities of `Simulator.velocity`.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        Is put back to its start.
-
-    Returns
-    -------
-    (N + 2, N + 2) array
-        Momenta (kg m/s, kg m^2/s) of unit velocities (m/s, rad/s).
-    """
-    n = simulator.elements + 2
-    columns = []
-    for unit in np.eye(n):
-        simulator.reset_to(np.zeros(n), unit)
-        columns.append(np.frombuffer(simulator.snapshot().state)[n : 2 * n].copy())
-    simulator.reset()
-    matrix = np.array(columns)
-    return 0.5 * (matrix + matrix.T)
-
-
-def rigid_mass(matrix: Array) -> RigidMass:
-    """Return a straight body's masses as one rigid body, from its `mass_matrix`."""
-    motions = np.zeros((3, len(matrix)))
-    motions[0, 0] = motions[1, 1] = 1.0
-    motions[2, 2:] = 1.0
-    found = motions @ matrix @ motions.T
-    return RigidMass(*(float(found[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (1, 2))))
-
-
-def growth_rate(mass: RigidMass, speed: float) -> float:
-    """Return Kirchhoff's rate (1/s) at which a stiff straight body leaves its line.
-
-    lambda^2 = U^2 m11 (m22 - m11)/(m22 I - g^2), from Kirchhoff's equations linearised about
-    motion along the body (Lamb, Hydrodynamics, ch. 6); not a number where that is negative.
-
-    Parameters
-    ----------
-    mass : RigidMass
-        Of body and fluid.
-    speed : float
-        U (m/s).
-    """
-    square = mass.along * (mass.across - mass.along)
-    square /= mass.across * mass.inertia - mass.coupling**2
-    return speed * math.sqrt(square) if square >= 0.0 else math.nan
-
-
-def onset_by_kirchhoff(
-    mass: RigidMass, speed: float, lateral: float, turning: float, length: float, share: float
-) -> float:
-    """Return when an end of a rigid straight body is off its line, by the linear equations.
-
-    Parameters
-    ----------
-    mass : RigidMass
-        Of body and fluid.
-    speed, lateral : float
-        Velocity of the centre along and across the body (m/s).
-    turning : float
-        Turning rate (rad/s).
-    length : float
-        l (m).
-    share : float
-        How far an end has to be away from its first y, as a share of the length.
-
-    Returns
-    -------
-    float
-        Time (s), infinite where it does not happen within 1000 s.
-    """
-    # (y, theta, v, omega): y' = v + U theta, theta' = omega; Kirchhoff's equations for v and omega.
-    system = np.zeros((4, 4))
-    system[0, 1], system[0, 2], system[1, 3] = speed, 1.0, 1.0
-    inertia = np.array([[mass.across, mass.coupling], [mass.coupling, mass.inertia]])
-    forces = -speed * np.array([[0.0, mass.along], [mass.across - mass.along, mass.coupling]])
-    system[2:, 2:] = np.linalg.solve(inertia, forces)
-    start = np.array([0.0, 0.0, lateral, turning])
-    ends = np.array([[1.0, 0.5 * length, 0.0, 0.0], [1.0, -0.5 * length, 0.0, 0.0]])
-    step = 0.01
-    once, state = expm(system * step), start
-    for n in range(1, 100_001):
-        state = once @ state
-        if np.abs(ends @ state).max() > share * length:
-            return n * step
-    return math.inf
 
 
 def natural_frequencies(scene: Scene, count: int = 3) -> list[float]:
@@ -155,8 +31,11 @@ def natural_frequencies(scene: Scene, count: int = 3) -> list[float]:
     count : int
         How many; fewer come back where there are fewer joints.
     """
-    simulator = Simulator(scene)
-    matrix = mass_matrix(simulator)
+    return _frequencies(scene, mass_matrix(Simulator(scene)))[:count]
+
+
+def _frequencies(scene: Scene, matrix: Array) -> list[float]:
+    """Return all bending frequencies (Hz) of the straight body with this mass matrix."""
     beam = scene.beam
     spring = beam.stiffness_at_joints() / beam.element_length
     bend = np.diff(np.eye(beam.elements), axis=0)
@@ -164,7 +43,7 @@ def natural_frequencies(scene: Scene, count: int = 3) -> list[float]:
     stiffness[2:, 2:] = bend.T @ (spring[:, None] * bend)
     squares = eigh(stiffness, matrix, eigvals_only=True)
     # The first three are the rigid motions.
-    found = np.sqrt(np.maximum(squares[3 : 3 + count], 0.0)) / (2.0 * math.pi)
+    found = np.sqrt(np.maximum(squares[3:], 0.0)) / (2.0 * math.pi)
     return [float(one) for one in found]
 
 
@@ -177,8 +56,9 @@ def modes_figures(scene: Scene) -> dict[str, Any]:
         ``frequencies`` (Hz) and ``highest`` of them, ``along``, ``across`` (kg), ``inertia``
         (kg m^2) and ``coupling`` (kg m).
     """
-    frequencies = natural_frequencies(scene, scene.beam.elements - 1)
-    mass = rigid_mass(mass_matrix(Simulator(scene)))
+    matrix = mass_matrix(Simulator(scene))
+    frequencies = _frequencies(scene, matrix)
+    mass = rigid_mass(matrix)
     return {
         "frequencies": frequencies[:3],
         "highest": frequencies[-1],
@@ -215,28 +95,3 @@ def bending_orders(scene: Scene) -> dict[str, Any]:
         "errors": errors,
         "order": math.log2(errors[-2] / errors[-1]),
     }
-
-
-def rate_for_onset(
-    mass: RigidMass, speed: float, lateral: float, length: float, share: float, time: float
-) -> float:
-    """Return the growth rate (1/s) with which a rigid straight body is off its line at a time.
-
-    The masses are kept, and the rotary inertia is what it would have to be.
-
-    Parameters
-    ----------
-    mass : RigidMass
-        Of body and fluid.
-    speed, lateral, length, share
-        As in `onset_by_kirchhoff`, of a start that does not turn.
-    time : float
-        When it is off its line (s).
-    """
-
-    def late(factor: float) -> float:
-        other = dataclasses.replace(mass, inertia=factor * mass.inertia)
-        return onset_by_kirchhoff(other, speed, lateral, 0.0, length, share) - time
-
-    factor = brentq(late, 1e-4, 1.0, xtol=1e-9)
-    return growth_rate(dataclasses.replace(mass, inertia=factor * mass.inertia), speed)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from swim_env.paper.modes import growth_rate, mass_matrix, onset_by_kirchhoff, rigid_mass
+from swim_env.kirchhoff import growth_rate, mass_matrix, onset_by_kirchhoff, rigid_mass
 from swim_env.paper.runs import LEFT_LINE
 from swim_env.paper.units import Arrays, Figures, Unit
 from swim_env.scene import Scene, load_scene

@@ -7,9 +7,9 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from swim_env.kirchhoff import RigidMass, rate_for_onset
 from swim_env.paper.charts import STARTS
 from swim_env.paper.maps import AGREEMENT, LARGEST_BEND, SMALLEST, is_verified
-from swim_env.paper.modes import RigidMass, rate_for_onset
 from swim_env.paper.onset import PAPER_TIMES, STIFFNESS, implied_rate
 from swim_env.paper.runs import NUMERALS, bar_of, bar_text, number_text
 from swim_env.paper.statements import (

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import SimulationEndedError
-from swim_env.paper.modes import growth_rate, mass_matrix, rigid_mass
+from swim_env.kirchhoff import growth_rate, mass_matrix, rigid_mass
 from swim_env.paper.onset import SPEED
 from swim_env.paper.runs import NUMERALS, guess, played, run_figures
 from swim_env.paper.units import Arrays, Figures, Unit

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
+from swim_env.kirchhoff import growth_rate, mass_matrix, rigid_mass
 from swim_env.scene import load_scene
 from swim_env.simulator import Simulator
 
@@ -67,10 +68,9 @@ def measure_onset(elements: int, stiffness: float) -> Onset:
         EI (N m^2).
     """
     simulator = _simulator(elements, stiffness, _LATERAL)
-    along, across, inertia, coupling = _rigid_mass(simulator)
-    simulator.reset()
-    rate = _SPEED * np.sqrt(along * (across - along) / (across * inertia - coupling**2))
-    amplitude = across * _LATERAL / (along * _SPEED)
+    mass = rigid_mass(mass_matrix(simulator))
+    rate = growth_rate(mass, _SPEED)
+    amplitude = mass.across * _LATERAL / (mass.along * _SPEED)
     steps = round(_WATCHED / simulator.time_step)
     trajectory = simulator.rollout(np.zeros((steps, elements - 1)))
     angle = trajectory.angles.mean(axis=1)
@@ -86,7 +86,7 @@ def measure_onset(elements: int, stiffness: float) -> Onset:
         other = _simulator(elements, stiffness, lateral)
         run = other.rollout(np.zeros((round(60.0 / other.time_step), elements - 1)))
         left.append(float(np.abs(run.angles[-1]).max()))
-    return Onset(elements, stiffness, float(fit.x[0]), float(rate), *left)
+    return Onset(elements, stiffness, float(fit.x[0]), rate, *left)
 
 
 def _simulator(elements: int, stiffness: float, lateral: float) -> Simulator:
@@ -101,16 +101,3 @@ def _simulator(elements: int, stiffness: float, lateral: float) -> Simulator:
             },
         )
     )
-
-
-def _rigid_mass(simulator: Simulator) -> tuple[float, float, float, float]:
-    """Return m11, m22 (kg), the inertia about the centre (kg m^2) and the coupling (kg m)."""
-    n = simulator.elements + 2
-    momenta = []
-    for motion in range(3):
-        velocity = np.zeros(n)
-        velocity[motion:] = 1.0 if motion == 2 else 0.0
-        velocity[motion] = 1.0
-        simulator.reset_to(np.zeros(n), velocity)
-        momenta.append(simulator.momentum())
-    return momenta[0][0], momenta[1][1], momenta[2][2], momenta[2][1]

@@ -14,20 +14,19 @@ import pytest
 from scripts.reproduce_paper import main
 from swim_env import load_scene
 from swim_env.command_line import BAD_INPUT, run
-from swim_env.paper import units as units_module
-from swim_env.paper.book import write_book
-from swim_env.paper.constants import internal_forces, joint_moments, momentum_figures
-from swim_env.paper.maps import LARGEST_BEND, is_verified
-from swim_env.paper.modes import (
+from swim_env.kirchhoff import (
     RigidMass,
-    bending_orders,
     growth_rate,
     mass_matrix,
-    natural_frequencies,
     onset_by_kirchhoff,
     rate_for_onset,
     rigid_mass,
 )
+from swim_env.paper import units as units_module
+from swim_env.paper.book import write_book
+from swim_env.paper.constants import internal_forces, joint_moments, momentum_figures
+from swim_env.paper.maps import LARGEST_BEND, is_verified
+from swim_env.paper.modes import bending_orders, natural_frequencies
 from swim_env.paper.onset import (
     LATERAL,
     PAPER_TIMES,
