@@ -99,7 +99,7 @@ FIGURES = (
 ACTIONS_TAKEN, END_CODE, TIME_IS_UP = range(3)
 
 #: Code of the end that a task brings about itself, beside those of the physics.
-REACHED = 10
+REACHED = 9
 
 
 def observation_size(elements: int, goal_is_point: bool) -> int:

@@ -47,7 +47,7 @@ Indices = NDArray[np.int64]
 #: Bytes.
 _CACHE_LINE = 64
 #: Time that an outer step may take before it ends unsolved (s), by rough figures of the costs.
-_LONGEST_STEP = 0.3
+_LONGEST_STEP = 0.5
 
 
 class Bodies:
@@ -355,25 +355,25 @@ def _fluid_terms(fluid: Fluid | None, geometry: FluidGeometry) -> Array:
     return made(geometry, fluid.density)
 
 
-def _costs(scene: Scene) -> tuple[float, float]:
-    """Return what evaluating a residual and weighing a shape take of the effort of a step.
+def _costs(scene: Scene) -> tuple[float, float, float]:
+    """Return what a residual, an added mass and a matrix take of the effort of a step.
 
-    A step may take about half a second, and a dozen solutions where these take longer. The times
-    are rough (s on a core of 2023), and hang on sizes alone, so that results do not depend on the
+    A step may take about half a second, and four solutions where these take longer. The times are
+    rough (s on a core of 2023), and hang on sizes alone, so that results do not depend on the
     machine.
     """
     elements, fluid = scene.beam.elements, scene.fluid
-    evaluating = 3e-6 + 1e-8 * elements**2
-    weighing = 1e-5 + 1e-7 * elements**2
+    evaluating = 3e-7 + 5e-8 * elements
+    weighing = 0.0
+    matrix = 1e-6 + 2e-8 * elements**2 + 8e-10 * elements**3
+    if fluid is not None and fluid.present:
+        evaluating += 2e-9 * elements**2
     if fluid is not None and fluid.model in ("panels", "centreline"):
         panels = elements * fluid.panels_per_element + 2 * fluid.panels_per_end(scene.beam)
-        evaluating += 3e-9 * panels**2
-        weighing += 1.2e-10 * panels**3
+        evaluating += 2.5e-9 * panels**2
+        weighing += 1e-8 * panels**2 + 1.2e-10 * panels**3
     elif fluid is not None and fluid.model == "expansion":
-        tensor = 1e-9 * elements**4
+        tensor = 5e-10 * elements**4
         evaluating, weighing = evaluating + tensor, weighing + tensor
-    if scene.integrator.scheme == "composed":
-        # In the second half of a step every evaluation weighs a shape.
-        evaluating += 0.5 * weighing
-    budget = max(_LONGEST_STEP, 12.0 * (weighing + 4.0 * evaluating))
-    return evaluating / budget, weighing / budget
+    budget = max(_LONGEST_STEP, 4.0 * (weighing + matrix + 4.0 * evaluating))
+    return evaluating / budget, weighing / budget, matrix / budget

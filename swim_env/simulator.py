@@ -265,7 +265,8 @@ class Simulator:
         TorqueError
             If the torques are not N - 1 finite numbers; the state is as before.
         SimulationEndedError
-            If the step cannot be taken; the state is the last one that was reached.
+            If the step cannot be taken, or was the last one that may be (``energy_unexplained``);
+            the state is the last one that was reached.
         """
         held = self._checked(torques, 1)
         self._refuse_after_end()

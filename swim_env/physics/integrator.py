@@ -136,6 +136,8 @@ _MOST_ITERATIONS = 20
 _MOST_SHORTENINGS = 8
 #: A residual within this multiple of the rounding of its terms counts as met.
 ROUND_OFF_MARGIN = 32.0
+#: But not one that is larger than this and than the tolerance.
+_LARGEST_ROUND_OFF = 1e-6
 
 # Passes of corrections with one matrix and the shape force held, and corrections in one of them.
 # Each at least halves the correction. The first pass ends where the residual has fallen by this
@@ -187,8 +189,9 @@ class SolverConstants(NamedTuple):
         dt (s).
     tolerance : float
         Largest scaled residual accepted.
-    evaluation_cost, weighing_cost : float
-        What an evaluation of the residual and one of the added mass take, as shares of the effort
+    evaluation_cost, weighing_cost, matrix_cost : float
+        What an evaluation of the residual, one of the added mass, and a matrix of N + 2 rows with
+        its factors take, as shares of the effort
         that an outer step may take before it ends unsolved. They hang on sizes alone, not on a
         clock, so that results do not depend on the machine; 0 for no bound.
     composed : bool
@@ -203,6 +206,7 @@ class SolverConstants(NamedTuple):
     tolerance: float
     evaluation_cost: float = 0.0
     weighing_cost: float = 0.0
+    matrix_cost: float = 0.0
     composed: bool = False
     forces: bool = False
     energy_tolerance: float = np.inf
@@ -220,7 +224,8 @@ def pack_constants(
     reals += [geometry.half_thickness, fluid.density, solver.time_step, solver.tolerance]
     reals += [beam.contact_radius, fluid.drag, fluid.stream_x, fluid.stream_y]
     reals += [beam.smallest_momentum, beam.smallest_spin]
-    reals += [solver.evaluation_cost, solver.weighing_cost, solver.energy_tolerance]
+    reals += [solver.evaluation_cost, solver.weighing_cost, solver.matrix_cost]
+    reals += [solver.energy_tolerance]
     integers = [beam.elements, geometry.side_panels, geometry.cap_panels]
     integers += [fluid.model, int(fluid.axial), int(solver.composed)]
     integers += [int(beam.strain_of_angles), int(beam.elastic), int(solver.forces)]
@@ -238,7 +243,7 @@ def unpack_constants(
     side_panels = integers[1]
     cap_panels = integers[2]
     model = integers[3]
-    first = 16
+    first = 17
     last = first + elements - 1
     beam = BeamConstants(
         elements,
@@ -270,9 +275,10 @@ def unpack_constants(
         reals[6],
         reals[13],
         reals[14],
+        reals[15],
         integers[5] == 1,
         integers[8] == 1,
-        reals[15],
+        reals[16],
     )
     return beam, fluid, solver
 
@@ -416,6 +422,7 @@ def prepare(
         status = _find_added_mass(q[3:], fluid, fluid_work, w)
         if status != FINE:
             return status
+        w.effort[0] += w.effort[3]
         mass_matrix(beam, fluid, fluid_work, w)
         if not cholesky(w.mass):
             return MASS_NOT_POSITIVE
@@ -531,6 +538,7 @@ def _newton_in_passes(
         return True
     # The mass knows nothing of drag.
     if fluid.drag > 0.0 or _turns_beyond(z, _SMALL_TURN):
+        w.effort[0] += w.effort[3]
         step_jacobian(h, beam, fluid, m.fluid_work, 0.0, w)
     else:
         pose_jacobian(h, beam, w)
@@ -609,11 +617,12 @@ def _newton(
     renew = True
     size = 0.0
     for _ in range(_MOST_ITERATIONS):
-        if w.effort[0] > 1.0:
-            return False
         if renew:
-            if difference > 0.0:
+            w.effort[0] += w.effort[3]
+            if difference > 0.0 and w.adjoint[0] == 0.0 and hangs_on_shape(fluid):
                 w.effort[0] += z.size * w.effort[1]
+            if w.effort[0] > 1.0:
+                return False
             # Here the last evaluation was that of z.
             step_jacobian(h, beam, fluid, m.fluid_work, difference, w)
             if not lu_factor(w.jacobian, m.permutation):
@@ -627,6 +636,8 @@ def _newton(
         accepted = False
         new_size = np.inf
         for _ in range(_MOST_SHORTENINGS):
+            if w.effort[0] > 1.0:
+                return False
             for i in range(z.size):
                 trial[i] = z[i] + length * direction[i]
             if not _turns_beyond(trial, TRUSTED_TURN):
@@ -643,7 +654,8 @@ def _newton(
                 if new_size <= (1.0 - 0.25 * length) * size:
                     accepted = True
                     break
-                if norm <= ROUND_OFF_MARGIN * round_off_floor(w):
+                largest = max(solver.tolerance, _LARGEST_ROUND_OFF)
+                if norm <= min(ROUND_OFF_MARGIN * round_off_floor(w), largest):
                     # Rounding keeps the residual from falling further: this is as exact as it
                     # gets.
                     copy(trial, z)
@@ -843,7 +855,8 @@ def _keep_budget(counters: Array, record: Array) -> None:
     counters[EXPLAINED] += record[WORK] - record[DISSIPATED]
     counters[LARGEST] = max(counters[LARGEST], record[ENERGY])
     gap = abs(record[ENERGY] - counters[EXPLAINED])
-    counters[UNEXPLAINED] = max(counters[UNEXPLAINED], gap)
+    if not gap <= counters[UNEXPLAINED]:
+        counters[UNEXPLAINED] = gap if gap == gap else np.inf
 
 
 @inlined
@@ -866,7 +879,6 @@ def _outer_step(
     record[:] = 0.0
     report = w.report
     report[:] = 0.0
-    w.effort[0] = 0.0
     copy(m.q, u[SAVED_Q])
     copy(m.p, u[SAVED_P])
     u[TOTAL] = 0.0
@@ -874,6 +886,7 @@ def _outer_step(
         _begin_forces(m)
     status = FINE
     second = False
+    begun = False
     while True:
         if not second:
             # A pose that cannot be weighed is not handed out: the run ends at the one before. The
@@ -881,6 +894,10 @@ def _outer_step(
             status = prepare(m.q, m.p, beam, fluid, m.fluid_work, w)
             if status != FINE or done == whole:
                 break
+            if not begun:
+                # What the first pose takes hangs on what the work space remembers.
+                w.effort[0] = 0.0
+                begun = True
         h = solver.time_step * (part / whole)
         if solver.composed:
             h *= 0.5
@@ -1025,6 +1042,7 @@ def advance(
         m = member_views(states[member], beam, fluid, floats[member], integers[member])
         m.step.effort[1] = solver.evaluation_cost
         m.step.effort[2] = solver.weighing_cost
+        m.step.effort[3] = solver.matrix_cost
         steps = torques.shape[1] * hold
         taken = 0
         status = FINE

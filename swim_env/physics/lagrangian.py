@@ -179,9 +179,9 @@ class StepArrays(NamedTuple):
         1 where the mean momenta of the step before are known.
     shape_status : (1,) array
         Why the last shape at the end of an adjoint step could not be weighed, 0 where it could.
-    effort : (3,) array
+    effort : (4,) array
         Share of the effort that an outer step may take that was spent, and what an evaluation of
-        the residual and of an added mass add to it.
+        the residual, one of an added mass, and a matrix of N + 2 rows add to it.
     """
 
     elements: Array
@@ -211,7 +211,7 @@ def step_array_size(elements: int, motions: int) -> int:
         + _ELEMENT_ROWS * elements
         + _UNKNOWN_ROWS * n
         + 3 * n * n
-        + 10
+        + 11
         + _RECORD
     )
 

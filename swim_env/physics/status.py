@@ -15,7 +15,8 @@ TERMINATION_REASONS: dict[int, str] = {
     6: "turn_too_large",
     7: "state_not_finite",
     8: "self_contact",
-    9: "energy_unexplained",
+    # 9 is the task's own: target_reached.
+    10: "energy_unexplained",
 }
 
 FINE = 0
@@ -27,7 +28,7 @@ STEP_NOT_SOLVED = 5
 TURN_TOO_LARGE = 6
 STATE_NOT_FINITE = 7
 SELF_CONTACT = 8
-ENERGY_UNEXPLAINED = 9
+ENERGY_UNEXPLAINED = 10
 
 _MEANING = {
     "outline_degenerate": (
@@ -48,7 +49,7 @@ _MEANING = {
     ),
     "step_not_solved": (
         "the step equations could not be solved, however short a part of the step was tried, or "
-        "not within the effort of about a second that a step may take"
+        "not within the effort of half a second that a step may take"
     ),
     "turn_too_large": (
         "an element or a joint turns by more than 0.5 rad in however short a part of a step"

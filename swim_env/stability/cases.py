@@ -52,6 +52,8 @@ def resonance() -> Iterator[HardRun]:
                     60.0,
                     must_last=retardation is not None,
                     compared=True,
+                    # Next to the resonance itself, and the finer the step the closer to it.
+                    flagged=abs(frequency - 5.0) < (0.3 if step > 0.005 else 0.26),
                 )
 
 
@@ -76,6 +78,30 @@ def violent() -> Iterator[HardRun]:
                     drive,
                     compared=True,
                 )
+    # Where a solution takes long, one that fails may take too long.
+    for elements, model, panels in (
+        (27, "panels", 4),
+        (27, "expansion", 4),
+        (81, "panels", 4),
+        (81, "panels", 12),
+        (161, "panels", 4),
+        (161, "frozen", 4),
+        (161, "none", 4),
+    ):
+        for scheme in ("paper", "composed"):
+            scene = _scene(
+                beam__elements=elements,
+                fluid__model=model,
+                fluid__panels_per_element=panels,
+                integrator__scheme=scheme,
+            )
+            yield HardRun(
+                "violent torques",
+                f"white noise, 60 times the limit, N = {elements}, {model} {panels}, {scheme}",
+                scene,
+                0.05,
+                WhiteNoise(60.0, 1, 0.005),
+            )
 
 
 def stiff() -> Iterator[HardRun]:
@@ -144,6 +170,8 @@ def body_mass() -> Iterator[HardRun]:
                 20.0,
                 must_last=retardation is not None,
                 compared=True,
+                # Next to no inertia along the body.
+                flagged=power <= -5,
             )
 
 
@@ -235,6 +263,7 @@ def long_runs() -> Iterator[HardRun]:
                 scene,
                 1e6 * scene.integrator.time_step,
                 must_last=retardation is not None,
+                steady=retardation is None and drive == "passive",
             )
 
 

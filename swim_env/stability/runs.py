@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from swim_env.bodies import Bodies, minimal_start, scene_constants
 from swim_env.errors import SimulationEndedError
-from swim_env.physics.integrator import LARGEST_TURN, RECORD_NAMES
+from swim_env.physics.integrator import LARGEST_TURN, RECORD_NAMES, energy_drift_of
 from swim_env.physics.invariants import momentum_map
 from swim_env.physics.status import TERMINATION_REASONS
 from swim_env.scene import Scene
@@ -35,7 +35,11 @@ LONGEST_STEP = 1.0
 _AGREEMENT = 0.05
 #: Runs of more steps than this are watched in blocks of _BLOCK steps, the others step by step.
 _MANY, _BLOCK = 20_000, 1000
+#: Momentum that counts as none (kg m/s).
+_NOTHING = 1e-300
 _COLUMN = {name: i for i, name in enumerate(RECORD_NAMES)}
+#: Largest residual that is taken where rounding keeps it from falling.
+_LARGEST_ROUND_OFF = 1e-6
 #: What rounding may add to the momentum in a step, as a share of its terms.
 _ROUND_OFF = 1e-15
 
@@ -70,6 +74,12 @@ class HardRun:
         Whether it is played at half the step as well, to see if its displacement may be claimed.
     velocity : (N + 2,) array, optional
         Velocity of the mean centre (m/s) and turning rates (rad/s) instead of the scene's.
+    flagged : bool
+        Whether it is known that its energy is not explained, of a run that must last: others that
+        do fail.
+    steady : bool
+        Whether the mean energy of the last quarter has to be that of the first within 3 %
+        (docs/physics.md), for passive bodies without losses.
     """
 
     case: str
@@ -80,6 +90,8 @@ class HardRun:
     must_last: bool = False
     compared: bool = False
     velocity: Array | None = None
+    flagged: bool = False
+    steady: bool = False
 
 
 @dataclass
@@ -98,9 +110,11 @@ class Verdict:
         Largest scaled residual that was met, of steps that rounding did not stop.
     at_round_off : int
         Steps at which rounding kept the residual above the tolerance.
+    rounded : float
+        Largest residual of these.
     momentum : float
-        Largest drift of the momentum as a share of its bound, 10 tolerances (of the size of its
-        terms where that is above 1) plus 1e-15 n times that size, n the parts solved.
+        Largest drift of the momentum as a share of its bound, 10 tolerances plus 1e-15 n times the
+        size of its terms, n the parts solved.
     energy_drift, energy_tolerance : float
         Largest unexplained energy as a share of the largest energy, and what the scene takes.
     energy_ratio : float
@@ -128,6 +142,7 @@ class Verdict:
     steps: int = 0
     residual: float = 0.0
     at_round_off: int = 0
+    rounded: float = 0.0
     momentum: float = 0.0
     energy_drift: float = 0.0
     energy_tolerance: float = 0.0
@@ -172,11 +187,16 @@ def play(run: HardRun, repeat: bool = True) -> Verdict:
         fine = _play(
             HardRun(run.case, run.label, half, run.duration, run.torques, velocity=run.velocity)
         )
+        verdict.failures += [f"at half the step: {text}" for text in fine.failures]
         if not fine.reason:
             scale = max(math.hypot(*fine.displacement), 0.1 * run.scene.beam.length)
             verdict.agreement = math.dist(verdict.displacement, fine.displacement) / scale
     if verdict.slowest > LONGEST_STEP:
         verdict.failures.append(f"a step took {verdict.slowest:.1f} s")
+    if run.must_last and not run.flagged and not verdict.trusted:
+        verdict.failures.append(f"energy off by {verdict.energy_drift:.2g} of the largest")
+    if run.steady and not abs(verdict.energy_ratio - 1.0) <= 0.03:
+        verdict.failures.append(f"mean energy changes by a factor {verdict.energy_ratio:.3f}")
     if verdict.reason and run.must_last:
         verdict.failures.append(f"ended with {verdict.reason}, and a solution exists")
     return verdict
@@ -275,6 +295,18 @@ class _Watch:
                 f"{record[row, _COLUMN['parts']]:.0f} parts"
             )
 
+    def _check_budget(self) -> None:
+        """Compare the budget that the kernels keep, and what they make of it, with this one."""
+        verdict = self._verdict
+        kept = energy_drift_of(self._bodies.states[0], self._bodies.scene.beam.elements)
+        if not abs(kept - verdict.energy_drift) <= 1e-6 * verdict.energy_drift + 1e-12:
+            verdict.failures.append(
+                f"the budget was kept at {kept:.3e}, and is {verdict.energy_drift:.3e}"
+            )
+        ends = self._bodies.scene.integrator.energy_excess == "end" and not verdict.trusted
+        if ends != (verdict.reason == "energy_unexplained"):
+            verdict.failures.append(f"energy off by {kept:.2g} and the end {verdict.reason!r}")
+
     def look(self, states: Array, record: Array, torques: Array) -> None:
         """Take in steps: states after them (K, 2 (N + 2)), record (K, 12), torques (K, N - 1)."""
         if not len(states):
@@ -298,6 +330,7 @@ class _Watch:
         rounded = record[:, _COLUMN["at_round_off"]] > 0.0
         verdict.at_round_off += int(rounded.sum())
         verdict.residual = max(verdict.residual, float(residual[~rounded].max(initial=0.0)))
+        verdict.rounded = max(verdict.rounded, float(residual[rounded].max(initial=0.0)))
         parts = record[:, _COLUMN["parts"]]
         verdict.cut_steps += int((parts > 1.0).sum())
         verdict.most_parts = max(verdict.most_parts, int(parts.max()))
@@ -310,10 +343,10 @@ class _Watch:
         self._terms = max(self._terms, float(terms.max()))
         count = self._steps + np.arange(1, len(states) + 1)
         self._solved += np.maximum(parts, 1.0).sum() * self._halves
-        # Momentum is as exact as its terms, the impulses of a step among them, and rounding adds up
-        # over all parts that are solved.
-        size = 10.0 * self._tolerance * max(1.0, self._terms)
-        bound = size + _ROUND_OFF * self._solved * self._terms
+        # Momentum is as exact as its terms, the impulses of a step among them; what the tolerance
+        # leaves of it counts by them too, and rounding adds up over all parts that are solved.
+        bound = (10.0 * self._tolerance + _ROUND_OFF * self._solved) * self._terms
+        bound = np.maximum(bound, _NOTHING)
         verdict.momentum = max(verdict.momentum, float((drift / bound).max()))
         first, last = self._quarters
         first.append(float(energy[count <= verdict.wanted // 4].sum()))
@@ -333,10 +366,13 @@ class _Watch:
             verdict.failures.append(self._not_finite)
         if not verdict.residual <= self._tolerance:
             verdict.failures.append(f"a residual of {verdict.residual:.1e} was taken")
+        if not verdict.rounded <= max(self._tolerance, _LARGEST_ROUND_OFF):
+            verdict.failures.append(f"a residual of {verdict.rounded:.1e} was taken for round-off")
         if not verdict.momentum <= 1.0:
             verdict.failures.append(f"momentum off by {verdict.momentum:.2g} times its bound")
         if verdict.reason and verdict.reason not in TERMINATION_REASONS.values():
             verdict.failures.append(f"unknown reason {verdict.reason!r}")
+        self._check_budget()
         # The state that is left is one to go on from, or at least to look at.
         left, velocity, status = self._bodies.weigh(0)
         if status or not (math.isfinite(left) and np.isfinite(velocity).all()):
