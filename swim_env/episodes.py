@@ -392,7 +392,14 @@ class Episodes:
                 "the snapshot belongs to another environment: scene, task, weights and number of "
                 "members must be the same"
             )
-        for name, array in self._arrays().items():
+        arrays = self._arrays()
+        for name, array in arrays.items():
+            kept = snapshot.arrays.get(name)
+            if kept is None or kept.shape != array.shape:
+                raise SwimError(
+                    f"the snapshot was made by another version: its {name} do not fit those of here"
+                )
+        for name, array in arrays.items():
             array[:] = snapshot.arrays[name]
         for member in self.everyone:
             self.bodies.begin_recording(int(member))

@@ -37,7 +37,6 @@ def write_atomically(path: str | os.PathLike[str], write: Callable[[IO[bytes]], 
         os.replace(scratch, target)
     except OSError as error:
         # Not the temporary file, which nobody knows of, or none at all.
-        error.filename, error.filename2 = os.fspath(path), None
-        raise
+        raise OSError(error.errno, error.strerror or str(error), os.fspath(path)) from error
     finally:
         scratch.unlink(missing_ok=True)

@@ -242,6 +242,8 @@ class Trajectory:
         except OSError as error:
             reason = error.strerror or str(error)
             raise TrajectoryError(f"cannot read the trajectory: {reason} ({name})") from None
+        except MemoryError:
+            raise
         except Exception as error:  # a damaged archive makes its readers raise almost anything
             told = " ".join(str(error).split()) or type(error).__name__
             raise TrajectoryError(
