@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 
 from swim_env.physics._compile import entry_kernel, kernel
 from swim_env.physics.integrator import (
-    LARGEST,
     POSITIVE_WORK,
     RECORD_NAMES,
     STATE_ROWS,
     STEPS,
-    UNEXPLAINED,
     WORK,
     state_size,
+    unexplained_share,
 )
 from swim_env.physics.loading import load_kernels
 
@@ -247,9 +246,7 @@ def assess(
         figure[_WORK] = 0.0
         figure[_POSITIVE_WORK] = 0.0
         budget = q[STATE_ROWS * unknowns :]
-        figure[_ENERGY_DRIFT] = 0.0
-        if budget[LARGEST] > 0.0:
-            figure[_ENERGY_DRIFT] = budget[UNEXPLAINED] / budget[LARGEST]
+        figure[_ENERGY_DRIFT] = unexplained_share(budget)
         if start:
             figure[_COORDINATE] = coordinate
             figure[_COORDINATE_AT_START] = coordinate

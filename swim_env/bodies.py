@@ -358,22 +358,26 @@ def _fluid_terms(fluid: Fluid | None, geometry: FluidGeometry) -> Array:
 def _costs(scene: Scene) -> tuple[float, float, float]:
     """Return what a residual, an added mass and a matrix take of the effort of a step.
 
-    A step may take about half a second, and four solutions where these take longer. The times are
-    rough (s on a core of 2023), and hang on sizes alone, so that results do not depend on the
-    machine.
+    A step may take about half a second, or as long as one attempt to solve it where this is
+    longer. The times are rough (s on a core of 2023), and hang on sizes alone, so that results do
+    not depend on the machine.
     """
     elements, fluid = scene.beam.elements, scene.fluid
     evaluating = 3e-7 + 5e-8 * elements
     weighing = 0.0
-    matrix = 1e-6 + 2e-8 * elements**2 + 8e-10 * elements**3
+    matrix = 5e-7 + 5e-9 * elements**2 + 1.5e-10 * elements**3
     if fluid is not None and fluid.present:
         evaluating += 2e-9 * elements**2
+        matrix *= 2.0
     if fluid is not None and fluid.model in ("panels", "centreline"):
         panels = elements * fluid.panels_per_element + 2 * fluid.panels_per_end(scene.beam)
         evaluating += 2.5e-9 * panels**2
-        weighing += 1e-8 * panels**2 + 1.2e-10 * panels**3
+        weighing += 1e-8 * panels**2 + 2e-10 * panels**3
     elif fluid is not None and fluid.model == "expansion":
-        tensor = 5e-10 * elements**4
+        tensor = 1e-9 * elements**4
         evaluating, weighing = evaluating + tensor, weighing + tensor
-    budget = max(_LONGEST_STEP, 4.0 * (weighing + matrix + 4.0 * evaluating))
+    # In the second half of a composed step every evaluation weighs a shape.
+    weighings = 8.0 if scene.integrator.scheme == "composed" else 2.0
+    attempt = weighings * weighing + 3.0 * matrix + 12.0 * evaluating
+    budget = max(_LONGEST_STEP, attempt)
     return evaluating / budget, weighing / budget, matrix / budget

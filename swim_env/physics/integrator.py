@@ -119,6 +119,7 @@ __all__ = [
     "prepare",
     "state_size",
     "steps_column",
+    "unexplained_share",
     "unpack_constants",
     "weigh",
     "work_sizes",
@@ -290,9 +291,15 @@ def state_size(elements: int) -> int:
 
 def energy_drift_of(state: Array, elements: int) -> float:
     """Return the largest unexplained energy since the start as a share of the largest energy."""
-    counters = state[STATE_ROWS * (elements + 2) :]
-    largest = float(counters[LARGEST])
-    return float(counters[UNEXPLAINED]) / largest if largest > 0.0 else 0.0
+    return float(unexplained_share(state[STATE_ROWS * (elements + 2) :]))
+
+
+@shared
+def unexplained_share(counters: Array) -> float:
+    """Return `energy_drift_of` from the counters at the end of a state."""
+    if counters[LARGEST] > 0.0:
+        return float(counters[UNEXPLAINED] / counters[LARGEST])
+    return 0.0
 
 
 def steps_column(elements: int) -> int:

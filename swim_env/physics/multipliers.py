@@ -84,8 +84,6 @@ R, D1, D3 = range(3)
 CONSTRAINT_TOLERANCE = 2e-15
 _MOST_ITERATIONS = 25
 _COMPLEX_STEP = 1e-30
-#: Smallest scale of the residual (kg m/s, kg m^2/s).
-_SMALLEST_SCALE = 1e-3
 
 
 def _ended(code: int, time: float, detail: str = "") -> SimulationEndedError:
@@ -551,7 +549,9 @@ def _solve(step: _Step, guess: Array, tolerance: float) -> tuple[Array, Array, f
     dl = step.beam.element_length
     count = guess.size
     start_jacobian = constraint_jacobian(step.q, dl)
-    scale = np.maximum(_SMALLEST_SCALE, np.abs(step.p)).ravel()
+    smallest = np.full_like(step.p, step.beam.smallest_spin)
+    smallest[:, R] = step.beam.smallest_momentum
+    scale = np.maximum(smallest, np.abs(step.p)).ravel()
     constraint_bound = CONSTRAINT_TOLERANCE * max(1.0, float(np.abs(step.q).max()))
     dq = guess
     # Multipliers enter linearly, so Newton's first correction finds them from any value.
@@ -640,7 +640,8 @@ def simulate_with_multipliers(
     time_step : float
         h (s).
     tolerance : float
-        Largest residual of the balance of momentum accepted, max_i |r_i|/max(1e-3, |p_i|) over
+        Largest residual of the balance of momentum accepted, max_i |r_i|/max(s, |p_i|), s the
+        `smallest_momentum` or `smallest_spin` of the beam, over
         all 6 N components. The constraints are solved to `CONSTRAINT_TOLERANCE` whatever it is.
 
     Returns
