@@ -371,8 +371,8 @@ def _costs(scene: Scene) -> tuple[float, float, float]:
         matrix *= 2.0
     if fluid is not None and fluid.model in ("panels", "centreline"):
         panels = elements * fluid.panels_per_element + 2 * fluid.panels_per_end(scene.beam)
-        evaluating += 2.5e-9 * panels**2
-        weighing += 1e-8 * panels**2 + 2e-10 * panels**3
+        evaluating += 2.5e-9 * panels**2 + 1e-11 * panels**3
+        weighing += 5e-9 * panels**2 + 6e-11 * panels**3
     elif fluid is not None and fluid.model == "expansion":
         tensor = 1e-9 * elements**4
         evaluating, weighing = evaluating + tensor, weighing + tensor
