@@ -9,8 +9,8 @@ from pathlib import Path
 __all__ = ["kernel_digest"]
 
 _PACKAGE = Path(__file__).parents[1]
-#: Files of the kernels' folder that decide how they are compiled and loaded, not what they compute.
-_PASSED_OVER = ("_compile.py", "loading.py", "multipliers.py")
+#: Files of the kernels' folder that no step calls.
+_PASSED_OVER = ("loading.py", "multipliers.py")
 #: Files beside the kernels' that decide what a step computes.
 _BESIDES = ("bodies.py",)
 
