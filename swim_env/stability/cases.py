@@ -38,6 +38,21 @@ def _how(retardation: float | None) -> str:
     return "damped" if retardation else "undamped"
 
 
+def _with_and_without(
+    case: str, label: str, scene: Scene, retardation: float | None, flagged: bool = False
+) -> HardRun:
+    """Return 20 s of a scene that has a solution where it is damped."""
+    return HardRun(
+        case,
+        f"{label}, {_how(retardation)}",
+        _damped(scene, retardation),
+        20.0,
+        must_last=retardation is not None,
+        compared=True,
+        flagged=flagged,
+    )
+
+
 def resonance() -> Iterator[HardRun]:
     """Drive paper_i through its first bending mode."""
     for step in (0.01, 0.005):
@@ -109,29 +124,16 @@ def stiff() -> Iterator[HardRun]:
     for retardation in _DAMPING:
         for power in range(-3, 9):
             stiffness = 10.0**power
-            scene = _damped(_scene(beam__bending_stiffness=stiffness), retardation)
+            scene = _scene(beam__bending_stiffness=stiffness)
             # A torque that a body so limp can withstand.
             scene = scene.replace("actuation.amplitude", min(1.0, stiffness / 5.0))
-            yield HardRun(
-                "stiff",
-                f"EI 1e{power}, {_how(retardation)}",
-                scene,
-                20.0,
-                must_last=retardation is not None,
-                compared=True,
-            )
+            yield _with_and_without("stiff", f"EI 1e{power}", scene, retardation)
         for low in (1e-3, 1.0, 100.0):
             values = [low if joint % 2 == 0 else 1e6 * low for joint in range(8)]
-            scene = _damped(_scene(beam__bending_stiffness=values), retardation)
+            scene = _scene(beam__bending_stiffness=values)
             scene = scene.replace("actuation.amplitude", min(1.0, low / 5.0))
-            yield HardRun(
-                "stiff",
-                f"EI {low:g} and {1e6 * low:g} in turn, {_how(retardation)}",
-                scene,
-                20.0,
-                must_last=retardation is not None,
-                compared=True,
-            )
+            label = f"EI {low:g} and {1e6 * low:g} in turn"
+            yield _with_and_without("stiff", label, scene, retardation)
 
 
 def time_steps() -> Iterator[HardRun]:
@@ -163,16 +165,9 @@ def body_mass() -> Iterator[HardRun]:
                 # As slender as the default: its radius of gyration.
                 beam__rotary_inertia=density * 7.8e-6 / 0.31,
             )
-            yield HardRun(
-                "body mass",
-                f"1e{power} times the fluid's, {_how(retardation)}",
-                _damped(scene, retardation),
-                20.0,
-                must_last=retardation is not None,
-                compared=True,
-                # Next to no inertia along the body.
-                flagged=power <= -5,
-            )
+            # Of the lightest, next to no inertia is along the body.
+            label, flagged = f"1e{power} times the fluid's", power <= -5
+            yield _with_and_without("body mass", label, scene, retardation, flagged)
 
 
 def thickness() -> Iterator[HardRun]:
@@ -181,14 +176,7 @@ def thickness() -> Iterator[HardRun]:
     for retardation in _DAMPING:
         for share in (1e-6, 1e-5, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.15, 0.2):
             scene = _scene(beam__half_thickness=share * dl)
-            yield HardRun(
-                "thickness",
-                f"{share:g} of an element, {_how(retardation)}",
-                _damped(scene, retardation),
-                20.0,
-                must_last=retardation is not None,
-                compared=True,
-            )
+            yield _with_and_without("thickness", f"{share:g} of an element", scene, retardation)
 
 
 def resolution() -> Iterator[HardRun]:

@@ -271,18 +271,16 @@ class _Watch:
         n = self._unknowns
         return momentum_map(states[:, :n], states[:, n:])
 
-    def _impulses(self, q: Array, torques: Array) -> Array:
+    def _impulses(self, q: Array, before: Array, torques: Array) -> Array:
         """Return the sizes of the moments' impulses in some steps, added up (kg m^2/s)."""
         beam, step = self._beam, self._bodies.scene.integrator.time_step
         elastic = (beam.joint_stiffness * np.abs(q[:, 3:])).sum(axis=1)
-        before = np.concatenate([self._last[None], q[:-1]])
         damping = (beam.joint_damping * np.abs(q[:, 3:] - before[:, 3:])).sum(axis=1)
         found: Array = step * (elastic + np.abs(torques).sum(axis=1)) + damping
         return found
 
-    def _look_for_wrong_roots(self, q: Array, record: Array) -> None:
+    def _look_for_wrong_roots(self, q: Array, before: Array, record: Array) -> None:
         """Refuse turns that no part of a step may have: solutions of the equations, but wrong."""
-        before = np.concatenate([self._last[None], q[:-1]])
         joints = np.abs(q[:, 3:] - before[:, 3:])
         elements = np.abs(np.cumsum(q[:, 2:] - before[:, 2:], axis=1))
         turns = np.maximum(joints.max(axis=1), elements.max(axis=1))
@@ -326,7 +324,8 @@ class _Watch:
         self._largest = max(self._largest, float(energy.max()))
         q, p = states[:, :n], states[:, n:]
         residual = record[:, _COLUMN["residual"]]
-        self._look_for_wrong_roots(q, record)
+        before = np.concatenate([self._last[None], q[:-1]])
+        self._look_for_wrong_roots(q, before, record)
         rounded = record[:, _COLUMN["at_round_off"]] > 0.0
         verdict.at_round_off += int(rounded.sum())
         verdict.residual = max(verdict.residual, float(residual[~rounded].max(initial=0.0)))
@@ -339,7 +338,7 @@ class _Watch:
         self._outside = outside[-1]
         drift = np.linalg.norm(self._maps(states) - self._momentum - outside, axis=1)
         terms = np.abs(p).sum(axis=1) + np.abs(q[:, 0] * p[:, 1]) + np.abs(q[:, 1] * p[:, 0])
-        terms += np.abs(impulses).sum(axis=1) + self._impulses(q, torques)
+        terms += np.abs(impulses).sum(axis=1) + self._impulses(q, before, torques)
         self._terms = max(self._terms, float(terms.max()))
         count = self._steps + np.arange(1, len(states) + 1)
         self._solved += np.maximum(parts, 1.0).sum() * self._halves
