@@ -182,7 +182,8 @@ class Simulator:
         float
             The condition number in the 1-norm: relative errors of the boundary values come back up
             to that many times as large in the sources. 0 without panels. It grows as the body gets
-            thinner and as it bends; beyond 1e10 a run ends with ``influence_singular``.
+            thinner and as it bends. Where G can be eliminated only by exchanging rows, as that of
+            very thin bodies, a run ends beyond 1e10 with ``influence_singular``.
         """
         self._weigh()
         work = self._bodies.views(0).fluid_work
