@@ -56,7 +56,7 @@ def main(arguments: list[str] | None = None) -> int:
     require_matplotlib()
     usual = "results/paper_quick" if options.quick else "results/paper"
     folder = Path(options.output or usual)
-    # Told at once, not after a quarter of an hour.
+    # Told at once, not when all is done.
     (folder / "units").mkdir(parents=True, exist_ok=True)
     store = Store(folder / "units")
     everything = all_units(options.quick)

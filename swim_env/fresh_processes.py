@@ -51,9 +51,7 @@ def in_fresh_processes(
     count = max(1, min(workers or os.cpu_count() or 1, len(calls)))
     before = set(multiprocessing.active_children())
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(
-        count, mp_context=context, initializer=_begin, initargs=(prepare,)
-    )
+    pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin, initargs=(prepare,))
     finished = False
     try:
         waiting = {pool.submit(*_flat(call)): index for index, call in enumerate(calls)}

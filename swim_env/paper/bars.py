@@ -28,12 +28,12 @@ def coarse_error(change: float, ratio: float, order: float = 1.0) -> float:
     order : float
         p.
     """
-    return abs(change) / (1.0 - ratio**-order)
+    return abs(change) / (1.0 - float(ratio**-order))
 
 
 def fine_error(change: float, ratio: float, order: float = 1.0) -> float:
     """Return how far the finer one of two figures is from the limit; see `coarse_error`."""
-    return abs(change) / (ratio**order - 1.0)
+    return abs(change) / (float(ratio**order) - 1.0)
 
 
 def bar_of(value: float | None, half: float | None, fine: float | None) -> float | None:

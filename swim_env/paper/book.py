@@ -22,6 +22,7 @@ from swim_env.paper.runs import NUMERALS
 from swim_env.paper.statements import find_all
 from swim_env.paper.suite import collect
 from swim_env.paper.units import Arrays, Store, Unit
+from swim_env.provenance import where_and_when
 from swim_env.viewer import save_figure
 
 __all__ = ["draw_all", "page_of", "write_book"]
@@ -50,12 +51,14 @@ def write_book(folder: Path, units: list[Unit], store: Store, command: str) -> d
     -------
     dict
         ``verdicts`` by statement with ``measured``, ``verdict``, ``criterion`` and ``why``,
-        ``counts`` of the verdicts, ``commits``, ``dates``, ``units`` and ``done``.
+        ``counts`` of the verdicts, ``commits`` and ``dates`` of the figures, ``written``, the
+        commit of the code that wrote the page, ``units`` and ``done``.
     """
     data = collect(units, store)
     names = draw_all(folder, units, store, data)
     pictures = {name: f"{folder.name}/{name}.png" for name in names}
-    page = make_page(data, pictures, command)
+    written = where_and_when()["commit"]
+    page = make_page(data, pictures, command, written)
     verdicts = {
         statement.key: {
             "says": statement.says,
@@ -73,6 +76,7 @@ def write_book(folder: Path, units: list[Unit], store: Store, command: str) -> d
     summary = {
         "counts": counts,
         **{key: data[key] for key in ("commits", "dates", "units", "done")},
+        "written": written,
         "verdicts": verdicts,
     }
     text = json.dumps(summary, indent=1, allow_nan=False) + "\n"
@@ -103,7 +107,7 @@ def draw_all(folder: Path, units: list[Unit], store: Store, data: Mapping[str, A
     if arrays:
         made["constants"] = draw_constants(data, arrays)
     if any("total" in one for one in arrays.values()):
-        made["internal"] = draw_internal(arrays)
+        made["internal"] = draw_internal(data, arrays)
     if data["maps"]:
         made["maps"] = draw_maps(data)
     for name, figure in made.items():

@@ -144,8 +144,8 @@ def internal_forces(trajectory: Trajectory) -> tuple[Array, Array]:
 
 
 def has_forces(trajectory: Trajectory) -> bool:
-    """Tell whether a run has forces across its joints, and a second of them."""
-    return trajectory.internal_forces is not None and trajectory.duration >= 1.0
+    """Tell whether a run has forces across its joints, and two seconds of them."""
+    return trajectory.internal_forces is not None and trajectory.duration >= 2.0
 
 
 def resolved(values: Array, step: float) -> Array:

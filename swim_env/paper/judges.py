@@ -76,6 +76,7 @@ _TABLE = [*NUMERALS]
 
 
 def momentum(data: Data) -> Finding:
+    """Judge whether the momentum maps are kept to the paper's tolerance, in all twelve runs."""
     runs = [run_of(data, name) for name in _TABLE]
     drift = max(run["momentum"]["drift"] for run in runs)
     share = max(run["momentum"]["share"] for run in runs)
@@ -88,6 +89,7 @@ def momentum(data: Data) -> Finding:
 
 
 def energy(data: Data) -> Finding:
+    """Judge whether the energy's error stays small and goes nowhere."""
     runs = {name: run_of(data, name, 10.0) for name in _TABLE}
     halves = [run_of(data, f"{name}_half", 10.0) for name in _TABLE]
     largest = max(runs, key=lambda name: runs[name]["energy"]["unexplained"])
@@ -109,6 +111,7 @@ def energy(data: Data) -> Finding:
 
 
 def large_steps(data: Data) -> Finding:
+    """Judge whether our steps are large for the beam's highest mode."""
     modes = data["modes"].get("i")
     if modes is None:
         raise MissingError("no natural frequencies of scene i")
@@ -125,6 +128,7 @@ def large_steps(data: Data) -> Finding:
 
 
 def spatial_order(data: Data) -> Finding:
+    """Judge the order at which the beam's first bending frequency converges."""
     orders = data["modes"].get("i", {}).get("orders")
     if orders is None:
         raise MissingError("no frequencies over N")
@@ -147,9 +151,7 @@ def swims_left(names: tuple[str, ...]) -> Callable[[Data], Finding]:
 
     def judge(data: Data) -> Finding:
         values = {name: value_of(data, name, _ahead, 10.0) for name in names}
-        return Finding(
-            listed(values, "{} BL"), all_of(above(one, 0.0) for one in values.values())
-        )
+        return Finding(listed(values, "{} BL"), all_of(above(one, 0.0) for one in values.values()))
 
     return judge
 
@@ -180,6 +182,7 @@ SYMMETRY = (
 
 
 def same_motion(data: Data) -> Finding:
+    """Judge whether i, ii and iii swim one way and curve alike, or not at all."""
     names = ("i", "ii", "iii")
     ways = {name: value_of(data, name, _ahead, 90.0) for name in names}
     turns = {name: value_of(data, name, _turn, 90.0) for name in names}
@@ -203,6 +206,7 @@ _RANK = [DIFFER, UNDECIDED, AGREE]
 
 
 def nontrivial(data: Data) -> Finding:
+    """Judge whether the speeds of i, ii and iii break the simple law of a small bend."""
     # Where a body bends as torque over stiffness and swims as the square of its bend, twice the
     # stiffness and half the torque each leave a quarter of the speed.
     ratios = {name: ratio_of(data, name, "i", _speed) for name in ("ii", "iii")}
@@ -218,6 +222,7 @@ def nontrivial(data: Data) -> Finding:
 
 
 def i_fastest(data: Data) -> Finding:
+    """Judge whether i is faster than ii and iii."""
     values = {name: value_of(data, name, _speed, 10.0) for name in ("i", "ii", "iii")}
     return Finding(
         listed(values, "{} BL/s", ".5f"),
@@ -226,6 +231,7 @@ def i_fastest(data: Data) -> Finding:
 
 
 def ii_bends_less(data: Data) -> Finding:
+    """Judge whether the stiffer ii bends less than i and is slower."""
     bends = {name: value_of(data, name, _bend, 10.0) for name in ("i", "ii")}
     speeds = {name: value_of(data, name, _speed, 10.0) for name in ("i", "ii")}
     return Finding(
@@ -238,6 +244,7 @@ def ii_bends_less(data: Data) -> Finding:
 
 
 def iii_slower_still(data: Data) -> Finding:
+    """Judge whether iii is slower than ii."""
     values = {name: value_of(data, name, _speed, 10.0) for name in ("ii", "iii")}
     ratio = ratio_of(data, "iii", "ii", _speed)
     return Finding(
@@ -262,6 +269,7 @@ def _turns_by(data: Data, name: str, wanted: float) -> Finding:
 
 
 def semicircle(data: Data) -> Finding:
+    """Judge whether iv turns by a semicircle to either side."""
     turn = value_of(data, "iv", _turn, 90.0)
     return Finding(
         f"iv: {turn.text('.3f')}°, paper about 180° either way",
@@ -271,9 +279,8 @@ def semicircle(data: Data) -> Finding:
 
 
 def less_stable(data: Data) -> Finding:
-    values = {
-        name: value_of(data, name, lambda run: abs(_turn(run)), 90.0) for name in ("i", "iv")
-    }
+    """Judge whether the coarse iv turns more than i."""
+    values = {name: value_of(data, name, lambda run: abs(_turn(run)), 90.0) for name in ("i", "iv")}
     return Finding(
         "turn " + listed(values, "{}°"),
         all_of([larger(values["iv"], values["i"]), above(values["iv"], CURVED)]),
@@ -282,6 +289,7 @@ def less_stable(data: Data) -> Finding:
 
 
 def v_quadrant(data: Data) -> Finding:
+    """Judge whether v turns by a quadrant to the right."""
     finding = _turns_by(data, "v", -90.0)
     ahead = value_of(data, "v", _ahead, 90.0)
     way = "head first" if ahead.value > 0.0 else "tail first"
@@ -297,10 +305,9 @@ def v_quadrant(data: Data) -> Finding:
 
 
 def v_unlike_iii(data: Data) -> Finding:
+    """Judge whether v swims another way than iii, or turns far more."""
     ways = {name: value_of(data, name, _ahead, 90.0) for name in ("iii", "v")}
-    turns = {
-        name: value_of(data, name, lambda run: abs(_turn(run)), 90.0) for name in ("iii", "v")
-    }
+    turns = {name: value_of(data, name, lambda run: abs(_turn(run)), 90.0) for name in ("iii", "v")}
     forward = math.copysign(1.0, ways["iii"].value)
     turning = larger(turns["v"], Value(turns["iii"].value + TURN, turns["iii"].bar))
     other_way = above(Value(-forward * ways["v"].value, ways["v"].bar), 0.0)
@@ -315,6 +322,7 @@ def v_unlike_iii(data: Data) -> Finding:
 
 
 def v_much_faster(data: Data) -> Finding:
+    """Judge whether v is much faster than iii."""
     values = {
         name: value_of(data, name, lambda run: float(run["speed"]), 10.0) for name in ("iii", "v")
     }
@@ -346,6 +354,7 @@ def _share_in_front(data: Data, name: str) -> Value:
 
 
 def vi_bends_behind(data: Data) -> Finding:
+    """Judge whether vi bends in its rear half alone."""
     share = _share_in_front(data, "vi")
     return Finding(
         f"largest joint angle of the front half {share.text('.3f')} of the rear half's",
@@ -354,6 +363,7 @@ def vi_bends_behind(data: Data) -> Finding:
 
 
 def vii_bends_in_front(data: Data) -> Finding:
+    """Judge whether vii bends its front half too."""
     share = _share_in_front(data, "vii")
     return Finding(
         f"largest joint angle of the front half {share.text('.3f')} of the rear half's",
@@ -362,6 +372,7 @@ def vii_bends_in_front(data: Data) -> Finding:
 
 
 def vi_slow(data: Data) -> Finding:
+    """Judge whether vi is slow beside i."""
     values = {name: value_of(data, name, _speed, 10.0) for name in ("i", "vi")}
     ratio = ratio_of(data, "vi", "i", _speed)
     return Finding(
@@ -370,11 +381,13 @@ def vi_slow(data: Data) -> Finding:
 
 
 def vii_faster(data: Data) -> Finding:
+    """Judge whether vii is faster than vi."""
     values = {name: value_of(data, name, _speed, 10.0) for name in ("vi", "vii")}
     return Finding(listed(values, "{} BL/s", ".5f"), larger(values["vii"], values["vi"]))
 
 
 def head_matters(data: Data) -> Finding:
+    """Judge whether those that bend their head are faster than vi, which cannot."""
     shares = {name: _share_in_front(data, name) for name in ("i", "vii")}
     speeds = {name: value_of(data, name, _speed, 10.0) for name in ("i", "vi", "vii")}
     verdicts = [above(one, UNBENT) for one in shares.values()]
@@ -401,6 +414,7 @@ def head_matters(data: Data) -> Finding:
 
 
 def viii_as_i(data: Data) -> Finding:
+    """Judge whether viii moves as i while it has its torques."""
     first, stopped = run_of(data, "i", 10.0), run_of(data, "viii", 10.0)
     upto = min(50, len(first["path"]), len(stopped["path"]))
     apart = max(
@@ -418,6 +432,8 @@ def _speed_between(run: Data, first: int, last: int) -> float:
 
 
 def viii_slows(data: Data) -> Finding:
+    """Judge whether viii stops once its torques do."""
+
     def before(run: Data) -> float:
         return _speed_between(run, 0, 48)
 
@@ -438,6 +454,8 @@ def viii_slows(data: Data) -> Finding:
 
 
 def viii_tighter(data: Data) -> Finding:
+    """Judge whether viii turns after its torques have stopped."""
+
     def turned(run: Data) -> float:
         return math.degrees(run["heading"][-1] - run["heading"][51])
 
@@ -451,6 +469,7 @@ def viii_tighter(data: Data) -> Finding:
 
 
 def ix_slow(data: Data) -> Finding:
+    """Judge whether ix is slow beside i, and swims to the left."""
     values = {name: value_of(data, name, _speed, 10.0) for name in ("i", "ix")}
     ahead = value_of(data, "ix", _ahead, 10.0)
     ratio = ratio_of(data, "ix", "i", _speed)
@@ -462,16 +481,16 @@ def ix_slow(data: Data) -> Finding:
 
 
 def ix_straight(data: Data) -> Finding:
+    """Judge whether the path of ix is straight."""
     turn = value_of(data, "ix", _turn, 90.0)
-    return Finding(
-        f"turn {turn.text('.3f')}°", at_most(Value(abs(turn.value), turn.bar), CURVED)
-    )
+    return Finding(f"turn {turn.text('.3f')}°", at_most(Value(abs(turn.value), turn.bar), CURVED))
 
 
 # ---- the passive body --------------------------------------------------------------------------
 
 
 def equilibrium(data: Data) -> Finding:
+    """Judge whether the straight body stays straight at [0.1, 0]."""
     runs = [one for one in data["onset"] if one["perturbation"] == "none"]
     if not {(3, 12), (9, 4)} <= {(one["elements"], one["panels"]) for one in runs}:
         raise MissingError("no runs at [0.1, 0]")
@@ -548,6 +567,7 @@ def panels_matter(elements: int, earlier: bool) -> Callable[[Data], Finding]:
 
 
 def stiffness(data: Data) -> Finding:
+    """Judge whether the times hang on the stiffness."""
     groups: dict[tuple[Any, ...], list[float | None]] = {}
     for one in data["onset"]:
         if one["perturbation"] != "none" and one["step"] == 0.01:
@@ -585,6 +605,7 @@ def _small_times(data: Data) -> dict[int, Value]:
 
 
 def coarse_unstable(data: Data) -> Finding:
+    """Judge whether the coarse body leaves its line much sooner than the finer ones."""
     found = _small_times(data)
     ratios = {f"N = {n}": found[3].over(found[n]) for n in (9, 27)}
     return Finding(
@@ -598,6 +619,7 @@ def coarse_unstable(data: Data) -> Finding:
 
 
 def delayed(data: Data) -> Finding:
+    """Judge whether finer bodies leave their line later."""
     found = _small_times(data)
     sloped = [_time(data, n, panels, "sloped") for n, panels in _PAPERS]
     low, high = (choose(one.value for one in found.values()) for choose in (min, max))
@@ -614,6 +636,7 @@ def delayed(data: Data) -> Finding:
 
 
 def x_turns(data: Data) -> Finding:
+    """Judge how far x has turned at 10 s."""
     turn = value_of(data, "x", lambda run: math.degrees(run["angle"][10]), 10.0)
     run = run_of(data, "x", 10.0)
     late = next((n for n, a in enumerate(run["angle"]) if abs(math.degrees(a)) > 150.0), None)
@@ -627,6 +650,8 @@ def x_turns(data: Data) -> Finding:
 
 
 def xi_as_xii(data: Data) -> Finding:
+    """Judge whether xi and xii move alike."""
+
     def apart(level: str) -> tuple[float, float]:
         one, other = (run_of(data, f"{name}{level}", 10.0) for name in ("xi", "xii"))
         turns = [
@@ -650,6 +675,7 @@ def xi_as_xii(data: Data) -> Finding:
 
 
 def net_locomotion(data: Data) -> Finding:
+    """Judge whether i gets anywhere from rest."""
     ahead = value_of(data, "i", _ahead, 10.0)
     drift = run_of(data, "i")["momentum"]["drift"]
     return Finding(
@@ -659,6 +685,7 @@ def net_locomotion(data: Data) -> Finding:
 
 
 def alone(data: Data) -> Finding:
+    """Judge whether i stays where it is without a fluid."""
     run = run_of(data, "i_alone")
     moved = math.hypot(*run["displacement"])
     return Finding(

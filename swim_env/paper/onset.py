@@ -146,9 +146,9 @@ def measure_onset(unit: Unit) -> tuple[Figures, Arrays]:
     -------
     figures : dict
         The unit's options, and ``time`` of the first deviation of 1 % (s, between steps) or None,
-        ``end`` (why the run ended early, or empty), ``rate`` the growth that was fitted (1/s) or None,
-        ``kirchhoff`` its analytic value and ``expected`` the time by the linear equations (s),
-        both with the discrete body's own masses; ``largest_angle`` (rad) and
+        ``end`` (why the run ended early, or empty), ``rate`` the growth that was fitted (1/s) or
+        None, ``kirchhoff`` its analytic value and ``expected`` the time by the linear equations
+        (s), both with the discrete body's own masses; ``largest_angle`` (rad) and
         ``largest_offset`` (m) of an end over the whole run, ``lateral`` of the centre (m/s).
     arrays : dict
         Empty.

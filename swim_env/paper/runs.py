@@ -13,7 +13,6 @@ from swim_env.paper.constants import (
     energy_figures,
     has_forces,
     internal_figures,
-    internal_forces,
     joint_moments,
     momentum_figures,
     resolved,
@@ -111,7 +110,8 @@ def play_run(unit: Unit) -> tuple[Figures, Arrays]:
         Those of `run_figures`.
     arrays : dict
         For pictures, or empty: nodes and directors at whole seconds, series of energy and
-        momentum, forces and moments over the last second without what steps do not resolve.
+        momentum; ``torque`` over the last second, and over the one before ``total``, the sum of
+        moments below `swim_env.paper.constants.RESOLVED`.
     """
     trajectory = played(Simulator(unit.scene))
     figures = run_figures(trajectory)
@@ -230,10 +230,9 @@ def _arrays(trajectory: Trajectory) -> Arrays:
         "drift": momentum[often],
     }
     if has_forces(trajectory):
-        last = slice(-round(1.0 / step), None)
-        axial, shear = internal_forces(trajectory)
+        second = round(1.0 / step)
         moments = joint_moments(trajectory)
-        slow = {"axial": axial, "shear": shear}
-        slow |= {name: moments[name] for name in ("torque", "elastic", "total")}
-        found |= {name: resolved(values, step)[last] for name, values in slow.items()}
+        found["torque"] = moments["torque"][-second:]
+        # Not the last second, where the filter has nothing behind to go by.
+        found["total"] = resolved(moments["total"], step)[-2 * second : -second]
     return found

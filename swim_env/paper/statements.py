@@ -1,4 +1,4 @@
-"""The paper's sentences that state a result, and by which criterion ours agrees with them or differs.
+"""The paper's sentences that state a result, and the criteria by which ours agree or differ.
 
 Each statement is a short paraphrase with its place, and a function of `swim_env.paper.judges` that
 reads the data and returns a finding. One rule holds for all (`swim_env.paper.verdicts`): where an

@@ -197,7 +197,7 @@ def onset_of(
 
 
 def onset_time(data: Data, elements: int, panels: int, kind: str) -> Value | None:
-    """Return the time of the first deviation (s) with the bar of the step, None where there is none.
+    """Return the time of the first deviation (s) with the bar of the step, None if there is none.
 
     Panels are given, not converged to: the paper's times are compared at the paper's panels.
 
