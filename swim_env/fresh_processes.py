@@ -5,7 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
@@ -23,7 +23,7 @@ def in_fresh_processes(
     workers: int | None = None,
     prepare: Callable[[], object] | None = None,
     advice: str = "",
-) -> Iterator[tuple[int, Any]]:
+) -> Generator[tuple[int, Any], None, None]:
     """Make calls side by side in new processes; yields index and result as each is done.
 
     Processes are started afresh, as a fork would inherit locks of a process that has threads. They
@@ -65,8 +65,11 @@ def in_fresh_processes(
         if not finished:
             # What runs could take minutes, and nobody waits for it any more.
             pool.shutdown(wait=False, cancel_futures=True)
-            for process in set(multiprocessing.active_children()) - before:
+            mine = set(multiprocessing.active_children()) - before
+            for process in mine:
                 process.terminate()
+            for process in mine:
+                process.join()
         pool.shutdown()
 
 

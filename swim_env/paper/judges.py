@@ -585,7 +585,7 @@ def stiffness(data: Data) -> Finding:
         bar = 2.0 * _time(data, *key).bar / min(known)
         spreads[key] = Value((max(known) - min(known)) / min(known), bar)
     if not spreads:
-        raise MissingError("one stiffness alone")
+        raise MissingError("no second stiffness")
     worst = max(spreads, key=lambda key: spreads[key].value)
     return Finding(
         f"over {len(spreads)} bodies and starts the time varies by at most "

@@ -13,7 +13,8 @@ import json
 import os
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
@@ -124,8 +125,9 @@ class Store:
             If their file cannot be read.
         """
         try:
-            with np.load(self._npz(unit), allow_pickle=False) as file:
-                return {name: file[name] for name in file.files}
+            # Opened here: NumPy leaves a file open that it finds to be no archive.
+            with open(self._npz(unit), "rb") as file, np.load(file, allow_pickle=False) as found:
+                return {name: found[name] for name in found.files}
         # Bytes that were changed inside a member end in zlib's error or in a short read.
         except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
             raise SwimError(f"cannot read {self._npz(unit)}: {error}; delete it") from None
@@ -210,16 +212,17 @@ def do_units(
     # Of the code that is loaded now, whatever becomes of the checkout meanwhile.
     origin = where_and_when()
     load_kernels()
-    for unit, (figures, arrays) in _results(missing, work, workers or os.cpu_count() or 1):
-        store.write(unit, figures, arrays, origin)
-        if progress is not None:
-            progress(1)
+    with closing(_results(missing, work, workers or os.cpu_count() or 1)) as results:
+        for unit, (figures, arrays) in results:
+            store.write(unit, figures, arrays, origin)
+            if progress is not None:
+                progress(1)
     return len(missing)
 
 
 def _results(
     units: Iterable[Unit], work: Worker, workers: int
-) -> Iterable[tuple[Unit, tuple[Figures, Arrays]]]:
+) -> Generator[tuple[Unit, tuple[Figures, Arrays]], None, None]:
     order = sorted(units, key=lambda unit: -unit.cost)
     if workers == 1:
         for unit in order:
@@ -227,5 +230,6 @@ def _results(
         return
     calls = [(work, (unit,)) for unit in order]
     kept = "what was done is kept, start again to go on"
-    for index, found in in_fresh_processes(calls, workers, load_kernels, kept):
-        yield order[index], found
+    with closing(in_fresh_processes(calls, workers, load_kernels, kept)) as results:
+        for index, found in results:
+            yield order[index], found
