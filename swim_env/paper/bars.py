@@ -85,7 +85,9 @@ def with_bar(value: float, bar: float | None, sign: str = "", digits: int = 6) -
     if bar is None:
         return number_text(value, f"{sign}.4g")
     shown = bar_text(bar)
-    places = max(0, -math.floor(math.log10(float(shown)))) if bar > 0.0 else digits
+    if bar == 0.0:
+        return f"{number_text(value, f'{sign}.4g')} ± {shown}"
+    places = max(0, -math.floor(math.log10(float(shown))))
     # Where the bar is smaller than anybody asks for, the value ends before it.
     places = min(places, digits)
     return f"{number_text(value, f'{sign}.{places}f')} ± {shown}"

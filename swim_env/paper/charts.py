@@ -262,7 +262,8 @@ def draw_internal(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
         bar.ax.tick_params(labelsize=SMALL - 1)
         for axes in grid[row, :2]:
             axes.set_ylim(bottom=0.0)
-            axes.legend(fontsize=SMALL - 1, frameon=False)
+            if row == 0:
+                axes.legend(fontsize=SMALL - 1, frameon=False)
         grid[row, 0].set_title(
             f"{name}) moments at joints, below {RESOLVED:g} Hz", fontsize=SMALL, loc="left"
         )

@@ -176,8 +176,9 @@ def internal_figures(trajectory: Trajectory) -> dict[str, Any]:
         Lists over the N - 1 joints, root mean squares of the resolved part over the run: ``axial``,
         ``shear`` (N), ``torque``, ``elastic``, ``total`` (N m); ``above``, by ``axial``, ``shear``
         and ``total`` the share of the variance above `RESOLVED` in all joints together;
-        ``peak_shear``, the largest of all instants and joints as it is (N); and ``strain``, the
-        largest bending strain at the skin over the joints, h times the curvature.
+        ``peak_shear``, the largest of all instants and joints as it is (N); ``strain``, the largest
+        bending strain at the skin over the joints, h times the curvature; and ``power``, the mean
+        positive power (W) of the torques on the resolved part of the motion.
     """
     axial, shear = internal_forces(trajectory)
     moments = joint_moments(trajectory)
@@ -194,6 +195,8 @@ def internal_figures(trajectory: Trajectory) -> dict[str, Any]:
     }
     figures["peak_shear"] = float(np.abs(shear).max())
     curvature = np.sin(np.abs(np.diff(trajectory.angles, axis=1))) / beam.element_length
+    rate = np.diff(resolved(np.diff(trajectory.angles, axis=1), step), axis=0) / step
+    figures["power"] = float(np.maximum(trajectory.torques * rate, 0.0).sum(axis=1).mean())
     figures["strain"] = (beam.half_thickness * curvature.max(axis=0)).tolist()
     return figures
 

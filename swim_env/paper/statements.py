@@ -75,8 +75,8 @@ STATEMENTS: tuple[Statement, ...] = (
         "energy",
         f"{_S6}, method",
         "total energy oscillates with small amplitude, none is gained or lost numerically",
-        f"unexplained at most {ENERGY:.0%} of the largest, means of first and last quarter within "
-        f"{TREND:.1%}: less than shows in a speed",
+        f"unexplained at most {ENERGY:.0%} of the largest, with half the step too, and means of "
+        f"first and last quarter within {TREND:.1%}: less than a speed's error bar",
         judges.energy,
     ),
     Statement(

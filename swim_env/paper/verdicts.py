@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from swim_env.paper.bars import STEPS, bar_of, bar_text, coarse_error, number_text
+from swim_env.paper.bars import STEPS, bar_of, coarse_error, with_bar
 
 __all__ = [
     "AGREE",
@@ -71,9 +71,9 @@ class Value:
     value: float
     bar: float
 
-    def text(self, form: str = ".4f") -> str:
-        """Return both as text, the figure in a format."""
-        return f"{number_text(self.value, form)} ± {bar_text(self.bar)}"
+    def text(self) -> str:
+        """Return both as text, down to the bar's digit."""
+        return with_bar(self.value, self.bar, digits=7)
 
     def over(self, other: Value) -> Value:
         """Return the ratio to another figure, whose bar is independent of this one's."""
@@ -170,11 +170,9 @@ def ratio_of(data: Data, over: str, under: str, pick: Callable[[Data], float]) -
     return Value(values[0], bar)
 
 
-def listed(values: Mapping[str, Value], form: str, digits: str = ".3f") -> str:
+def listed(values: Mapping[str, Value], form: str) -> str:
     """Return figures by name as one text."""
-    return "; ".join(
-        f"{name}: " + form.format(value.text(digits)) for name, value in values.items()
-    )
+    return "; ".join(f"{name}: " + form.format(value.text()) for name, value in values.items())
 
 
 def onset_of(

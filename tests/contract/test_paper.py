@@ -60,7 +60,7 @@ from swim_env.paper.onset import (
     onset_units,
     perturbed,
 )
-from swim_env.paper.page import make_page
+from swim_env.paper.page import GROUPS, make_page
 from swim_env.paper.runs import NUMERALS, first_crossing, played, run_figures
 from swim_env.paper.statements import STATEMENTS, find_all
 from swim_env.paper.suite import all_units, collect
@@ -405,6 +405,7 @@ def _internal_world(data: dict[str, Any]) -> None:
         keys = ("axial", "shear", "torque", "elastic", "total", "strain")
         found: dict[str, Any] = {key: [0.1, 0.2] for key in keys}
         found |= {"above": {"shear": 0.5, "axial": 0.5, "total": 0.5}, "peak_shear": 1.0}
+        found["power"] = 0.5
         data["runs"][f"i{level}"]["internal"] = found
 
 
@@ -414,7 +415,7 @@ def _variant(level: str, **changes: Any) -> Any:
 
 #: A change of one number of the data, and what the page must then say, in which it did not before.
 FOLLOWS: dict[str, tuple[Any, str]] = {
-    "run": (_swims("i", -2.347), "+2.347000 ± 0"),
+    "run": (_swims("i", -2.347), "+2.347 ± 0"),
     "its error bar": (
         lambda data: data["runs"]["i_half"].update(displacement=[-2.1, 0.0]),
         "+2.0 ± 0.2",
@@ -423,13 +424,13 @@ FOLLOWS: dict[str, tuple[Any, str]] = {
         lambda data: data["runs"]["i_fine"].update(displacement=[-2.2, 0.0]),
         "+2.0 ± 0.3",
     ),
-    "curvature": (_set("i", curvature=math.radians(7.77)), "+7.770000 ± 0"),
-    "onset": (_onsets(where={"elements": 3, "perturbation": "small"}, time=2.22), "2.2200 ± 0"),
+    "curvature": (_set("i", curvature=math.radians(7.77)), "+7.77 ± 0"),
+    "onset": (_onsets(where={"elements": 3, "perturbation": "small"}, time=2.22), "2.22 ± 0"),
     "onset's error bar": (
         _onsets(where={"elements": 3, "perturbation": "small", "step": 0.005}, time=2.14),
         "2.13 ± 0.02",
     ),
-    "rate": (_onsets(where={"elements": 3, "perturbation": "small"}, rate=0.4321), "0.432100 ± 0"),
+    "rate": (_onsets(where={"elements": 3, "perturbation": "small"}, rate=0.4321), "0.4321 ± 0"),
     "momentum": (lambda data: data["runs"]["x"]["momentum"].update(drift=3.2e-12), "3.2e-12"),
     "energy": (lambda data: data["runs"]["iv"]["energy"].update(unexplained=7.3e-3), "7.3e-03"),
     "energy at half": (
@@ -445,6 +446,7 @@ FOLLOWS: dict[str, tuple[Any, str]] = {
         lambda data: data["runs"]["i_half"]["internal"].update(peak_shear=2.7),
         "2.7 to 2.7 times as large",
     ),
+    "power": (lambda data: data["runs"]["i_half"]["internal"].update(power=0.6), "0.5 ± 0.2"),
     "unresolved": (
         lambda data: data["runs"]["i"]["internal"]["above"].update(shear=0.57),
         "57%, 50%, 50%",
@@ -453,7 +455,7 @@ FOLLOWS: dict[str, tuple[Any, str]] = {
     "reading's error bar": (_variant("half", displacement=[-2.05, 0.0]), "+2.0 ± 0.1"),
     "map": (
         lambda data: data["maps"]["drive"][0]["points"][0].update(coarse=0.0103),
-        "+0.0100 ± 0.0001",
+        "+0.0100 ± 0.0001 BL/s",
     ),
     "map's panels": (
         lambda data: data["maps"]["drive"][0]["points"][0].update(panels=0.0105),
@@ -475,6 +477,11 @@ def test_a_number_of_the_data_that_changes_is_changed_on_the_page(name: str) -> 
     assert words not in _page(data)
     change(data)
     assert words in _page(data)
+
+
+def test_the_end_of_the_page_counts_every_statement_once() -> None:
+    counted = [key for keys in GROUPS.values() for key in keys]
+    assert sorted(counted) == sorted(statement.key for statement in STATEMENTS)
 
 
 def test_the_page_tells_the_commit_of_the_figures_from_its_own() -> None:
@@ -503,7 +510,8 @@ def test_an_empty_page_has_no_numbers_of_ours() -> None:
         # Nothing but the names of what is missing.
         assert measured.startswith("no ") and verdict == f"**{NOT_MEASURED}**" and why == " |"
     # No table but that one, no picture, and no figure with a bar.
-    assert page.count("|---|") == 1 and "](" not in page.replace("](physics.md)", "")
+    assert sum(line.startswith("|---|") for line in page.splitlines()) == 1
+    assert "](" not in page.replace("](physics.md)", "")
     assert re.search(r"[0-9] ± ", page) is None
 
 
@@ -514,7 +522,8 @@ def test_numbers_have_no_minus_before_a_zero_and_bars_one_digit() -> None:
     assert [bar_text(bar) for bar in (0.0, 0.0123, 17.0, 1e-9)] == ["0", "0.01", "20", "1e-09"]
     assert bar_of(1.0, None, 0.7) is None
     assert with_bar(0.24976, 0.0053) == "0.250 ± 0.005"
-    assert with_bar(-0.24976, 0.0, "+", 3) == "-0.250 ± 0"
+    assert with_bar(-0.24976, 0.0, "+") == "-0.2498 ± 0"
+    assert with_bar(0.24976, 2e-9, digits=3) == "0.250 ± 2e-09"
     assert with_bar(1119.4, 23.0, "+") == "+1119 ± 20"
     assert with_bar(0.5, None, "+") == "+0.5"
 
@@ -857,6 +866,8 @@ def test_what_steps_resolve_passes_and_the_rest_does_not() -> None:
     assert len(found["shear"]) == len(found["axial"]) == 8
     assert np.all(np.array(found["shear"]) < whole)
     assert found["peak_shear"] == pytest.approx(np.abs(shear).max())
+    # Positive work counts the ringing, and what is spent on the slow motion does not.
+    assert 0.0 < found["power"] < run.positive_work.sum() / run.duration
     # More than half of it rings above what is resolved.
     assert 0.5 < found["above"]["shear"] < 0.9 and RESOLVED < 10.0
 
