@@ -22,7 +22,6 @@ from swim_env.paper.runs import NUMERALS
 from swim_env.paper.statements import find_all
 from swim_env.paper.suite import collect
 from swim_env.paper.units import Arrays, Store, Unit
-from swim_env.provenance import where_and_when
 from swim_env.viewer import save_figure
 
 __all__ = ["draw_all", "page_of", "write_book"]
@@ -33,7 +32,9 @@ def page_of(folder: Path) -> Path:
     return folder.with_name(f"{folder.name}.md")
 
 
-def write_book(folder: Path, units: list[Unit], store: Store, command: str) -> dict[str, Any]:
+def write_book(
+    folder: Path, units: list[Unit], store: Store, command: str, written: str | None = None
+) -> dict[str, Any]:
     """Draw the pictures and write the page and the verdicts, from the files alone.
 
     Parameters
@@ -46,18 +47,19 @@ def write_book(folder: Path, units: list[Unit], store: Store, command: str) -> d
         What has been done.
     command : str
         What to call the command on the page.
+    written : str, optional
+        The commit of the code that writes the page.
 
     Returns
     -------
     dict
         ``verdicts`` by statement with ``measured``, ``verdict``, ``criterion`` and ``why``,
-        ``counts`` of the verdicts, ``commits`` and ``dates`` of the figures, ``written``, the
-        commit of the code that wrote the page, ``units`` and ``done``.
+        ``counts`` of the verdicts, ``commits`` and ``dates`` of the figures, ``written``,
+        ``units`` and ``done``.
     """
     data = collect(units, store)
     names = draw_all(folder, units, store, data)
     pictures = {name: f"{folder.name}/{name}.png" for name in names}
-    written = where_and_when()["commit"]
     page = make_page(data, pictures, command, written)
     verdicts = {
         statement.key: {

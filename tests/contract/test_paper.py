@@ -932,6 +932,8 @@ def test_the_command_makes_a_page_of_its_files_and_of_nothing_else(
     assert json.loads(told.out)["verdicts"]["order"]["verdict"] == AGREE
     page = (tmp_path / "out.md").read_text(encoding="utf-8")
     assert "order 2.01" in page
+    commit = json.loads((folder / "verdicts.json").read_text(encoding="utf-8"))["written"]
+    assert f"page written by commit {commit[:10] if commit else 'unknown'}" in page
     # A file says something else, and so does the page; nothing is done anew.
     file = folder / "units" / "modes_i.json"
     kept = json.loads(file.read_text(encoding="utf-8"))
