@@ -54,7 +54,7 @@ accuracy: $(STAMP_DEV) ## set up and run the study of accuracy and cost into doc
 stability: $(STAMP_DEV) ## set up and play all hard cases into docs/stability (an hour)
 	$(BIN)/python scripts/stability.py --output docs/stability
 
-paper: $(STAMP_DEV) ## set up and put the paper's statements beside our figures into docs/paper (20 minutes)
+paper: $(STAMP_DEV) ## set up and put the paper's statements beside our figures into docs/paper (ten minutes on two cores)
 	$(BIN)/python scripts/reproduce_paper.py --output docs/paper
 
 test: $(STAMP_DEV) ## set up and run the tests (under 6 minutes)

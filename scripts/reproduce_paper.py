@@ -19,6 +19,7 @@ from swim_env.errors import SwimError
 from swim_env.paper.book import page_of, write_book
 from swim_env.paper.suite import PARTS, all_units, work
 from swim_env.paper.units import Store, do_units
+from swim_env.provenance import where_and_when
 from swim_env.viewer import require_matplotlib
 
 
@@ -56,11 +57,13 @@ def main(arguments: list[str] | None = None) -> int:
     require_matplotlib()
     usual = "results/paper_quick" if options.quick else "results/paper"
     folder = Path(options.output or usual)
-    # Told at once, not after a quarter of an hour.
+    # Told at once, not when all is done.
     (folder / "units").mkdir(parents=True, exist_ok=True)
     store = Store(folder / "units")
     everything = all_units(options.quick)
     chosen = all_units(options.quick, tuple(options.only)) if options.only else everything
+    # Of the code that is loaded now: the results themselves may stand in the same checkout.
+    written = where_and_when()["commit"]
     begin = time.perf_counter()
     try:
         with progress_bar(len(chosen), "unit", "the paper") as progress:
@@ -70,7 +73,7 @@ def main(arguments: list[str] | None = None) -> int:
         return INTERRUPTED
     seconds = time.perf_counter() - begin
     command = "scripts/reproduce_paper.py" + (" --quick" if options.quick else "")
-    summary = write_book(folder, everything, store, command)
+    summary = write_book(folder, everything, store, command, written)
     if options.json:
         print(json.dumps(summary, allow_nan=False))
     else:

@@ -32,7 +32,9 @@ def page_of(folder: Path) -> Path:
     return folder.with_name(f"{folder.name}.md")
 
 
-def write_book(folder: Path, units: list[Unit], store: Store, command: str) -> dict[str, Any]:
+def write_book(
+    folder: Path, units: list[Unit], store: Store, command: str, written: str | None = None
+) -> dict[str, Any]:
     """Draw the pictures and write the page and the verdicts, from the files alone.
 
     Parameters
@@ -45,17 +47,20 @@ def write_book(folder: Path, units: list[Unit], store: Store, command: str) -> d
         What has been done.
     command : str
         What to call the command on the page.
+    written : str, optional
+        The commit of the code that writes the page.
 
     Returns
     -------
     dict
         ``verdicts`` by statement with ``measured``, ``verdict``, ``criterion`` and ``why``,
-        ``counts`` of the verdicts, ``commits``, ``dates``, ``units`` and ``done``.
+        ``counts`` of the verdicts, ``commits`` and ``dates`` of the figures, ``written``,
+        ``units`` and ``done``.
     """
     data = collect(units, store)
     names = draw_all(folder, units, store, data)
     pictures = {name: f"{folder.name}/{name}.png" for name in names}
-    page = make_page(data, pictures, command)
+    page = make_page(data, pictures, command, written)
     verdicts = {
         statement.key: {
             "says": statement.says,
@@ -73,6 +78,7 @@ def write_book(folder: Path, units: list[Unit], store: Store, command: str) -> d
     summary = {
         "counts": counts,
         **{key: data[key] for key in ("commits", "dates", "units", "done")},
+        "written": written,
         "verdicts": verdicts,
     }
     text = json.dumps(summary, indent=1, allow_nan=False) + "\n"
@@ -103,7 +109,7 @@ def draw_all(folder: Path, units: list[Unit], store: Store, data: Mapping[str, A
     if arrays:
         made["constants"] = draw_constants(data, arrays)
     if any("total" in one for one in arrays.values()):
-        made["internal"] = draw_internal(arrays)
+        made["internal"] = draw_internal(data, arrays)
     if data["maps"]:
         made["maps"] = draw_maps(data)
     for name, figure in made.items():

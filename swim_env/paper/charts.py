@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swim_env.paper.bars import bar_of
+from swim_env.paper.constants import RESOLVED
 from swim_env.paper.figures import LINES
 from swim_env.paper.maps import is_verified
 from swim_env.paper.onset import PAPER_TIMES, implied_rate
 from swim_env.paper.runs import NUMERALS
-from swim_env.paper.statements import onset_of
 from swim_env.paper.variants import VARIANTS
+from swim_env.paper.verdicts import onset_of
 from swim_env.viewer.stills import BLUE, GREY, ORANGE, SMALL, TIME_COLOURS, new_figure, style_axes
 
 if TYPE_CHECKING:
@@ -40,6 +42,10 @@ STARTS = {
 _MARKS = {"epsilon": "o", "small": "s", "sloped": "^"}
 #: How far apart the rows of energy are, in thousandths of the largest.
 _ROW = 4.0
+#: What is drawn along the beam, and as what.
+_MOMENTS = {"torque": "drive", "elastic": "spring", "total": "sum"}
+_FORCES = {"shear": "across", "axial": "along"}
+_LOOKS = ("o-", "s--", "^:")
 _VARIANT_MARKS = ("s", "x", "o", "^", "v", "D")
 
 
@@ -86,39 +92,41 @@ def draw_onset(data: Data) -> Figure:
 
 def _draw_rates(axes: Axes, data: Data) -> None:
     shown = [one for one in data["onset"] if one["rate"] is not None and one["step"] == 0.01]
-    counts = sorted({one["elements"] for one in shown})
+    bodies = sorted({(one["elements"], one["panels"]) for one in shown})
     for one in shown:
         axes.plot(
-            counts.index(one["elements"]) - 0.12,
+            bodies.index((one["elements"], one["panels"])),
             one["rate"],
             _MARKS[one["perturbation"]],
             color=BLUE,
             markersize=4,
             alpha=0.6,
         )
-    for x, n in enumerate(counts):
-        rates = [one["kirchhoff"] for one in shown if one["elements"] == n]
-        axes.plot([x - 0.3, x + 0.3], [rates[0]] * 2, color="black", linewidth=1.2)
-        for panels in (4, 12):
-            times = [PAPER_TIMES.get((n, panels, kind)) for kind in ("epsilon", "small")]
-            if times[0] is not None and times[1] is not None:
-                axes.plot(
-                    x + 0.15,
-                    implied_rate(times[0], times[1]),
-                    "D",
-                    color=ORANGE,
-                    fillstyle="none",
-                    markersize=6,
-                )
+    for x, (n, panels) in enumerate(bodies):
+        # Of the body's own masses, which hang on elements and panels and on nothing else.
+        rate = next(
+            one["kirchhoff"] for one in shown if (one["elements"], one["panels"]) == (n, panels)
+        )
+        axes.plot([x - 0.35, x + 0.35], [rate, rate], color="black", linewidth=1.2)
+        times = [PAPER_TIMES.get((n, panels, kind)) for kind in ("epsilon", "small")]
+        if times[0] is not None and times[1] is not None:
+            axes.plot(
+                x,
+                implied_rate(times[0], times[1]),
+                "D",
+                color=ORANGE,
+                fillstyle="none",
+                markersize=6,
+            )
     axes.plot([], [], "o", color=BLUE, label="fitted to our runs")
     axes.plot([], [], color="black", label="Kirchhoff's equations")
     axes.plot([], [], "D", color=ORANGE, fillstyle="none", label="needed by the paper's pairs")
     axes.set_ylim(0.0, 1.0)
-    axes.set_xlim(-0.5, len(counts) - 0.5)
-    axes.set_xticks(range(len(counts)), [f"N = {n}" for n in counts])
+    axes.set_xlim(-0.5, len(bodies) - 0.5)
+    axes.set_xticks(range(len(bodies)), [f"{n}, {panels}" for n, panels in bodies])
     axes.legend(fontsize=SMALL - 1, frameon=False, loc="upper right")
     axes.set_title("growth rate at 0.1 m/s", fontsize=SMALL, loc="left")
-    style_axes(axes, "", "rate (1/s)")
+    style_axes(axes, "N, panels", "rate (1/s)")
 
 
 def draw_variants(data: Data) -> Figure:
@@ -208,13 +216,16 @@ def draw_constants(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
     return figure
 
 
-def draw_internal(arrays: Mapping[str, Arrays]) -> Figure:
-    """Draw moments and forces along the beam in the last second, for scenes i and v as they are.
+def draw_internal(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
+    """Draw moments and forces along the beam in scenes i and v, as far as steps resolve them.
 
     Parameters
     ----------
+    data : mapping
+        Of `swim_env.paper.suite.collect`; root mean squares of the whole run are drawn with their
+        error bars.
     arrays : mapping
-        Of each scene; those with ``total``, ``shear`` and ``axial``.
+        Of each scene; those with ``total``.
     """
     names = [name for name in ("i", "v") if "total" in arrays.get(name, {})]
     figure = new_figure(8.6, 2.7 * max(1, len(names)))
@@ -223,20 +234,23 @@ def draw_internal(arrays: Mapping[str, Arrays]) -> Figure:
         found = arrays[name]
         joints = found["total"].shape[1]
         place = np.arange(1, joints + 1) / (joints + 1)
-        for look, key in zip(("o-", "s--", "^:"), ("torque", "elastic", "total"), strict=True):
-            values = np.sqrt((found[key] ** 2).mean(axis=0))
-            colour = LINES[("torque", "elastic", "total").index(key)]
-            words = {"torque": "drive", "elastic": "spring", "total": "sum"}[key]
-            grid[row, 0].plot(place, values, look, color=colour, markersize=4, label=words)
-        for look, key in zip(("o-", "s--"), ("shear", "axial"), strict=True):
-            values = np.sqrt((found[key] ** 2).mean(axis=0))
-            colour = LINES[("shear", "axial").index(key)]
-            words = {"shear": "across", "axial": "along"}[key]
-            grid[row, 1].plot(place, values, look, color=colour, markersize=4, label=words)
+        for axes, keys in zip(grid[row], (_MOMENTS, _FORCES), strict=False):
+            for colour, look, (key, words) in zip(LINES, _LOOKS, keys.items(), strict=False):
+                values, bars = _along(data, name, key)
+                axes.errorbar(
+                    place,
+                    values,
+                    bars,
+                    fmt=look,
+                    color=colour,
+                    markersize=4,
+                    capsize=2.5,
+                    label=words,
+                )
         largest = float(np.abs(found["total"]).max()) or 1.0
         image = grid[row, 2].pcolormesh(
             place,
-            np.arange(len(found["total"])) / max(1, len(found["total"])),
+            np.arange(len(found["total"])) / len(found["total"]),
             found["total"],
             cmap="PuOr_r",
             vmin=-largest,
@@ -248,14 +262,26 @@ def draw_internal(arrays: Mapping[str, Arrays]) -> Figure:
         bar.ax.tick_params(labelsize=SMALL - 1)
         for axes in grid[row, :2]:
             axes.set_ylim(bottom=0.0)
-            axes.legend(fontsize=SMALL - 1, frameon=False)
-        grid[row, 0].set_title(f"{name}) moments at the joints", fontsize=SMALL, loc="left")
+            if row == 0:
+                axes.legend(fontsize=SMALL - 1, frameon=False)
+        grid[row, 0].set_title(
+            f"{name}) moments at joints, below {RESOLVED:g} Hz", fontsize=SMALL, loc="left"
+        )
         grid[row, 1].set_title("forces across the joints", fontsize=SMALL, loc="left")
-        grid[row, 2].set_title("moment in the last second", fontsize=SMALL, loc="left")
+        grid[row, 2].set_title("sum, last second but one", fontsize=SMALL, loc="left")
         style_axes(grid[row, 0], "place s/l", "root mean square (N m)")
         style_axes(grid[row, 1], "place s/l", "root mean square (N)")
         style_axes(grid[row, 2], "place s/l", "time (s)")
     return figure
+
+
+def _along(data: Data, name: str, key: str) -> tuple[list[float], list[float]]:
+    """Return a figure of every joint and its error bar, zero where finer runs are missing."""
+    runs = [data["runs"].get(f"{name}{level}", {}) for level in ("", "_half", "_fine")]
+    values = [run.get("internal", {}).get(key) for run in runs]
+    finer = [one or [None] * len(values[0]) for one in values[1:]]
+    bars = [bar_of(*three) or 0.0 for three in zip(values[0], *finer, strict=True)]
+    return values[0], bars
 
 
 def draw_maps(data: Data) -> Figure:
@@ -346,6 +372,8 @@ def _draw_map(
     )
     bar = figure.colorbar(image, ax=axes, location="bottom", shrink=0.9, aspect=35)
     bar.set_label(
-        "net speed head first (body lengths a second); grey: not verified", fontsize=SMALL
+        "net speed (body lengths a second): orange head first, purple tail first;\n"
+        "grey: not verified",
+        fontsize=SMALL,
     )
     bar.ax.tick_params(labelsize=SMALL - 2)

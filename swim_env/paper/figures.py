@@ -63,7 +63,11 @@ def draw_torques(arrays: Arrays) -> Figure:
         label = f"s = {(j + 1) / (count + 1):.2f} l"
         axes.plot(time, torque[:, j], color=colours[j], linewidth=1.2, label=label)
     figure.legend(loc="outside right upper", fontsize=SMALL - 1, frameon=False)
-    axes.set_title("Fig. 3, torques between the elements of scene i", fontsize=SMALL, loc="left")
+    axes.set_title(
+        "Fig. 3, torques between the elements of scene i (s from the head, l the length)",
+        fontsize=SMALL,
+        loc="left",
+    )
     style_axes(axes, "time in the last second (s)", "torque (N m)")
     return figure
 
@@ -150,17 +154,18 @@ def _draw_scene(axes: Axes, scene: str, run: Run, arrays: Arrays, between: int) 
             ends = np.stack([centres, centres + arm * direction], axis=1)
             lines = LineCollection(list(ends), colors=[colour], linewidths=width, zorder=2)
             axes.add_collection(lines)
-        at = shapes[row][-1] if _is_apart(run, arrays) else shapes[row][0]
-        axes.annotate(
-            f"{arrays['time'][n]:.0f} s",
-            at,
-            xytext=(5, 0) if _is_apart(run, arrays) else (0, 5),
-            textcoords="offset points",
-            fontsize=SMALL - 2,
-            color=colour,
-            va="center" if _is_apart(run, arrays) else "bottom",
-            ha="left" if _is_apart(run, arrays) else "center",
-        )
+        if _is_apart(run, arrays):
+            axes.annotate(
+                f"{arrays['time'][n]:.0f} s",
+                shapes[row][-1],
+                xytext=(5, 0),
+                textcoords="offset points",
+                fontsize=SMALL - 2,
+                color=colour,
+                va="center",
+            )
+    if not _is_apart(run, arrays):
+        _label_instants(axes, shapes, arrays["time"][instants], colours)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.06, 0.12)
     note = ""
@@ -169,6 +174,28 @@ def _draw_scene(axes: Axes, scene: str, run: Run, arrays: Arrays, between: int) 
         axes.set_yticks([])
     axes.set_title(f"{scene}) dot: head{note}", fontsize=SMALL, loc="left")
     style_axes(axes, "x (m)", "" if note else "y (m)")
+
+
+def _label_instants(
+    axes: Axes, shapes: NDArray[Any], times: NDArray[Any], colours: NDArray[Any]
+) -> None:
+    """Name shapes that overlap, each above its head, beyond what any shape covers there."""
+    length = float(np.hypot(*np.diff(shapes[0], axis=0).T).sum())
+    nodes = shapes.reshape(-1, 2)
+    for shape, time, colour in zip(shapes, times, colours, strict=True):
+        near = np.abs(nodes[:, 0] - shape[0, 0]) < 0.25 * length
+        top = float(nodes[near, 1].max())
+        axes.plot([shape[0, 0]] * 2, [shape[0, 1], top], color=colour, linewidth=0.4, zorder=1)
+        axes.annotate(
+            f"{time:.0f} s",
+            (float(shape[0, 0]), top),
+            xytext=(0, 7),
+            textcoords="offset points",
+            fontsize=SMALL - 2,
+            color=colour,
+            va="bottom",
+            ha="center",
+        )
 
 
 def _draw_turning(

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from swim_env.kirchhoff import mass_matrix, rigid_mass
+from swim_env.paper.units import Arrays, Figures, Unit
 from swim_env.scene import Scene
 from swim_env.simulator import Simulator
 
-__all__ = ["bending_orders", "modes_figures", "natural_frequencies"]
+__all__ = ["bending_orders", "measure_modes", "modes_figures", "natural_frequencies"]
 
 Array = NDArray[np.float64]
 
@@ -53,7 +54,8 @@ def modes_figures(scene: Scene) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``frequencies`` (Hz) and ``highest`` of them, ``along``, ``across`` (kg), ``inertia``
+        ``frequencies`` (Hz), ``fine`` the same with three times the panels and ends to match, and
+        ``highest`` of all, ``along``, ``across`` (kg), ``inertia``
         (kg m^2) and ``coupling`` (kg m).
     """
     matrix = mass_matrix(Simulator(scene))
@@ -61,12 +63,27 @@ def modes_figures(scene: Scene) -> dict[str, Any]:
     mass = rigid_mass(matrix)
     return {
         "frequencies": frequencies[:3],
+        "fine": natural_frequencies(_with_fine_panels(scene), 3),
         "highest": frequencies[-1],
         "along": mass.along,
         "across": mass.across,
         "inertia": mass.inertia,
         "coupling": mass.coupling,
     }
+
+
+def _with_fine_panels(scene: Scene) -> Scene:
+    assert scene.fluid is not None
+    panels = 3 * scene.fluid.panels_per_element
+    return scene.replace({"fluid.panels_per_element": panels, "fluid.cap_panels": "proportional"})
+
+
+def measure_modes(unit: Unit) -> tuple[Figures, Arrays]:
+    """Return the figures of `modes_figures`, of the first scene with those of `bending_orders`."""
+    found: Figures = modes_figures(unit.scene)
+    if unit.options.get("orders"):
+        found["orders"] = bending_orders(unit.scene)
+    return found, {}
 
 
 def bending_orders(scene: Scene) -> dict[str, Any]:
@@ -76,7 +93,8 @@ def bending_orders(scene: Scene) -> dict[str, Any]:
     -------
     dict
         ``elements``, ``frequencies`` (Hz) and their relative ``errors`` against the free-free
-        beam (rotary inertia made negligible), and the observed ``order`` of the last two.
+        beam (rotary inertia made negligible), the observed ``order`` of the last two and that of
+        the two ``before``.
     """
     beam = scene.beam
     exact = FREE_FREE[0] ** 2 / beam.length**2 / (2.0 * math.pi)
@@ -94,4 +112,5 @@ def bending_orders(scene: Scene) -> dict[str, Any]:
         "exact": exact,
         "errors": errors,
         "order": math.log2(errors[-2] / errors[-1]),
+        "before": math.log2(errors[-3] / errors[-2]),
     }

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from swim_env.kirchhoff import growth_rate, mass_matrix, onset_by_kirchhoff, rigid_mass
-from swim_env.paper.runs import LEFT_LINE
+from swim_env.paper.runs import LEFT_LINE, first_crossing
 from swim_env.paper.units import Arrays, Figures, Unit
 from swim_env.scene import Scene, load_scene
 from swim_env.simulator import Simulator
@@ -64,7 +64,7 @@ def onset_units(quick: bool = False) -> list[Unit]:
     The one combination whose every step takes several milliseconds, 27 elements with 12 panels,
     is played with panels at both ends of the stiffness and with the constant added mass of the
     straight body (`frozen`, the same while the body is straight) in between, where the perturbation
-    is so small that it takes minutes to grow.
+    is so small that it takes minutes to grow; so is its run with half the step.
     """
     units = []
     counts = (3, 9) if quick else (3, 9, 27)
@@ -74,8 +74,9 @@ def onset_units(quick: bool = False) -> list[Unit]:
         long = kind == "epsilon" and (elements, panels) == (27, 12)
         model = "frozen" if long and stiffness not in (5.0, 1e4) else "panels"
         units.append(_unit(elements, panels, stiffness, kind, model))
-        if stiffness == 5.0 and panels == 4:
-            units.append(_unit(elements, panels, stiffness, kind, model, step=0.005))
+        if stiffness == 5.0:
+            finer = "frozen" if long else model
+            units.append(_unit(elements, panels, stiffness, kind, finer, step=0.005))
     if not quick:
         # That frozen is the same is measured, not assumed.
         units += [_unit(27, 12, stiffness, "epsilon", "frozen") for stiffness in (5.0, 1e4)]
@@ -112,7 +113,9 @@ def perturbed(elements: int, panels: int, stiffness: float, kind: str) -> Scene:
     """Return the straight body with one of the paper's initial velocities.
 
     The third one, (3.5 - x/dl) 1e-5 across, is a uniform part and a slope, which is also the
-    turning rate: without it the velocities would break (15).
+    turning rate: without it the velocities would break (15). The print divides x
+    by the time step, which is taken for a slip: x is counted in elements here, from the head, as
+    s/dl is in the caption of the paper's Fig. 6.
     """
     start: dict[str, Any] = {"velocity": [SPEED, 0.0]}
     if kind == "sloped":
@@ -142,10 +145,10 @@ def measure_onset(unit: Unit) -> tuple[Figures, Arrays]:
     Returns
     -------
     figures : dict
-        The unit's options, and ``time`` of the first deviation of 1 % (s) or None, ``end`` (why
-        the run ended early, or empty), ``rate`` the growth that was fitted (1/s) or None,
-        ``kirchhoff`` its analytic value and ``expected`` the time by the linear equations (s),
-        both with the discrete body's own masses; ``largest_angle`` (rad) and
+        The unit's options, and ``time`` of the first deviation of 1 % (s, between steps) or None,
+        ``end`` (why the run ended early, or empty), ``rate`` the growth that was fitted (1/s) or
+        None, ``kirchhoff`` its analytic value and ``expected`` the time by the linear equations
+        (s), both with the discrete body's own masses; ``largest_angle`` (rad) and
         ``largest_offset`` (m) of an end over the whole run, ``lateral`` of the centre (m/s).
     arrays : dict
         Empty.
@@ -170,11 +173,12 @@ def measure_onset(unit: Unit) -> tuple[Figures, Arrays]:
         angles.append(part.angles.mean(axis=1)[1:])
         bends.append(np.abs(part.angles).max(axis=1)[1:])
         offsets.append(off)
-        beyond = off > LEFT_LINE * length
-        if beyond.any() and left is None:
-            left = float(part.time[1:][np.argmax(beyond)])
-            if not watch_all:
-                break
+        if left is None:
+            # From the last instant of the block before.
+            line = np.concatenate([offsets[-2][-1:], off])
+            left = first_crossing(part.time, line, LEFT_LINE * length)
+        if left is not None and not watch_all:
+            break
     time, angle = np.concatenate(times), np.concatenate(angles)
     sloped = unit.options["perturbation"] == "sloped"
     rate = growth_rate(mass, SPEED)

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from swim_env.paper.constants import (
     energy_figures,
+    has_forces,
     internal_figures,
-    internal_forces,
     joint_moments,
     momentum_figures,
+    resolved,
 )
 from swim_env.paper.units import Arrays, Figures, Unit
 from swim_env.scene import Scene, load_scene
@@ -23,9 +24,7 @@ from swim_env.trajectory import Trajectory
 
 __all__ = [
     "NUMERALS",
-    "bar_of",
-    "bar_text",
-    "number_text",
+    "first_crossing",
     "play_run",
     "run_figures",
     "scene_units",
@@ -68,10 +67,18 @@ def scene_units(duration: float, finest: bool = True) -> list[Unit]:
                     continue
                 panels = 3 * scene.fluid.panels_per_element if scene.fluid else 4
                 changes = {**changes, "fluid.panels_per_element": panels}
-            units.append(_unit(f"run_{numeral}_{level}", scene.replace(dict(changes))))
+            finer = scene.replace({**changes, "internal_forces": {}})
+            units.append(_unit(f"run_{numeral}_{level}", finer))
     first = load_scene("paper_i").replace("episode.duration", duration)
     units.append(_unit("run_i_alone", first.replace("fluid", None)))
     units.append(_unit("run_i_mirrored", first.replace("actuation.phase", math.pi)))
+    # Stiff in its rear half instead: is it the head that must bend?
+    pieces = [{"until": 0.5, "value": 5.0}, {"until": 1.0, "value": 50.0}]
+    other = first.replace("beam.bending_stiffness", {"pieces": pieces})
+    units.append(_unit("run_vi_reversed", other))
+    units.append(_unit("run_vi_reversed_half", other.replace(dict(_FINER["half"]))))
+    fine = {**_FINER["fine"], "fluid.panels_per_element": 12}
+    units.append(_unit("run_vi_reversed_fine", other.replace(fine)))
     return units
 
 
@@ -103,15 +110,14 @@ def play_run(unit: Unit) -> tuple[Figures, Arrays]:
         Those of `run_figures`.
     arrays : dict
         For pictures, or empty: nodes and directors at whole seconds, series of energy and
-        momentum, forces and moments over the last second.
+        momentum; ``torque`` over the last second, and over the one before ``total``, the sum of
+        moments below `swim_env.paper.constants.RESOLVED`.
     """
     trajectory = played(Simulator(unit.scene))
     figures = run_figures(trajectory)
-    if not unit.options.get("pictured"):
-        return figures, {}
-    if trajectory.internal_forces is not None and trajectory.steps > 2:
+    if has_forces(trajectory):
         figures["internal"] = internal_figures(trajectory)
-    return figures, _arrays(trajectory)
+    return figures, _arrays(trajectory) if unit.options.get("pictured") else {}
 
 
 def played(simulator: Simulator) -> Trajectory:
@@ -149,7 +155,7 @@ def run_figures(trajectory: Trajectory) -> dict[str, Any]:
     way = float(np.hypot(*np.diff(path, axis=0).T).sum())
     turn = float(turned[-1] - turned[0])
     ends = trajectory.nodes[:, [0, -1], 1]
-    off = np.abs(ends - ends[0]).max(axis=1) > LEFT_LINE * scene.beam.length
+    off = np.abs(ends - ends[0]).max(axis=1)
     return {
         "duration": trajectory.duration,
         "steps": trajectory.steps,
@@ -162,13 +168,38 @@ def run_figures(trajectory: Trajectory) -> dict[str, Any]:
         "way": way,
         "turn": turn,
         "curvature": turn / way if way > 0.0 else 0.0,
-        "left": float(trajectory.time[np.argmax(off)]) if off.any() else None,
+        "left": first_crossing(trajectory.time, off, LEFT_LINE * scene.beam.length),
         "angle": heading[::per_second].tolist(),
         "bends": np.abs(np.diff(trajectory.angles, axis=1)).max(axis=0).tolist(),
         "halved": int(np.count_nonzero(trajectory.parts > 1)),
         "momentum": momentum_figures(trajectory),
         "energy": energy_figures(trajectory),
     }
+
+
+def first_crossing(time: Array, values: Array, limit: float) -> float | None:
+    """Return when a series first exceeds a limit, on the straight line between two instants.
+
+    Parameters
+    ----------
+    time, values : (T,) arrays
+        Instants (s), and what is there.
+    limit : float
+        In the unit of the values; the first of them is below it.
+
+    Returns
+    -------
+    float or None
+        The time (s), None where it never does.
+    """
+    beyond = values > limit
+    if not beyond.any():
+        return None
+    n = int(np.argmax(beyond))
+    if n == 0:
+        return float(time[0])
+    share = (limit - values[n - 1]) / (values[n] - values[n - 1])
+    return float(time[n - 1] + share * (time[n] - time[n - 1]))
 
 
 def _means(values: Array, block: int, count: int) -> Array:
@@ -198,42 +229,10 @@ def _arrays(trajectory: Trajectory) -> Arrays:
         "unexplained": (trajectory.energy - trajectory.energy[0] - spent)[often],
         "drift": momentum[often],
     }
-    if trajectory.internal_forces is not None and trajectory.steps > 2:
-        last = slice(-min(trajectory.steps - 1, round(1.0 / step)), None)
-        axial, shear = internal_forces(trajectory)
+    if has_forces(trajectory):
+        second = round(1.0 / step)
         moments = joint_moments(trajectory)
-        found |= {"axial": axial[last], "shear": shear[last]}
-        found |= {name: moments[name][last] for name in ("torque", "elastic", "total")}
+        found["torque"] = moments["torque"][-second:]
+        # Not the last second, where the filter has nothing behind to go by.
+        found["total"] = resolved(moments["total"], step)[-2 * second : -second]
     return found
-
-
-def bar_of(value: float | None, half: float | None, fine: float | None) -> float | None:
-    """Return how far a figure of the paper's settings may be from the limit of fine ones.
-
-    Twice the change that half the step makes, as the scheme is of first order and the halves of
-    halves add up to as much again, plus the change that three times the panels make. The number of
-    elements is the paper's and not covered.
-
-    Returns
-    -------
-    float or None
-        In the figure's unit; None where a part of it is missing.
-    """
-    if value is None or half is None or fine is None:
-        return None
-    return 2.0 * abs(half - value) + abs(fine - value)
-
-
-def number_text(value: float, form: str) -> str:
-    """Return a number as text, without a minus before a zero."""
-    text = f"{value:{form}}"
-    if float(text) == 0.0:
-        text = text.replace("-", "+" if "+" in form else "")
-    return text
-
-
-def bar_text(bar: float) -> str:
-    """Return an error bar with one digit."""
-    if bar == 0.0 or not 1e-5 <= bar < 1e4:
-        return f"{bar:.0e}" if bar else "0"
-    return np.format_float_positional(float(f"{bar:.1g}"), trim="-")

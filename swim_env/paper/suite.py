@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from swim_env.paper.maps import map_units, measure_row
-from swim_env.paper.modes import bending_orders, modes_figures
+from swim_env.paper.modes import measure_modes
 from swim_env.paper.onset import measure_onset, onset_units
 from swim_env.paper.runs import NUMERALS, play_run, scene_units
 from swim_env.paper.units import Arrays, Figures, Store, Unit
@@ -39,7 +39,13 @@ def all_units(quick: bool = False, only: tuple[str, ...] = PARTS) -> list[Unit]:
         units += variant_units(duration, quick)
     if "modes" in only:
         units += [
-            Unit(f"modes_{numeral}", "modes", load_scene(f"paper_{numeral}"), cost=0.1)
+            Unit(
+                f"modes_{numeral}",
+                "modes",
+                load_scene(f"paper_{numeral}"),
+                {"orders": numeral == "i"},
+                cost=0.1,
+            )
             for numeral in NUMERALS
         ]
     if "maps" in only:
@@ -52,18 +58,11 @@ def work(unit: Unit) -> tuple[Figures, Arrays]:
     return WORKERS[unit.kind](unit)
 
 
-def _modes(unit: Unit) -> tuple[Figures, Arrays]:
-    found: dict[str, Any] = modes_figures(unit.scene)
-    if unit.name == "modes_i":
-        found["orders"] = bending_orders(unit.scene)
-    return found, {}
-
-
 WORKERS = {
     "run": play_run,
     "onset": measure_onset,
     "variant": measure_variant,
-    "modes": _modes,
+    "modes": measure_modes,
     "map": measure_row,
 }
 

@@ -1,8 +1,8 @@
 """Units of work: what each one is, the file that keeps it, and many of them side by side.
 
 Every unit leaves one JSON file, and one of arrays beside it where pictures need them. Its key is a
-digest of the scene, the settings and the code of the kernels: a second start takes what is there
-and does anew only what has changed or is missing.
+digest of the scene, the settings, the code of the kernels and the code that makes its figures: a
+second start takes what is there and does anew only what has changed, is damaged or is missing.
 """
 
 from __future__ import annotations
@@ -10,12 +10,11 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
-import multiprocessing
 import os
 import zipfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+import zlib
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
@@ -25,6 +24,8 @@ from numpy.typing import NDArray
 
 from swim_env.errors import SwimError
 from swim_env.files import write_atomically
+from swim_env.fresh_processes import in_fresh_processes
+from swim_env.paper.code import code_digest
 from swim_env.physics.loading import load_kernels
 from swim_env.provenance import where_and_when
 from swim_env.scene import Scene
@@ -36,9 +37,6 @@ Arrays = dict[str, NDArray[Any]]
 Figures = dict[str, Any]
 #: What does a unit: figures for JSON, and arrays or none.
 Worker = Callable[["Unit"], tuple[Figures, Arrays]]
-
-#: Counts up when the code that makes figures of runs changes what they mean.
-VERSION = 1
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,13 @@ class Unit:
     def key(self) -> str:
         """Digest of all that decides what comes of it: 16 hexadecimal digits."""
         text = json.dumps(
-            [VERSION, _kernels(), self.kind, self.scene.to_dict(), dict(self.options)],
+            [
+                _kernels(),
+                code_digest(self.kind),
+                self.kind,
+                self.scene.to_dict(),
+                dict(self.options),
+            ],
             sort_keys=True,
         )
         return hashlib.sha256(text.encode()).hexdigest()[:16]
@@ -100,9 +104,17 @@ class Store:
             return None
         if not isinstance(kept, dict) or kept.get("key") != unit.key:
             return None
-        if kept.get("arrays") and not self._npz(unit).exists():
+        if kept.get("arrays") and not self._is_whole(unit):
             return None
         return kept
+
+    def _is_whole(self, unit: Unit) -> bool:
+        """Tell whether the arrays of a unit can be read, to the last one."""
+        try:
+            self.arrays(unit)
+        except SwimError:
+            return False
+        return True
 
     def arrays(self, unit: Unit) -> Arrays:
         """Return the arrays of a unit that is done.
@@ -113,9 +125,11 @@ class Store:
             If their file cannot be read.
         """
         try:
-            with np.load(self._npz(unit), allow_pickle=False) as file:
-                return {name: file[name] for name in file.files}
-        except (OSError, ValueError, zipfile.BadZipFile) as error:
+            # Opened here: NumPy leaves a file open that it finds to be no archive.
+            with open(self._npz(unit), "rb") as file, np.load(file, allow_pickle=False) as found:
+                return {name: found[name] for name in found.files}
+        # Bytes that were changed inside a member end in zlib's error or in a short read.
+        except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
             raise SwimError(f"cannot read {self._npz(unit)}: {error}; delete it") from None
 
     def write(
@@ -198,36 +212,24 @@ def do_units(
     # Of the code that is loaded now, whatever becomes of the checkout meanwhile.
     origin = where_and_when()
     load_kernels()
-    for unit, (figures, arrays) in _results(missing, work, workers or os.cpu_count() or 1):
-        store.write(unit, figures, arrays, origin)
-        if progress is not None:
-            progress(1)
+    with closing(_results(missing, work, workers or os.cpu_count() or 1)) as results:
+        for unit, (figures, arrays) in results:
+            store.write(unit, figures, arrays, origin)
+            if progress is not None:
+                progress(1)
     return len(missing)
 
 
 def _results(
     units: Iterable[Unit], work: Worker, workers: int
-) -> Iterable[tuple[Unit, tuple[Figures, Arrays]]]:
+) -> Generator[tuple[Unit, tuple[Figures, Arrays]], None, None]:
     order = sorted(units, key=lambda unit: -unit.cost)
     if workers == 1:
         for unit in order:
             yield unit, work(unit)
         return
-    # Started afresh: a fork would inherit locks of a process that has threads.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=load_kernels) as pool:
-        waiting: dict[Future[tuple[Figures, Arrays]], Unit] = {
-            pool.submit(work, unit): unit for unit in order
-        }
-        try:
-            for future in as_completed(waiting):
-                yield waiting.pop(future), future.result()
-        except BrokenProcessPool:
-            raise SwimError(
-                "a worker process has died, perhaps for want of memory; what was done is "
-                "kept, start "
-                "again to go on"
-            ) from None
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    calls = [(work, (unit,)) for unit in order]
+    kept = "what was done is kept, start again to go on"
+    with closing(in_fresh_processes(calls, workers, load_kernels, kept)) as results:
+        for index, found in results:
+            yield order[index], found

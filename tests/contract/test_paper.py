@@ -5,6 +5,13 @@ from __future__ import annotations
 import copy
 import json
 import math
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +20,8 @@ import pytest
 
 from scripts.reproduce_paper import main
 from swim_env import load_scene
-from swim_env.command_line import BAD_INPUT, run
+from swim_env.command_line import BAD_INPUT, INTERRUPTED, run
+from swim_env.errors import SwimError
 from swim_env.kirchhoff import (
     RigidMass,
     growth_rate,
@@ -23,10 +31,26 @@ from swim_env.kirchhoff import (
     rigid_mass,
 )
 from swim_env.paper import units as units_module
+from swim_env.paper.bars import (
+    bar_of,
+    bar_text,
+    coarse_error,
+    fine_error,
+    number_text,
+    with_bar,
+)
 from swim_env.paper.book import write_book
-from swim_env.paper.constants import internal_forces, joint_moments, momentum_figures
+from swim_env.paper.code import code_digest
+from swim_env.paper.constants import (
+    RESOLVED,
+    internal_figures,
+    internal_forces,
+    joint_moments,
+    momentum_figures,
+    resolved,
+)
 from swim_env.paper.maps import LARGEST_BEND, is_verified
-from swim_env.paper.modes import bending_orders, natural_frequencies
+from swim_env.paper.modes import bending_orders, modes_figures, natural_frequencies
 from swim_env.paper.onset import (
     LATERAL,
     PAPER_TIMES,
@@ -36,19 +60,24 @@ from swim_env.paper.onset import (
     onset_units,
     perturbed,
 )
-from swim_env.paper.page import make_page
-from swim_env.paper.runs import NUMERALS, bar_of, bar_text, number_text, played, run_figures
-from swim_env.paper.statements import (
-    AGREE,
-    DIFFER,
-    NOT_MEASURED,
-    STATEMENTS,
-    UNDECIDED,
-    find_all,
-)
+from swim_env.paper.page import GROUPS, make_page
+from swim_env.paper.runs import NUMERALS, first_crossing, played, run_figures
+from swim_env.paper.statements import STATEMENTS, find_all
 from swim_env.paper.suite import all_units, collect
 from swim_env.paper.units import Arrays, Figures, Store, Unit, do_units
 from swim_env.paper.variants import of_variant, with_halved_turning
+from swim_env.paper.verdicts import (
+    AGREE,
+    DIFFER,
+    NOT_MEASURED,
+    UNDECIDED,
+    Value,
+    above,
+    all_of,
+    at_most,
+    larger,
+    within,
+)
 from swim_env.simulator import Simulator
 
 ROOT = Path(__file__).parents[2]
@@ -153,8 +182,9 @@ def the_papers_world() -> dict[str, Any]:
         an_onset(n, panels, "none", None, duration=100.0, rate=None)
         for n, panels in ((3, 12), (9, 4))
     ]
-    modes = {"frequencies": [5.0, 15.0, 30.0], "highest": 260.0}
-    orders = {"elements": [9, 18, 36], "errors": [0.04, 0.01, 0.0025], "order": 2.0}
+    onset += [{**one, "step": 0.005} for one in onset if one["stiffness"] == 5.0]
+    modes = {"frequencies": [5.0, 15.0, 30.0], "fine": [5.0, 15.0, 30.0], "highest": 260.0}
+    orders = {"elements": [9, 18, 36], "errors": [0.04, 0.01, 0.0025], "order": 2.0, "before": 2.0}
     return {
         "runs": runs,
         "onset": onset,
@@ -212,18 +242,21 @@ def _onsets(**changes: Any) -> Any:
 
 #: A change of the paper's world for every statement, after which it does not hold.
 WRONG: dict[str, Any] = {
-    "order": lambda data: data["modes"]["i"]["orders"].update(order=1.0),
+    "order": lambda data: data["modes"]["i"]["orders"].update(order=1.0, before=1.0),
     "momentum": _set("iv", momentum={"drift": 1e-8, "bound": 1e-9, "share": 10.0}),
     "energy": lambda data: data["runs"]["vi"]["energy"].update(last=0.2),
     "steps": lambda data: data["modes"]["i"].update(highest=10.0),
     "i-iii left": _swims("ii", 1.5),
     "i-iii curve": _swims("ii", -1.5, 0.1),
+    "i-iii alike": _swims("ii", -1.5, 0.1),
+    "nontrivial": lambda data: [_swims(name, -0.5)(data) for name in ("ii", "iii")],
     "i fastest": _swims("ii", -3.0),
     "ii slower": _set("ii", bends=[0.05] * 8),
     "iii slower": _swims("iii", -1.6),
     "iv less stable": _swims("iv", -1.0, 0.2),
     "iv semicircle": _swims("iv", -1.0, -20.0),
     "v quadrant": _swims("v", -6.0, 90.0),
+    "v unlike iii": _swims("v", -6.0, -10.0),
     "v faster": _swims("v", -1.5),
     "vi-vii left": _swims("vi", 0.3),
     "vi-vii curve": _swims("vii", -0.8, -10.0),
@@ -231,6 +264,7 @@ WRONG: dict[str, Any] = {
     "vi slow": _swims("vi", -1.9),
     "vii faster": _swims("vii", -0.1),
     "vii bends": _set("vii", bends=[0.001] * 4 + [0.02] * 4),
+    "head matters": _set("vii", bends=[0.001] * 4 + [0.02] * 4),
     "viii as i": _swims("viii", -1.0),
     "viii slows": _swims("viii", -2.0),
     "viii tighter": _set("viii", heading=[0.0] * 100),
@@ -245,6 +279,7 @@ WRONG: dict[str, Any] = {
     "27 panels": _onsets(where={"elements": 27, "panels": 12}, factor=1.1),
     "stiffness": _onsets(where={"stiffness": 1e4}, factor=1.1),
     "x turns": _set("x", angle=[0.0] * 101),
+    "coarse unstable": _onsets(where={"elements": 3}, factor=3.0),
     "xi as xii": _set("xi", **a_run(8.0, 90.0, 1.0)),
     "delayed": _onsets(where={"elements": 27}, factor=0.5),
     "locomotion": _swims("i", 0.0),
@@ -270,6 +305,55 @@ def test_error_bars_that_overlap_leave_an_order_undecided() -> None:
     assert verdicts(data)["iii slower"] == AGREE
 
 
+#: What is exact, or an error itself, or a count: it has no bar that could span a limit.
+WITHOUT_BARS = {"momentum", "energy", "steps", "viii as i", "equilibrium", "alone"}
+
+
+@pytest.mark.parametrize("key", sorted({one.key for one in STATEMENTS} - WITHOUT_BARS))
+def test_a_bar_that_spans_the_limit_leaves_every_statement_undecided(key: str) -> None:
+    """Half the step makes nonsense of all figures: nothing is known then, and nothing is said."""
+    data = the_papers_world()
+    for i, name in enumerate(NUMERALS):
+        run, factor = data["runs"][f"{name}_half"], (-30.0, 0.1, 900.0)[i % 3]
+        for field in ("speed", "turn"):
+            run[field] *= factor
+        run["displacement"][0] *= factor
+        for field in ("path", "angle"):
+            run[field] = (np.array(run[field]) * factor).tolist()
+        run["heading"] = (np.array(run["heading"]) * (3.0 - factor)).tolist()
+        run["bends"] = [30.0 * one for one in run["bends"][:4]] + run["bends"][4:]
+    path = np.array(data["runs"]["viii_half"]["path"])
+    path[52:, 0] += 20.0 * np.arange(48)
+    data["runs"]["viii_half"]["path"] = path.tolist()
+    for one in data["onset"]:
+        if one["step"] == 0.005 and one["time"] is not None:
+            one["time"] *= 30.0
+    data["modes"]["i"]["orders"]["before"] = 1.0
+    assert verdicts(data)[key] == UNDECIDED
+
+
+@pytest.mark.parametrize(
+    ("bar", "verdict"), [(0.0, AGREE), (0.9, AGREE), (1.1, UNDECIDED), (50.0, UNDECIDED)]
+)
+def test_one_rule_makes_verdicts(bar: float, verdict: str) -> None:
+    against = {AGREE: DIFFER, UNDECIDED: UNDECIDED}[verdict]
+    figure = Value(3.0, bar)
+    assert above(figure, 2.0) == at_most(figure, 4.0) == verdict
+    assert above(figure, 4.0) == at_most(figure, 2.0) == against
+    assert within(figure, 4.0, 2.0) == verdict
+    assert within(figure, 7.0, 3.0) == against
+    assert larger(figure, Value(2.0, 0.0)) == verdict
+    assert larger(Value(2.0, 0.0), figure) == against
+    # A figure that is exactly the limit is not above it.
+    assert above(Value(2.0, 0.0), 2.0) == DIFFER
+
+
+def test_what_differs_decides_and_then_what_is_undecided() -> None:
+    assert all_of([AGREE, UNDECIDED, DIFFER]) == DIFFER
+    assert all_of([AGREE, UNDECIDED]) == UNDECIDED
+    assert all_of([AGREE, AGREE]) == AGREE
+
+
 def test_what_is_missing_short_or_ended_is_said_and_not_judged() -> None:
     data = the_papers_world()
     data["runs"]["v"]["end"] = "step_not_solved"
@@ -292,23 +376,118 @@ def _page(data: dict[str, Any]) -> str:
     return make_page(data, {}, "a test")
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        _swims("i", -2.1),
-        _onsets(factor=1.01),
-        lambda data: data["runs"]["x"]["momentum"].update(drift=2e-15),
-        lambda data: data["modes"]["v"].update(frequencies=[0.77, 2.0, 3.0]),
-        lambda data: data.update(commits=["1" * 40]),
-        lambda data: data.update(done=0),
-    ],
-    ids=["run", "onset", "momentum", "modes", "commit", "missing"],
-)
-def test_the_page_follows_the_data(change: Any) -> None:
+def _variant_world(data: dict[str, Any]) -> None:
+    """Add a reading that swims as ours does."""
+    found = {}
+    for name in NUMERALS:
+        base, half = (copy.deepcopy(data["runs"][name]) for _ in range(2))
+        found[name] = {"base": base, "half": half, "kirchhoff": 0.1}
+    data["variants"]["frozen"] = found
+
+
+def _map_world(data: dict[str, Any]) -> None:
+    """Add a map of one row."""
+    point = {
+        "speed": 0.01,
+        "coarse": 0.01,
+        "panels": 0.01,
+        "checked": True,
+        "bend": 0.1,
+        "trusted": True,
+    }
+    row = {"map": "drive", "frequency": 1.0, "columns": [0.0, 6.0], "resonances": [[5.0, 15.0]]}
+    data["maps"]["drive"] = [{**row, "points": [point, {**point, "speed": -0.01}]}]
+
+
+def _internal_world(data: dict[str, Any]) -> None:
+    """Add forces along the beam of scene i."""
+    for level in ("", "_half", "_fine"):
+        keys = ("axial", "shear", "torque", "elastic", "total", "strain")
+        found: dict[str, Any] = {key: [0.1, 0.2] for key in keys}
+        found |= {"above": {"shear": 0.5, "axial": 0.5, "total": 0.5}, "peak_shear": 1.0}
+        found["power"] = 0.5
+        data["runs"][f"i{level}"]["internal"] = found
+
+
+def _variant(level: str, **changes: Any) -> Any:
+    return lambda data: data["variants"]["frozen"]["i"][level].update(changes)
+
+
+#: A change of one number of the data, and what the page must then say, in which it did not before.
+FOLLOWS: dict[str, tuple[Any, str]] = {
+    "run": (_swims("i", -2.347), "+2.347 ± 0"),
+    "its error bar": (
+        lambda data: data["runs"]["i_half"].update(displacement=[-2.1, 0.0]),
+        "+2.0 ± 0.2",
+    ),
+    "panels' error bar": (
+        lambda data: data["runs"]["i_fine"].update(displacement=[-2.2, 0.0]),
+        "+2.0 ± 0.3",
+    ),
+    "curvature": (_set("i", curvature=math.radians(7.77)), "+7.77 ± 0"),
+    "onset": (_onsets(where={"elements": 3, "perturbation": "small"}, time=2.22), "2.22 ± 0"),
+    "onset's error bar": (
+        _onsets(where={"elements": 3, "perturbation": "small", "step": 0.005}, time=2.14),
+        "2.13 ± 0.02",
+    ),
+    "rate": (_onsets(where={"elements": 3, "perturbation": "small"}, rate=0.4321), "0.4321 ± 0"),
+    "momentum": (lambda data: data["runs"]["x"]["momentum"].update(drift=3.2e-12), "3.2e-12"),
+    "energy": (lambda data: data["runs"]["iv"]["energy"].update(unexplained=7.3e-3), "7.3e-03"),
+    "energy at half": (
+        lambda data: data["runs"]["iv_half"]["energy"].update(unexplained=6.3e-3),
+        "(6.3e-03)",
+    ),
+    "work": (lambda data: data["runs"]["ii_half"]["energy"].update(work=0.2), "0.1 ± 0.2"),
+    "forces": (
+        lambda data: data["runs"]["i_half"]["internal"].update(shear=[0.1, 0.25]),
+        "0.2 ± 0.1",
+    ),
+    "peaks": (
+        lambda data: data["runs"]["i_half"]["internal"].update(peak_shear=2.7),
+        "2.7 to 2.7 times as large",
+    ),
+    "power": (lambda data: data["runs"]["i_half"]["internal"].update(power=0.6), "0.5 ± 0.2"),
+    "unresolved": (
+        lambda data: data["runs"]["i"]["internal"]["above"].update(shear=0.57),
+        "57%, 50%, 50%",
+    ),
+    "reading": (_variant("base", displacement=[-1.7, 0.0]), "+1.7 ± 0.6"),
+    "reading's error bar": (_variant("half", displacement=[-2.05, 0.0]), "+2.0 ± 0.1"),
+    "map": (
+        lambda data: data["maps"]["drive"][0]["points"][0].update(coarse=0.0103),
+        "+0.0100 ± 0.0001 BL/s",
+    ),
+    "map's panels": (
+        lambda data: data["maps"]["drive"][0]["points"][0].update(panels=0.0105),
+        "changes by 5.0%",
+    ),
+    "modes": (lambda data: data["modes"]["v"].update(frequencies=[0.77, 2.0, 3.0]), "0.77 Hz"),
+    "modes' error bar": (lambda data: data["modes"]["v"].update(fine=[5.2, 15.0]), "5.0 ± 0.3"),
+    "commit": (lambda data: data.update(commits=["1" * 40]), "computed at commit 1111111111"),
+    "missing": (lambda data: data.update(done=0), "**1 of them are missing.**"),
+}
+
+
+@pytest.mark.parametrize("name", FOLLOWS)
+def test_a_number_of_the_data_that_changes_is_changed_on_the_page(name: str) -> None:
     data = the_papers_world()
-    before = _page(data)
+    for world in (_internal_world, _variant_world, _map_world):
+        world(data)
+    change, words = FOLLOWS[name]
+    assert words not in _page(data)
     change(data)
-    assert _page(data) != before
+    assert words in _page(data)
+
+
+def test_the_end_of_the_page_counts_every_statement_once() -> None:
+    counted = [key for keys in GROUPS.values() for key in keys]
+    assert sorted(counted) == sorted(statement.key for statement in STATEMENTS)
+
+
+def test_the_page_tells_the_commit_of_the_figures_from_its_own() -> None:
+    page = make_page(the_papers_world(), {}, "a test", "2" * 40 + "+")
+    assert "figures computed at commit 0000000000 on 2020-01-01, page written by commit" in page
+    assert page.count("commit 2222222222+") == 2
 
 
 def test_the_page_says_what_differs_and_counts_it() -> None:
@@ -325,6 +504,15 @@ def test_an_empty_page_has_no_numbers_of_ours() -> None:
     page = _page(data)
     assert "0 files of figures were there" in page
     assert f"{len(STATEMENTS)} not measured" in page
+    rows = [line.split(" | ") for line in page.splitlines() if line.startswith("| section")]
+    assert len(rows) == len(STATEMENTS)
+    for _, measured, verdict, *_, why in rows:
+        # Nothing but the names of what is missing.
+        assert measured.startswith("no ") and verdict == f"**{NOT_MEASURED}**" and why == " |"
+    # No table but that one, no picture, and no figure with a bar.
+    assert sum(line.startswith("|---|") for line in page.splitlines()) == 1
+    assert "](" not in page.replace("](physics.md)", "")
+    assert re.search(r"[0-9] ± ", page) is None
 
 
 def test_numbers_have_no_minus_before_a_zero_and_bars_one_digit() -> None:
@@ -332,8 +520,29 @@ def test_numbers_have_no_minus_before_a_zero_and_bars_one_digit() -> None:
     assert number_text(-1e-9, ".3f") == "0.000"
     assert number_text(-0.25, "+.2f") == "-0.25"
     assert [bar_text(bar) for bar in (0.0, 0.0123, 17.0, 1e-9)] == ["0", "0.01", "20", "1e-09"]
-    assert bar_of(1.0, 1.1, 0.7) == pytest.approx(0.5)
     assert bar_of(1.0, None, 0.7) is None
+    assert with_bar(0.24976, 0.0053) == "0.250 ± 0.005"
+    assert with_bar(-0.24976, 0.0, "+") == "-0.2498 ± 0"
+    assert with_bar(0.24976, 2e-9, digits=3) == "0.250 ± 2e-09"
+    assert with_bar(1119.4, 23.0, "+") == "+1119 ± 20"
+    assert with_bar(0.5, None, "+") == "+0.5"
+
+
+@pytest.mark.parametrize("order", [1.0, 2.0])
+@pytest.mark.parametrize("ratio", [2.0, 3.0])
+def test_error_bars_are_the_errors_of_figures_of_that_order(order: float, ratio: float) -> None:
+    limit, size, constant = 5.0, 0.1, -0.7
+    coarse = limit + constant * size**order
+    fine = limit + constant * (size / ratio) ** order
+    assert coarse_error(fine - coarse, ratio, order) == pytest.approx(abs(coarse - limit))
+    assert fine_error(fine - coarse, ratio, order) == pytest.approx(abs(fine - limit))
+
+
+def test_a_bar_counts_first_order_in_the_step_and_in_the_panels() -> None:
+    # Half the step: twice the change. A third of the panels' length: one and a half times.
+    assert bar_of(1.0, 1.1, 1.0) == pytest.approx(0.2)
+    assert bar_of(1.0, 1.0, 0.7) == pytest.approx(0.45)
+    assert bar_of(1.0, 1.1, 0.7) == pytest.approx(0.65)
 
 
 # ---- files and resuming ------------------------------------------------------------------------
@@ -394,6 +603,117 @@ def test_what_has_changed_or_is_damaged_is_done_anew(
     assert do_units(units, store, again, 1) == 4
 
 
+@pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "no archive"])
+def test_broken_arrays_count_as_missing_and_are_done_anew(tmp_path: Path, damage: str) -> None:
+    store, units = Store(tmp_path), _units()
+    do_units(units, store, _Worker(), 1)
+    file = tmp_path / "one_2.npz"
+    whole = file.read_bytes()
+    # Behind the first member's header, in what is compressed.
+    flipped = whole[:90] + bytes([whole[90] ^ 0xFF]) + whole[91:]
+    broken = {"cut": whole[:-30], "flipped": flipped, "empty": b"", "no archive": b"x" * 400}
+    file.write_bytes(broken[damage])
+    assert store.figures(units[2]) is None
+    again = _Worker()
+    assert do_units(units, store, again, 1) == 1
+    assert again.did == ["one_2"]
+    assert store.arrays(units[2])["square"].tolist() == [0.0, 1.0, 2.0]
+
+
+def _dies(unit: Unit) -> tuple[Figures, Arrays]:
+    """Do the longest unit, and be killed in the next one."""
+    if unit.name != "one_3":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return {"number": unit.options["number"]}, {}
+
+
+def test_a_dead_worker_is_one_clear_line_and_what_was_done_is_kept(tmp_path: Path) -> None:
+    store = Store(tmp_path / "units")
+    # One process of two: one_3 is begun before one_2, which ends all.
+    with pytest.raises(SwimError) as caught:
+        do_units(_units(), store, _dies, workers=2)
+    text = str(caught.value)
+    assert "a worker process has died" in text and "start again to go on" in text
+    assert "\n" not in text
+    left = 4 - sum(store.figures(unit) is not None for unit in _units())
+    assert do_units(_units(), store, _Worker(), 1) == left
+
+
+def test_ctrl_c_leaves_what_is_done_and_the_next_start_goes_on(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    command = [sys.executable, str(ROOT / "scripts" / "reproduce_paper.py"), "--quick"]
+    command += ["--only", "modes", "onset", "--workers", "2", "--output", str(folder)]
+    process = subprocess.Popen(
+        command,
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # A group of its own: a terminal interrupts all processes of a command.
+        start_new_session=True,
+        # A shell's background jobs, and what they start, ignore the signal.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    until = time.monotonic() + 120.0
+    while len(list(folder.glob("units/*.json"))) < 3 and time.monotonic() < until:
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == INTERRUPTED, errors
+    assert "interrupted; what was done is kept, start again to go on" in errors
+    assert "Traceback" not in errors
+    store = Store(folder / "units")
+    chosen = all_units(quick=True, only=("modes", "onset"))
+    done = [unit for unit in chosen if store.figures(unit) is not None]
+    # Whole files alone, and some left to do.
+    assert len(done) == len(list((folder / "units").iterdir())) >= 3
+    assert len(done) < len(chosen)
+    assert do_units(chosen, store, _nothing, 1) == len(chosen) - len(done)
+
+
+def _nothing(unit: Unit) -> tuple[Figures, Arrays]:
+    return {}, {}
+
+
+def test_keys_know_the_code_that_makes_figures_and_no_other(tmp_path: Path) -> None:
+    package = tmp_path / "swim_env"
+    for folder in ("paper",):
+        shutil.copytree(ROOT / "swim_env" / folder, package / folder)
+    shutil.copy(ROOT / "swim_env" / "kirchhoff.py", package)
+    kinds = ("run", "onset", "variant", "modes", "map")
+
+    def changed(module: str, text: str) -> set[str]:
+        file = package / module
+        before, source = [code_digest(kind, package) for kind in kinds], file.read_text()
+        file.write_text(source + text)
+        code_digest.cache_clear()
+        after = [code_digest(kind, package) for kind in kinds]
+        file.write_text(source)
+        code_digest.cache_clear()
+        return {kind for kind, a, b in zip(kinds, before, after, strict=True) if a != b}
+
+    code = "\nADDED = 1\n"
+    assert [code_digest(kind, package) for kind in kinds] == [code_digest(kind) for kind in kinds]
+    assert changed("paper/runs.py", code) == {"run", "onset", "variant"}
+    assert changed("paper/constants.py", code) == {"run", "onset", "variant"}
+    assert changed("paper/onset.py", code) == {"onset", "variant"}
+    assert changed("paper/variants.py", code) == {"variant"}
+    assert changed("paper/modes.py", code) == {"modes", "map"}
+    assert changed("paper/maps.py", code) == {"map"}
+    assert changed("kirchhoff.py", code) == {"onset", "variant", "modes", "map"}
+    for module in ("page", "charts", "statements", "judges", "verdicts", "bars", "book", "units"):
+        assert changed(f"paper/{module}.py", code) == set(), module
+    assert changed("paper/runs.py", "\n# A comment.\n") == set()
+
+
+def test_other_code_makes_another_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    unit = _units()[0]
+    before = unit.key
+    monkeypatch.setattr(units_module, "code_digest", lambda kind: "others")
+    assert unit.key != before
+
+
 def test_units_have_names_of_their_own_and_keys_that_last() -> None:
     keys = {}
     for quick in (False, True):
@@ -414,6 +734,13 @@ def test_the_study_of_onsets_has_all_that_the_paper_varies() -> None:
         if u.options["perturbation"] == kind and u.options["step"] == 0.01
     }
     assert len(played_ones) == 3 * 2 * 5
+    # Every start of every body has a run with half the step, for its error bar.
+    halves = {
+        (u.options["elements"], u.options["panels"], u.options["perturbation"])
+        for u in onset_units()
+        if u.options["step"] == 0.005
+    }
+    assert len(halves) == 3 * 2 * len(LATERAL)
     speeds = perturbed(9, 4, 5.0, "sloped").initial.velocities(perturbed(9, 4, 5.0, "sloped").beam)
     places = np.arange(9) + 0.5
     np.testing.assert_allclose(speeds[0][:, 1], (3.5 - places) * 1e-5, atol=1e-18)
@@ -518,6 +845,40 @@ def test_figures_of_a_run_are_means_over_seconds() -> None:
     assert 0.0 < kept["drift"] < 1e-12 and kept["share"] < 1.0
 
 
+def test_a_crossing_lies_between_two_instants() -> None:
+    time = np.array([0.0, 1.0, 2.0, 3.0])
+    assert first_crossing(time, np.array([0.0, 1.0, 3.0, 0.0]), 1.5) == pytest.approx(1.25)
+    assert first_crossing(time, np.array([2.0, 3.0, 3.0, 3.0]), 1.5) == 0.0
+    assert first_crossing(time, np.zeros(4), 1.5) is None
+
+
+def test_what_steps_resolve_passes_and_the_rest_does_not() -> None:
+    time = np.arange(0.0, 20.0, 0.01)[:, None]
+    slow, fast = np.sin(2.0 * math.pi * time), np.sin(2.0 * math.pi * 30.0 * time)
+    middle = slice(100, -100)
+    np.testing.assert_allclose(
+        resolved(slow + fast, 0.01)[middle], slow[middle], atol=2e-3, rtol=0.0
+    )
+    run = played(Simulator(load_scene("paper_i", {"internal_forces": {}, "episode.duration": 5.0})))
+    found = internal_figures(run)
+    axial, shear = internal_forces(run)
+    whole = np.sqrt(np.mean(shear**2, axis=0))
+    assert len(found["shear"]) == len(found["axial"]) == 8
+    assert np.all(np.array(found["shear"]) < whole)
+    assert found["peak_shear"] == pytest.approx(np.abs(shear).max())
+    # Positive work counts the ringing, and what is spent on the slow motion does not.
+    assert 0.0 < found["power"] < run.positive_work.sum() / run.duration
+    # More than half of it rings above what is resolved.
+    assert 0.5 < found["above"]["shear"] < 0.9 and RESOLVED < 10.0
+
+
+def test_frequencies_have_finer_panels_beside_them() -> None:
+    found = modes_figures(load_scene("paper_i"))
+    assert len(found["fine"]) == 3
+    change = [abs(b / a - 1.0) for a, b in zip(found["frequencies"], found["fine"], strict=True)]
+    assert 1e-3 < max(change) < 0.03
+
+
 def test_points_of_a_map_are_verified_or_not() -> None:
     good = {
         "speed": 0.01,
@@ -571,10 +932,12 @@ def test_the_command_makes_a_page_of_its_files_and_of_nothing_else(
     assert json.loads(told.out)["verdicts"]["order"]["verdict"] == AGREE
     page = (tmp_path / "out.md").read_text(encoding="utf-8")
     assert "order 2.01" in page
+    commit = json.loads((folder / "verdicts.json").read_text(encoding="utf-8"))["written"]
+    assert f"page written by commit {commit[:10] if commit else 'unknown'}" in page
     # A file says something else, and so does the page; nothing is done anew.
     file = folder / "units" / "modes_i.json"
     kept = json.loads(file.read_text(encoding="utf-8"))
-    kept["figures"]["orders"]["order"] = 1.23
+    kept["figures"]["orders"] |= {"order": 1.23, "before": 1.22}
     file.write_text(json.dumps(kept), encoding="utf-8")
     assert run(main, options) == 0
     told = capsys.readouterr()
@@ -616,10 +979,27 @@ def test_the_kept_page_is_made_of_the_kept_files(monkeypatch: pytest.MonkeyPatch
     data = collect(units, Store(folder / "units"))
     assert data["done"] == data["units"] == len(units)
     pictures = {path.stem: f"paper/{path.name}" for path in folder.glob("*.png")}
-    page = make_page(data, pictures, "scripts/reproduce_paper.py")
-    assert page == (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
     stored = json.loads((folder / "verdicts.json").read_text(encoding="utf-8"))
-    assert {key: one["verdict"] for key, one in stored["verdicts"].items()} == verdicts(data)
+    page = make_page(data, pictures, "scripts/reproduce_paper.py", stored["written"])
+    assert page == (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
+    found = {
+        statement.key: {
+            "says": statement.says,
+            "where": statement.where,
+            "measured": finding.measured,
+            "verdict": finding.verdict,
+            "criterion": statement.criterion,
+            "why": finding.why,
+        }
+        for statement, finding in find_all(data)
+    }
+    assert stored["verdicts"] == found
+    # Every column of the page's table says what the summary says, row by row.
+    rows = [line for line in page.splitlines() if line.startswith("| section")]
+    for row, one in zip(rows, found.values(), strict=True):
+        cells = [one["measured"], one["verdict"], one["criterion"], one["why"]]
+        for cell in cells:
+            assert cell.replace("|", "\\|") in row
 
 
 def test_a_book_of_nothing_can_be_written(tmp_path: Path) -> None:
