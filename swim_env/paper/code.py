@@ -8,7 +8,7 @@ import hashlib
 from pathlib import Path
 
 # The same notion of what code is: without docstrings, comments and layout.
-from swim_env.stability.digest import _code_of
+from swim_env.stability.digest import code_of
 
 __all__ = ["code_digest"]
 
@@ -56,7 +56,7 @@ def code_digest(kind: str, package: Path = _PACKAGE) -> str:
         waiting += _imports(package / name)
     for name in sorted(seen):
         digest.update(name.encode())
-        digest.update(_code_of((package / name).read_text(encoding="utf-8")).encode())
+        digest.update(code_of((package / name).read_text(encoding="utf-8")).encode())
     return digest.hexdigest()[:16]
 
 

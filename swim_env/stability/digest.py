@@ -6,7 +6,7 @@ import ast
 import hashlib
 from pathlib import Path
 
-__all__ = ["kernel_digest"]
+__all__ = ["code_of", "kernel_digest"]
 
 _PACKAGE = Path(__file__).parents[1]
 #: Files of the kernels' folder that no step calls.
@@ -22,11 +22,11 @@ def kernel_digest() -> str:
     files = [path for path in kernels if path.name not in _PASSED_OVER]
     for path in [*files, *(_PACKAGE / name for name in _BESIDES)]:
         digest.update(path.name.encode())
-        digest.update(_code_of(path.read_text(encoding="utf-8")).encode())
+        digest.update(code_of(path.read_text(encoding="utf-8")).encode())
     return digest.hexdigest()[:16]
 
 
-def _code_of(source: str) -> str:
+def code_of(source: str) -> str:
     """Return a program's text without docstrings, comments and layout."""
     tree = ast.parse(source)
     for node in ast.walk(tree):

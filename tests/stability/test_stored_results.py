@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from swim_env.stability.cases import CASES, hard_runs
-from swim_env.stability.digest import _code_of, kernel_digest
+from swim_env.stability.digest import code_of, kernel_digest
 from swim_env.stability.report import failures_of, stability_tables
 
 FOLDER = Path(__file__).parents[2] / "docs" / "stability"
@@ -43,6 +43,6 @@ def test_the_tables_are_made_of_the_stored_run() -> None:
 def test_comments_and_docstrings_do_not_count_but_code_does() -> None:
     plain = 'def f(x):\n    """Say."""\n    # why\n    return x + 1\n'
     other = 'def f(x):\n    """Say it in other words."""\n    return x+1  # else\n'
-    assert _code_of(plain) == _code_of(other)
-    assert _code_of(plain) != _code_of(plain.replace("+ 1", "+ 2"))
-    assert _code_of('class A:\n    """Only words."""\n') == _code_of("class A:\n    pass\n")
+    assert code_of(plain) == code_of(other)
+    assert code_of(plain) != code_of(plain.replace("+ 1", "+ 2"))
+    assert code_of('class A:\n    """Only words."""\n') == code_of("class A:\n    pass\n")
