@@ -75,7 +75,7 @@ def draw_study(runs: Sequence[Run], references: Mapping[str, Reference]) -> Figu
         raise SwimError("there is nothing to draw: no run of the study came to its end")
     columns = min(_COLUMNS, len(scenes))
     rows = -(-len(scenes) // columns)
-    figure = new_figure(3.3 * columns, 2.7 * rows + 0.6)
+    figure = new_figure(2.9 * columns, 2.5 * rows + 0.7)
     axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for i, place in enumerate(axes.ravel()):
         if i >= len(scenes):

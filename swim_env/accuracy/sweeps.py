@@ -191,7 +191,7 @@ def draw_sweeps(bends: list[dict[str, Any]], resonance: Mapping[str, Any]) -> Fi
         If matplotlib is not installed.
     """
     require_matplotlib()
-    figure = new_figure(9.5, 3.7)
+    figure = new_figure(9.5, 3.6)
     axes = figure.subplots(1, 1 + len(resonance))
     _draw_bends(axes[0], bends)
     for place, (name, sweep) in zip(axes[1:], resonance.items(), strict=True):
@@ -200,7 +200,7 @@ def draw_sweeps(bends: list[dict[str, Any]], resonance: Mapping[str, Any]) -> Fi
     figure.legend(
         handles=axes[1].get_lines(),
         loc="outside lower right",
-        ncols=2,
+        ncols=4,
         fontsize=SMALL,
         frameon=False,
     )
@@ -246,4 +246,4 @@ def _draw_resonance(axes: Axes, sweep: list[dict[str, Any]]) -> None:
         )
     axes.set_yscale("log")
     axes.set_ylim(1e-4, 10.0)
-    style_axes(axes, "frequency of the drive (Hz)", f"difference to {_CONVERGED}, relative")
+    style_axes(axes, "frequency of the drive (Hz)", f"relative difference to {_CONVERGED}")

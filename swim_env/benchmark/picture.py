@@ -19,6 +19,8 @@ from swim_env.viewer.style import (
     SILVER,
     SKY,
     SMALL,
+    SMALLER,
+    WIDTH,
     YELLOW,
     name_panel,
     new_figure,
@@ -63,7 +65,7 @@ def draw_benchmark(record: Record) -> Figure:
         If matplotlib is not installed.
     """
     require_matplotlib()
-    figure = new_figure(9.0, 5.8)
+    figure = new_figure(WIDTH, 6.0)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1.0), height_ratios=(1.0, 1.15))
     cells = _shown_cells(record.get("kernel", []))
     growth, parts = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
@@ -180,7 +182,9 @@ def _draw_growth(axes: Axes, cells: Sequence[Record], fit: Record | None) -> Non
     axes.set_yscale("log")
     axes.set_xticks(elements, [str(n) for n in elements])
     axes.minorticks_off()
-    axes.legend(fontsize=SMALL, frameon=False)
+    # Room for the legend.
+    axes.set_ylim(top=6.0 * max(medians))
+    axes.legend(fontsize=SMALLER, frameon=False, loc="upper left")
     kind = f"{cells[0]['fluid_model']}, {cells[0]['panels_per_element']} panels per element"
     name_panel(axes, f"a physics step ({kind})")
     style_axes(axes, "elements N", "time of a step (\u00b5s)")
@@ -213,7 +217,7 @@ def _draw_parts(axes: Axes, cells: Sequence[Record]) -> None:
         bottom = [below + height for below, height in zip(bottom, heights, strict=True)]
     for place, cell in zip(places, cells, strict=True):
         time = _time(cell["step"]["median"])
-        axes.text(place, 101.5, time, ha="center", va="bottom", fontsize=SMALL)
+        axes.text(place, 101.5, time, ha="center", va="bottom", fontsize=SMALLER)
     floor = [
         (place, 100.0 * cell["floor"]["median"] / cell["step"]["median"])
         for place, cell in zip(places, cells, strict=True)
@@ -233,13 +237,13 @@ def _draw_parts(axes: Axes, cells: Sequence[Record]) -> None:
     axes.set_ylim(0.0, max([112.0, *(1.06 * share for _, share in floor)]))
     axes.set_yticks(range(0, 101, 25))
     axes.legend(
-        fontsize=SMALL,
+        fontsize=SMALLER,
         frameon=False,
         loc="upper center",
-        bbox_to_anchor=(0.48, -0.2),
-        ncols=4,
+        bbox_to_anchor=(0.45, -0.22),
+        ncols=3,
         handlelength=1.0,
-        columnspacing=1.2,
+        columnspacing=1.0,
     )
     style_axes(axes, "elements N", "share of a step (%)")
 
@@ -273,7 +277,6 @@ def _draw_speeds(axes: Axes, speeds: Sequence[Record]) -> None:
     # Whole decades, so that there are labels at both ends.
     decades = (math.floor(math.log10(0.7 * min(medians))), math.ceil(math.log10(2 * max(medians))))
     axes.set_xlim(10.0 ** decades[0], 10.0 ** decades[1])
-    axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_formatter(NullFormatter())
     for place, rate in zip(places, rates, strict=True):
         axes.text(
@@ -281,19 +284,19 @@ def _draw_speeds(axes: Axes, speeds: Sequence[Record]) -> None:
             place,
             f"{rate['median']:,.0f}" if rate["median"] >= 100.0 else f"{rate['median']:.3g}",
             va="center",
-            fontsize=SMALL,
+            fontsize=SMALLER,
         )
-    labels = [textwrap.fill(speed["label"], 30) for speed in speeds]
+    labels = [textwrap.fill(speed["label"], 24) for speed in speeds]
     axes.set_yticks(places, labels)
     axes.invert_yaxis()
     axes.legend(
-        fontsize=SMALL,
+        fontsize=SMALLER,
         frameon=False,
         loc="upper center",
-        bbox_to_anchor=(0.4, -0.075),
+        bbox_to_anchor=(0.4, -0.09),
         ncols=2,
         handlelength=1.0,
     )
     name_panel(axes, "speed (batches: all members)")
     style_axes(axes, "simulated time per wall time (s/s)", "")
-    axes.tick_params(axis="y", labelsize=SMALL)
+    axes.tick_params(axis="y", labelsize=SMALLER)

@@ -38,7 +38,7 @@ __all__ = ["draw_energy"]
 Array = NDArray[np.float64]
 
 #: Most instants of a panel's lines: more than its pixels cannot be seen.
-_MOST = 1200
+_MOST, _PIECES = 800, 250
 
 
 def draw_energy(
@@ -68,7 +68,7 @@ def draw_energy(
     """
     if not trajectories or any(run.steps < 1 for run in trajectories.values()):
         raise SwimError("there is nothing to draw: no trajectory, or one without steps")
-    figure = new_figure(WIDTH, 6.0)
+    figure = new_figure(WIDTH, 5.4)
     axes = figure.subplots(3, len(trajectories), height_ratios=(1.2, 1.2, 0.8), squeeze=False)
     for column, (name, run) in enumerate(trajectories.items()):
         velocity = (velocities or {}).get(name)
@@ -83,11 +83,8 @@ def draw_energy(
         style_axes(parts, "time (s)", "energy (J)" if first else "")
         style_axes(spent, "time (s)", "energy (J)" if first else "")
         style_axes(drift, "time (s)", "share of the\nlargest H (%)" if first else "")
-    for row in (0, 1):
-        handles, labels = axes[row, 0].get_legend_handles_labels()
-        axes[row, 0].legend(
-            handles, labels, fontsize=SMALLER, loc="best", framealpha=0.85, edgecolor="none"
-        )
+        parts.legend(fontsize=SMALLER, frameon=False, loc="upper center", ncols=2)
+        spent.legend(fontsize=SMALLER, frameon=False, loc="upper left")
     return figure
 
 
@@ -115,9 +112,12 @@ def _draw_parts(axes: Axes, run: Trajectory, velocity: ArrayLike | None, seconds
         colors=[colour for _, colour in layers.values()],
         linewidth=0,
     )
-    axes.plot(run.time[instants], run.energy[instants], color=BLACK, linewidth=LINE, label="H")
+    axes.plot(
+        run.time[instants], run.energy[instants], color=BLACK, linewidth=LINE, label="H, their sum"
+    )
     axes.set_xlim(run.time[instants[0]], run.time[instants[-1]])
-    axes.set_ylim(bottom=0.0)
+    # Room for the legend.
+    axes.set_ylim(0.0, 1.45 * float(run.energy[instants].max()) or None)
 
 
 def _draw_spent(axes: Axes, run: Trajectory) -> None:
@@ -141,12 +141,13 @@ def _draw_spent(axes: Axes, run: Trajectory) -> None:
 
 
 def _draw_drift(axes: Axes, run: Trajectory) -> None:
-    """Draw what nothing explains."""
-    instants = _thinned(0, run.steps)
+    """Draw what nothing explains: between its least and its largest in short pieces of time."""
     largest = float(run.energy.max()) or 1.0
     left = run.energy - run.energy[0] - _summed(run.work - run.dissipated)
+    begins = _thinned(0, run.steps, _PIECES)[:-1]
+    low, high = (100.0 / largest * end.reduceat(left, begins) for end in (np.minimum, np.maximum))
     axes.axhline(0.0, color=GREY, linewidth=THIN)
-    axes.plot(run.time[instants], 100.0 * left[instants] / largest, color=PINK, linewidth=LINE)
+    axes.fill_between(run.time[begins], low, high, color=PINK, linewidth=LINE)
     axes.set_xlim(run.time[0], run.time[-1])
 
 
@@ -156,8 +157,8 @@ def _summed(values: Array) -> Array:
     return sums
 
 
-def _thinned(first: int, last: int) -> NDArray[np.int64]:
-    """Return instants from the first to the last, at most _MOST of them."""
-    step = max(1, -(-(last - first) // _MOST))
+def _thinned(first: int, last: int, most: int = _MOST) -> NDArray[np.int64]:
+    """Return instants from the first to the last, about so many at most."""
+    step = max(1, -(-(last - first) // most))
     instants: NDArray[np.int64] = np.unique([*range(first, last, step), last])
     return instants

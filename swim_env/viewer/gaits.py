@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from swim_env.trajectory import Trajectory
 from swim_env.viewer.style import (
     BLACK,
-    BLUE,
     GREY,
     LINE,
     SMALL,
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = ["draw_gaits", "draw_paths", "draw_scores"]
+
 
 def draw_scores(record: Mapping[str, Any]) -> Figure:
     """Draw the net displacement of every start, and its check, for each policy.
@@ -97,8 +97,11 @@ def draw_paths(
 
     names = list(trajectories)
     looks = policy_looks(names)
-    figure = new_figure(WIDTH, 3.4 + 0.8 * len(names))
-    rows = figure.add_gridspec(2, 1, height_ratios=(2.6, 0.8 * len(names)))
+    box = _box(trajectories, goals or {})
+    width, height = np.ptp(box, axis=0)
+    high = float(np.clip(7.1 * height / width, 1.2, 4.0))
+    figure = new_figure(WIDTH, high + 1.3 + 0.75 * len(names))
+    rows = figure.add_gridspec(2, 1, height_ratios=(high + 0.3, 0.75 * len(names)))
     plane = figure.add_subplot(rows[0])
     for name in names:
         run, colour = trajectories[name], looks[name]["color"]
@@ -111,8 +114,10 @@ def draw_paths(
         if goals and name in goals:
             spot = (np.asarray(goals[name]) - run.path[0]) / length
             plane.plot(*spot, "*", color=BLACK, markersize=9, zorder=5)
+    plane.update_datalim(box)
+    plane.margins(0.0)
+    plane.autoscale_view()
     plane.set_aspect("equal", adjustable="datalim")
-    plane.margins(0.03, 0.1)
     figure.legend(
         *plane.get_legend_handles_labels(),
         fontsize=SMALLER,
@@ -134,7 +139,21 @@ def draw_paths(
                 "shapes over 0.2 s near the end, in the body's own frame, bending twice enlarged"
                 " (dark to light: time)",
             )
+    # The limits of equal scales are known only now, and with them the widths of their numbers.
+    figure.draw_without_rendering()
     return figure
+
+
+def _box(trajectories: Mapping[str, Trajectory], goals: Mapping[str, Any]) -> NDArray[np.float64]:
+    """Return the corners of paths, last shapes and goals (BL) with a margin around them."""
+    points = []
+    for name, run in trajectories.items():
+        places = [run.path, run.nodes[-1]]
+        if name in goals:
+            places.append(np.asarray(goals[name], dtype=np.float64)[None])
+        points += [(some - run.path[0]) / run.scene.beam.length for some in places]
+    every = np.concatenate(points)
+    return np.array([every.min(axis=0) - 0.12, every.max(axis=0) + 0.12])
 
 
 def _draw_shapes(axes: Axes, run: Trajectory, name: str, colours: Any, last: bool) -> None:
@@ -145,7 +164,7 @@ def _draw_shapes(axes: Axes, run: Trajectory, name: str, colours: Any, last: boo
         heading = float(run.angles[n].mean())
         turn = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
         shape = (run.nodes[n] - run.path[n]) @ turn.T / length
-        axes.plot(shape[:, 0], 2.0 * shape[:, 1], color=colour, linewidth=1.1)
+        axes.plot(shape[:, 0], 2.0 * shape[:, 1], color=colour, linewidth=LINE)
     axes.set_ylim(-0.4, 0.4)
     axes.set_xlim(-0.56, 0.56)
     style_axes(axes, "along the body (body lengths, head left)" if last else "", "")
@@ -171,6 +190,7 @@ def draw_gaits(
     """
     names = list(trajectories)
     figure = new_figure(WIDTH, 0.9 + 1.05 * len(names))
+    looks = policy_looks(names)
     grid = figure.add_gridspec(len(names), 3, width_ratios=(1.25, 1.25, 0.8))
     bends: Sequence[NDArray[np.float64]] = [
         _tail(np.diff(trajectories[name].angles, axis=1), trajectories[name], seconds)
@@ -220,7 +240,8 @@ def draw_gaits(
                     ha="center",
                     fontsize=SMALLER,
                 )
-        _draw_phase(figure.add_subplot(grid[row, 2]), run, gaits.get(name), row == 0, last)
+        phase, colour = figure.add_subplot(grid[row, 2]), looks[name]["color"]
+        _draw_phase(phase, run, gaits.get(name), colour, row == 0, last)
     return figure
 
 
@@ -229,13 +250,15 @@ def _tail(values: NDArray[np.float64], run: Trajectory, seconds: float) -> NDArr
     return values[: run.steps][-count:]
 
 
-def _draw_phase(axes: Axes, run: Trajectory, gait: Any, first: bool, last: bool) -> None:
+def _draw_phase(
+    axes: Axes, run: Trajectory, gait: Any, colour: str, first: bool, last: bool
+) -> None:
     """Draw by how much the bending lags behind the first joint."""
     if gait is not None:
         places = run.scene.beam.joint_fractions
-        axes.plot(places, gait["phase_lags"], "o-", color=BLUE, markersize=2.5, linewidth=1.0)
+        axes.plot(places, gait["phase_lags"], "o-", color=colour, markersize=2.5, linewidth=LINE)
         axes.annotate(
-            f"{gait['frequency']:.2f} Hz\ntravelling {gait['travelling_share']:.2f}",
+            f"{gait['frequency']:.2f} Hz\ntravelling share {gait['travelling_share']:.2f}",
             (0.04, 0.96),
             xycoords="axes fraction",
             va="top",
@@ -244,7 +267,7 @@ def _draw_phase(axes: Axes, run: Trajectory, gait: Any, first: bool, last: bool)
         low, high = axes.get_ylim()
         axes.set_ylim(min(low, -1.0), max(high, 1.0) + 0.45 * max(high - low, 2.0))
     axes.axhline(0.0, color=GREY, linewidth=THIN)
-    style_axes(axes, "s/l" if last else "", "")
+    style_axes(axes, "place of the joint, s/l" if last else "", "")
     axes.tick_params(labelsize=SMALLER)
     axes.set_xlim(0.0, 1.0)
     if not last:

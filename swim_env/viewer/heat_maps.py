@@ -113,7 +113,7 @@ def _draw_maps(
         )
         place.set_yticks(np.unique(np.linspace(1, joints, min(joints, 4)).round().astype(int)))
         largest = float(np.abs(values).max())
-        name_panel(place, f"{name} (at most {largest:.2g} {unit})")
+        name_panel(place, f"{name}, largest {largest:.2g} {unit}")
         below = number + columns >= len(maps)
         style_axes(
             place,

@@ -52,7 +52,10 @@ def pareto_front(costs: Sequence[float], gains: Sequence[float]) -> list[int]:
     return front
 
 
-def draw_pareto(trajectories: Mapping[str, Sequence[Trajectory]]) -> Figure:
+def draw_pareto(
+    trajectories: Mapping[str, Sequence[Trajectory]],
+    trusted: Mapping[str, Sequence[bool]] | None = None,
+) -> Figure:
     """Draw the net displacement over the positive work of runs, and the front.
 
     Parameters
@@ -60,6 +63,8 @@ def draw_pareto(trajectories: Mapping[str, Sequence[Trajectory]]) -> Figure:
     trajectories : mapping of str to sequence of Trajectory
         Of each policy its runs at rising strength; a line joins them. Displacement is that along
         the scene's heading; runs that got nowhere or backwards, or took no work, are left out.
+    trusted : mapping of str to sequence of bool, optional
+        Whether each run passed a check; those that did not are hollow and not on the front.
 
     Raises
     ------
@@ -71,25 +76,39 @@ def draw_pareto(trajectories: Mapping[str, Sequence[Trajectory]]) -> Figure:
     axes = figure.add_subplot()
     works: list[float] = []
     reached: list[float] = []
+    doubtful = False
     for number, (name, runs) in enumerate(trajectories.items()):
-        points = [point for point in map(_point, runs) if min(point) > 0.0]
+        passed = [True] * len(runs) if trusted is None else trusted[name]
+        points = [
+            (*point, good)
+            for point, good in zip(map(_point, runs), passed, strict=True)
+            if min(point) > 0.0
+        ]
         if not points:
             continue
-        work, displacement = zip(*points, strict=True)
-        works += work
-        reached += displacement
-        axes.plot(
-            work,
-            displacement,
-            color=looks[name]["color"],
-            marker=_MARKS[number % len(_MARKS)],
-            markersize=5,
-            linewidth=LINE,
-            label=name,
-            zorder=3,
-        )
+        colour, mark = looks[name]["color"], _MARKS[number % len(_MARKS)]
+        good = [point[:2] for point in points if point[2]]
+        bad = [point[:2] for point in points if not point[2]]
+        axes.plot(*zip(*(point[:2] for point in points), strict=True), color=colour, linewidth=LINE)
+        axes.plot([], [], color=colour, marker=mark, markersize=5, linewidth=LINE, label=name)
+        for some, fill in ((good, colour), (bad, "white")):
+            look = {"color": colour, "marker": mark, "markerfacecolor": fill, "zorder": 4}
+            axes.plot(*np.array(some).reshape(-1, 2).T, linestyle="", markersize=5, **look)
+        works += [work for work, _ in good]
+        reached += [displacement for _, displacement in good]
+        doubtful = doubtful or bool(bad)
     if not works:
         raise SwimError("there is nothing to draw: no run got anywhere along the scene's heading")
+    if doubtful:
+        axes.plot(
+            [],
+            [],
+            "o",
+            color=GREY,
+            markerfacecolor="white",
+            markersize=5,
+            label="hollow: a finer computation disagrees",
+        )
     front = pareto_front(works, reached)
     axes.step(
         [works[i] for i in front],
@@ -131,13 +150,14 @@ def _draw_equal_costs(axes: Axes) -> None:
     decades = range(math.floor(math.log10(left / high)), math.ceil(math.log10(right / low)) + 1)
     for cost in (10.0**decade for decade in decades):
         axes.plot([cost * low, cost * high], [low, high], color=GREY, linewidth=THIN, linestyle=":")
-        # Where the line comes in, if there is room for its name to the right of it.
-        if left < cost * low < right * (right / left) ** -0.15:
+        # Where the line comes in, if there is room for its name to the left of it.
+        if left * (right / left) ** 0.12 < cost * low < right:
             axes.annotate(
-                f"{cost:g} J/BL",
+                f"{cost:,.0f} J/BL" if cost >= 1.0 else f"{cost:g} J/BL",
                 (cost * low, low),
-                xytext=(9, 3),
+                xytext=(-2, 3),
                 textcoords="offset points",
+                ha="right",
                 fontsize=SMALLER,
                 color=GREY,
             )

@@ -167,7 +167,9 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
 
     def write(file: IO[bytes]) -> None:
         # Without the version of matplotlib, so that the same picture is the same file.
-        figure.savefig(file, format="png", metadata={"Software": None})
+        figure.savefig(
+            file, format="png", metadata={"Software": None}, pil_kwargs={"optimize": True}
+        )
 
     try:
         write_atomically(path, write)
