@@ -94,8 +94,9 @@ _PICTURES: dict[str, tuple[str, str, str]] = {
         "How far for how much work",
         "draw_pareto",
         "Every policy with its torques times {strengths}. Dotted lines join equal work per body "
-        "length; runs that end behind their start are left out. Hollow points are not on the front: played again at a quarter of the time step "
-        "with 12 panels on every element, their displacement is another one.",
+        "length; runs that end behind their start are left out. Hollow points are not on the "
+        "front: played again at a quarter of the time step with 12 panels on every element, their "
+        "displacement is another one.",
     ),
     "training.png": (
         "Learning",

@@ -13,7 +13,6 @@ from swim_env.viewer.style import (
     BLACK,
     GREY,
     LINE,
-    SMALL,
     SMALLER,
     THICK,
     THIN,

@@ -92,8 +92,15 @@ def draw_pareto(
         axes.plot(*zip(*(point[:2] for point in points), strict=True), color=colour, linewidth=LINE)
         axes.plot([], [], color=colour, marker=mark, markersize=5, linewidth=LINE, label=name)
         for some, fill in ((good, colour), (bad, "white")):
-            look = {"color": colour, "marker": mark, "markerfacecolor": fill, "zorder": 4}
-            axes.plot(*np.array(some).reshape(-1, 2).T, linestyle="", markersize=5, **look)
+            axes.plot(
+                *np.array(some).reshape(-1, 2).T,
+                linestyle="",
+                color=colour,
+                marker=mark,
+                markerfacecolor=fill,
+                markersize=5,
+                zorder=4,
+            )
         works += [work for work, _ in good]
         reached += [displacement for _, displacement in good]
         doubtful = doubtful or bool(bad)
