@@ -62,8 +62,8 @@ _PICTURES: dict[str, tuple[str, str, str]] = {
     "path_paper_xi.png": (
         "Shapes along the path: the paper's scene xi (its Fig. 8)",
         "draw_path",
-        "No torque: the straight body leaves its line by itself, turns around and goes on tail "
-        "first.",
+        "No torque: the straight body, which sets out tail first, leaves its line by itself, turns "
+        "around and goes on head first.",
     ),
     "kymograph.png": (
         "Curvature along the body over time",
@@ -102,7 +102,7 @@ _PICTURES: dict[str, tuple[str, str, str]] = {
         "Learning",
         "draw_learning",
         "From the stored evaluations of the shipped agents' trainings and of their other seeds, "
-        "without exploration ([training.md](training.md)). These are not trained anew.",
+        "without exploration (docs/training.md). These are not trained anew.",
     ),
 }
 
@@ -248,8 +248,7 @@ def _page(record: Mapping[str, Any], folder: str) -> str:
         "Colours are the same for a policy in every picture; blue and orange are below and above "
         "zero, white is zero. BL: body length. The functions are those of `swim_env.viewer`; they "
         "take trajectories and return matplotlib figures. What accuracy costs is drawn in "
-        "[accuracy.md](accuracy.md), speed in [speed.md](speed.md), the paper's figures in "
-        "[paper.md](paper.md).",
+        "docs/accuracy.md, speed in docs/speed.md, the paper's figures in docs/paper.md.",
         "\n".join(
             [
                 "| policy at full strength | net displacement | computed finer | positive work "
