@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,11 +17,12 @@ from agents.comparison.contest import FIRST_SEED, REFERENCES
 from agents.learning.logs import read_log
 from agents.policies import PRETRAINED_FOLDER, load_policy
 from agents.rollout import Rollout, play_episode
-from agents.verification import verify_rollout
+from agents.verification import fine_scene, verify_rollout
 from swim_env.env import SwimEnv, SwimTargetEnv
 from swim_env.errors import OptionError
 from swim_env.replay import replay
 from swim_env.scene import Scene, load_scene
+from swim_env.threads import usable_threads
 from swim_env.trajectory import Trajectory
 
 __all__ = ["FULL", "QUICK", "Episode", "Plan", "Runs", "play_all", "stored_curves"]
@@ -166,35 +169,37 @@ def play_all(plan: Plan, progress: Callable[[float], object]) -> Runs:
             lambda steps, step=step: progress(steps * step),  # type: ignore[misc]
         )
     scene = plan.scene()
-    strengths: dict[str, list[Episode]] = {}
+    rollouts: dict[str, list[Rollout]] = {}
     for name in FORWARD:
         policy = load_policy(name, scene, plan.seed, "forward")
-        strengths[name] = [
-            _play(SwimEnv(scene), _Weaker(policy, share), plan.seed, progress, check=True)
+        rollouts[name] = [
+            _play(SwimEnv(scene), _Weaker(policy, share), plan.seed, progress)
             for share in plan.strengths
         ]
     aiming = load_policy(TARGET, scene, plan.seed, "target")
     target = _play(SwimTargetEnv(scene), aiming, plan.seed, progress)
-    return Runs(plan, paper, strengths, target)
+    step, lock = fine_scene(scene).integrator.time_step, threading.Lock()
+
+    def checked(steps: int) -> None:
+        with lock:
+            progress(steps * step)
+
+    def check(rollout: Rollout) -> Episode:
+        found = verify_rollout(rollout, progress=checked)
+        return Episode(rollout, rollout.simulate(), found.fine_displacement, found.verified)
+
+    # The kernels release the interpreter's lock.
+    with ThreadPoolExecutor(usable_threads()) as pool:
+        strengths = {name: list(pool.map(check, some)) for name, some in rollouts.items()}
+    return Runs(plan, paper, strengths, Episode(target, target.simulate()))
 
 
-def _play(
-    env: SwimEnv,
-    policy: Policy,
-    seed: int,
-    progress: Callable[[float], object],
-    check: bool = False,
-) -> Episode:
-    """Play an episode and, where asked, check it."""
+def _play(env: SwimEnv, policy: Policy, seed: int, progress: Callable[[float], object]) -> Rollout:
+    """Play an episode."""
     interval = env.scene.episode.control_interval
     rollout = play_episode(env, policy, seed, progress=lambda actions: progress(actions * interval))
     env.close()
-    trajectory = rollout.simulate()
-    if not check:
-        return Episode(rollout, trajectory)
-    found = verify_rollout(rollout)
-    progress(env.scene.episode.duration)
-    return Episode(rollout, trajectory, found.fine_displacement, found.verified)
+    return rollout
 
 
 def stored_curves() -> tuple[dict[str, list[Curve]], dict[str, list[Curve]]]:
