@@ -57,7 +57,7 @@ stability: $(STAMP_DEV) ## set up and play all hard cases into docs/stability (a
 paper: $(STAMP_DEV) ## set up and put the paper's statements beside our figures into docs/paper (20 minutes)
 	$(BIN)/python scripts/reproduce_paper.py --output docs/paper
 
-gallery: $(STAMP_TRAIN) ## set up, play policies and scenes and draw them into docs/gallery (two minutes)
+gallery: $(STAMP_TRAIN) ## set up, play policies and scenes and draw them into docs/gallery (some minutes)
 	$(BIN)/python scripts/gallery.py --output docs/gallery
 
 test: $(STAMP_DEV) ## set up and run the tests (under 6 minutes)

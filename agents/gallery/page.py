@@ -147,9 +147,10 @@ def make_gallery(
     -------
     dict
         ``command``, ``scene``, ``seed``, ``duration`` and ``paper_duration`` (s), ``strengths``;
-        ``energy_tolerance``; ``policies`` with, for each strength, ``net_displacement`` and ``fine_displacement`` (BL),
-        ``verified``, ``positive_work`` (J), ``energy_drift``; ``target`` and ``paper`` with the
-        figures of these runs; ``pictures`` with their sizes (bytes); version, machine, commit.
+        the scene's ``energy_tolerance``; ``policies`` with, for each strength,
+        ``net_displacement`` and ``fine_displacement`` (BL), ``verified``, ``positive_work`` (J),
+        ``energy_drift``; ``target`` and ``paper`` with the figures of these runs; ``pictures`` with
+        their sizes (bytes); machine, versions and commit.
 
     Raises
     ------
@@ -267,8 +268,8 @@ def _page(record: Mapping[str, Any], folder: str) -> str:
     ]
     if beyond:
         parts.append(
-            f"The scene warns beyond {100.0 * tolerance:g} % of energy that is not explained, as for "
-            f"{', '.join(beyond)}; whether the displacement can be trusted, the column *computed "
+            f"The scene warns beyond {100.0 * tolerance:g} % of energy that is not explained, as "
+            f"for {', '.join(beyond)}; whether the displacement can be trusted, the column *computed "
             "finer* says: the same torques at a quarter of the time step with 12 panels on every "
             "element."
         )
