@@ -235,11 +235,11 @@ def _record(runs: Runs, plan: Plan, command: str) -> dict[str, Any]:
 
 def _page(record: Mapping[str, Any], folder: str) -> str:
     """Return the page, in Markdown."""
-    machine = record["machine"]
+    machine, commit = record["machine"], record["commit"] or "unknown"
     settings = (
         f"Scene `{record['scene']}`, {record['duration']:g} s from the start with seed "
         f"{record['seed']}; the paper's scenes for {record['paper_duration']:g} s. Commit "
-        f"{(record['commit'] or 'unknown')[:10]}, {record['date']}, {machine['processor']}, "
+        f"{commit[:10]}{'+' if commit.endswith('+') else ''}, {record['date']}, {machine['processor']}, "
         f"{machine['cores']} cores."
     )
     parts = [
@@ -269,9 +269,9 @@ def _page(record: Mapping[str, Any], folder: str) -> str:
     if beyond:
         parts.append(
             f"The scene warns beyond {100.0 * tolerance:g} % of energy that is not explained, as "
-            f"for {', '.join(beyond)}; whether the displacement can be trusted, the column *computed "
-            "finer* says: the same torques at a quarter of the time step with 12 panels on every "
-            "element."
+            f"for {', '.join(beyond)}; whether the displacement can be trusted, the column "
+            "*computed finer* says: the same torques at a quarter of the time step with 12 panels on "
+            "every element."
         )
     for name, (heading, function, text) in _PICTURES.items():
         shares = ", ".join(f"{share:g}" for share in record["strengths"])

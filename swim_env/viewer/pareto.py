@@ -157,14 +157,13 @@ def _draw_equal_costs(axes: Axes) -> None:
     decades = range(math.floor(math.log10(left / high)), math.ceil(math.log10(right / low)) + 1)
     for cost in (10.0**decade for decade in decades):
         axes.plot([cost * low, cost * high], [low, high], color=GREY, linewidth=THIN, linestyle=":")
-        # Where the line comes in, if there is room for its name to the left of it.
-        if left * (right / left) ** 0.12 < cost * low < right:
+        # Under the line where it comes in, if there is room.
+        if left < cost * low < right * (right / left) ** -0.15:
             axes.annotate(
                 f"{cost:,.0f} J/BL" if cost >= 1.0 else f"{cost:g} J/BL",
                 (cost * low, low),
-                xytext=(-2, 3),
+                xytext=(17, 2),
                 textcoords="offset points",
-                ha="right",
                 fontsize=SMALLER,
                 color=GREY,
             )
