@@ -239,8 +239,8 @@ def _page(record: Mapping[str, Any], folder: str) -> str:
     settings = (
         f"Scene `{record['scene']}`, {record['duration']:g} s from the start with seed "
         f"{record['seed']}; the paper's scenes for {record['paper_duration']:g} s. Commit "
-        f"{commit[:10]}{'+' if commit.endswith('+') else ''}, {record['date']}, {machine['processor']}, "
-        f"{machine['cores']} cores."
+        f"{commit[:10]}{'+' if commit.endswith('+') else ''}, {record['date']}, "
+        f"{machine['processor']}, {machine['cores']} cores."
     )
     parts = [
         "# Gallery",
@@ -270,8 +270,8 @@ def _page(record: Mapping[str, Any], folder: str) -> str:
         parts.append(
             f"The scene warns beyond {100.0 * tolerance:g} % of energy that is not explained, as "
             f"for {', '.join(beyond)}; whether the displacement can be trusted, the column "
-            "*computed finer* says: the same torques at a quarter of the time step with 12 panels on "
-            "every element."
+            "*computed finer* says: the same torques at a quarter of the time step with 12 panels "
+            "on every element."
         )
     for name, (heading, function, text) in _PICTURES.items():
         shares = ", ".join(f"{share:g}" for share in record["strengths"])
