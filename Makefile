@@ -29,7 +29,7 @@ STAMP_DEV := $(VENV)/.stamp-dev
 # An editable install knows the top packages that were there when it was made.
 SOURCES := pyproject.toml setup.py constraints.txt $(wildcard agents/__init__.py)
 
-.PHONY: help venv demo benchmark accuracy stability paper test test-slow test-ci-slice lint types clean
+.PHONY: help venv demo benchmark accuracy stability paper gallery test test-slow test-ci-slice lint types clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -56,6 +56,9 @@ stability: $(STAMP_DEV) ## set up and play all hard cases into docs/stability (a
 
 paper: $(STAMP_DEV) ## set up and put the paper's statements beside our figures into docs/paper (ten minutes on two cores)
 	$(BIN)/python scripts/reproduce_paper.py --output docs/paper
+
+gallery: $(STAMP_TRAIN) ## set up, play policies and scenes and draw them into docs/gallery (some minutes)
+	$(BIN)/python scripts/gallery.py --output docs/gallery
 
 test: $(STAMP_DEV) ## set up and run the tests (under 6 minutes)
 	$(PYTEST) -n $(WORKERS) -m "not slow"

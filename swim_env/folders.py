@@ -9,7 +9,7 @@ from pathlib import Path
 
 from swim_env.errors import SwimError
 
-__all__ = ["check_folder", "write_folder"]
+__all__ = ["check_folder", "page_of", "write_folder"]
 
 
 def write_folder(
@@ -50,6 +50,12 @@ def write_folder(
         raise SwimError(
             f"cannot write results: {error.strerror or error} ({os.fspath(folder)})"
         ) from None
+
+
+def page_of(folder: str | os.PathLike[str]) -> Path:
+    """Return where the page about a folder of results stands: beside it, with its name."""
+    place = Path(os.path.realpath(folder))
+    return place.with_name(f"{place.name}.md")
 
 
 def check_folder(folder: str | os.PathLike[str], names: Collection[str]) -> None:

@@ -13,7 +13,7 @@ from agents.rollout import Rollout
 from agents.verification import Verification
 from swim_env.trajectory import Trajectory
 
-__all__ = ["Performance", "measure_performance"]
+__all__ = ["Performance", "measure_gait", "measure_performance"]
 
 #: Share of an episode, from its start, that does not count for the gait: it gets going there.
 GETTING_GOING = 0.25
@@ -109,7 +109,7 @@ def measure_performance(
     scene = rollout.scene
     beam = scene.beam
     net, duration = rollout.net_displacement, trajectory.duration
-    gait = _gait(rollout, trajectory)
+    gait = measure_gait(rollout, trajectory)
     cycles = gait.frequency * duration if gait is not None else 0.0
     work = float(trajectory.positive_work.sum())
     mass = beam.line_density * beam.length
@@ -133,8 +133,16 @@ def measure_performance(
     )
 
 
-def _gait(rollout: Rollout, trajectory: Trajectory) -> Gait | None:
-    """Return the gait after the start; None where there is none."""
+def measure_gait(rollout: Rollout, trajectory: Trajectory) -> Gait | None:
+    """Return the gait of an episode after its start; None where there is none.
+
+    Parameters
+    ----------
+    rollout : Rollout
+        The episode.
+    trajectory : Trajectory
+        The same motion, from `Rollout.simulate`.
+    """
     scene = rollout.scene
     hold = scene.steps_per_action
     whole = trajectory.steps // hold

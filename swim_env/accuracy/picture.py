@@ -9,8 +9,23 @@ from swim_env.accuracy.front import pareto
 from swim_env.accuracy.reference import Reference
 from swim_env.accuracy.settings import PAPER_SETTINGS, Settings
 from swim_env.errors import SwimError
-from swim_env.viewer import require_matplotlib
-from swim_env.viewer.stills import GREY, SMALL, new_figure, style_axes
+from swim_env.viewer.style import (
+    AMBER,
+    BLACK,
+    BLUE,
+    FRONT,
+    GREEN,
+    GREY,
+    LINE,
+    ORANGE,
+    PINK,
+    SHADE,
+    SILVER,
+    SMALL,
+    new_figure,
+    require_matplotlib,
+    style_axes,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,18 +35,18 @@ __all__ = ["draw_study"]
 
 Run = Mapping[str, Any]
 
-#: Of Okabe & Ito, told apart by the colour-blind; shapes tell the schemes apart.
+#: Shapes tell the schemes apart.
 _COLOURS = {
-    "strip": "#999999",
-    "frozen": "#0072B2",
-    "expansion": "#009E73",
-    "panels": "#D55E00",
-    "centreline": "#CC79A7",
+    "strip": SILVER,
+    "frozen": BLUE,
+    "expansion": GREEN,
+    "panels": ORANGE,
+    "centreline": PINK,
 }
 _MARKS = {"paper": "o", "composed": "^"}
 #: SciPy's solvers, all of one colour.
 _SOLVER_MARKS = {"RK45": "v", "DOP853": "P", "Radau": "s", "BDF": "X", "LSODA": "D"}
-_SOLVER_COLOUR = "#E69F00"
+_SOLVER_COLOUR = AMBER
 _COLUMNS = 3
 
 
@@ -60,7 +75,7 @@ def draw_study(runs: Sequence[Run], references: Mapping[str, Reference]) -> Figu
         raise SwimError("there is nothing to draw: no run of the study came to its end")
     columns = min(_COLUMNS, len(scenes))
     rows = -(-len(scenes) // columns)
-    figure = new_figure(3.3 * columns, 2.7 * rows + 0.6)
+    figure = new_figure(2.9 * columns, 2.5 * rows + 0.7)
     axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for i, place in enumerate(axes.ravel()):
         if i >= len(scenes):
@@ -91,11 +106,11 @@ def draw_study(runs: Sequence[Run], references: Mapping[str, Reference]) -> Figu
         for name, mark in _MARKS.items()
     ]
     handles += [
-        Line2D([], [], color="black", linewidth=1.0, label="front"),
+        Line2D([], [], color=FRONT, linewidth=LINE, label="front"),
         Line2D(
-            [], [], color="black", marker="*", linestyle="", markersize=9, label="paper's settings"
+            [], [], color=BLACK, marker="*", linestyle="", markersize=9, label="paper's settings"
         ),
-        Line2D([], [], color="#DDDDDD", linewidth=6, label="within the reference's error bar"),
+        Line2D([], [], color=SHADE, linewidth=6, label="within the reference's error bar"),
     ]
     figure.legend(
         handles=handles, loc="outside lower center", ncols=5, fontsize=SMALL, frameon=False
@@ -109,7 +124,7 @@ def _of_solver(name: str) -> dict[str, Any]:
         "marker": _SOLVER_MARKS[name],
         "color": _SOLVER_COLOUR,
         "markersize": 5,
-        "markeredgecolor": "black",
+        "markeredgecolor": BLACK,
         "markeredgewidth": 0.6,
     }
 
@@ -117,7 +132,7 @@ def _of_solver(name: str) -> dict[str, Any]:
 def _draw_scene(axes: Axes, runs: Sequence[Run], reference: Reference) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.axhspan(1e-6, max(reference.uncertainty, 1e-6), color="#DDDDDD", linewidth=0, zorder=0)
+    axes.axhspan(1e-6, max(reference.uncertainty, 1e-6), color=SHADE, linewidth=0, zorder=0)
     for run in runs:
         if run["scheme"] in _SOLVER_MARKS:
             look = _of_solver(run["scheme"])
@@ -137,10 +152,10 @@ def _draw_scene(axes: Axes, runs: Sequence[Run], reference: Reference) -> None:
         [run["cost"] for run in front],
         [run["error"] for run in front],
         where="post",
-        color="black",
-        linewidth=1.0,
+        color=FRONT,
+        linewidth=LINE,
     )
     for run in runs:
         if Settings.from_dict(run) == PAPER_SETTINGS:
-            axes.plot(run["cost"], run["error"], marker="*", color="black", markersize=10)
+            axes.plot(run["cost"], run["error"], marker="*", color=BLACK, markersize=10)
     axes.set_ylim(5e-5, 5.0)

@@ -13,8 +13,19 @@ from swim_env.accuracy.outcome import Outcome, play, relative_error
 from swim_env.accuracy.settings import PAPER_SETTINGS, Settings
 from swim_env.errors import SimulationEndedError
 from swim_env.scene import Scene, load_scene
-from swim_env.viewer import require_matplotlib
-from swim_env.viewer.stills import SMALL, new_figure, style_axes
+from swim_env.viewer.style import (
+    AMBER,
+    BLUE,
+    GREEN,
+    LINE,
+    ORANGE,
+    SILVER,
+    SKY,
+    SMALL,
+    new_figure,
+    require_matplotlib,
+    style_axes,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,7 +59,7 @@ _WAYS: dict[str, Settings] = {
     ),
 }
 _CONVERGED = "composed, 1.25 ms"
-_COLOURS = ("#0072B2", "#56B4E9", "#D55E00", "#E69F00")
+_COLOURS = (BLUE, SKY, ORANGE, AMBER)
 
 
 def sweep_bends(progress: Callable[[int], object] | None = None) -> list[dict[str, Any]]:
@@ -180,7 +191,7 @@ def draw_sweeps(bends: list[dict[str, Any]], resonance: Mapping[str, Any]) -> Fi
         If matplotlib is not installed.
     """
     require_matplotlib()
-    figure = new_figure(9.5, 3.7)
+    figure = new_figure(9.5, 3.6)
     axes = figure.subplots(1, 1 + len(resonance))
     _draw_bends(axes[0], bends)
     for place, (name, sweep) in zip(axes[1:], resonance.items(), strict=True):
@@ -189,7 +200,7 @@ def draw_sweeps(bends: list[dict[str, Any]], resonance: Mapping[str, Any]) -> Fi
     figure.legend(
         handles=axes[1].get_lines(),
         loc="outside lower right",
-        ncols=2,
+        ncols=4,
         fontsize=SMALL,
         frameon=False,
     )
@@ -197,7 +208,7 @@ def draw_sweeps(bends: list[dict[str, Any]], resonance: Mapping[str, Any]) -> Fi
 
 
 def _draw_bends(axes: Axes, bends: list[dict[str, Any]]) -> None:
-    colours = {"strip": "#999999", "frozen": "#0072B2", "expansion": "#009E73"}
+    colours = {"strip": SILVER, "frozen": BLUE, "expansion": GREEN}
     for model in _MODELS:
         some = [one for one in bends if one["errors"][model] is not None]
         axes.plot(
@@ -205,7 +216,7 @@ def _draw_bends(axes: Axes, bends: list[dict[str, Any]]) -> None:
             [one["errors"][model] for one in some],
             marker="o",
             markersize=3,
-            linewidth=1.0,
+            linewidth=LINE,
             color=colours[model],
             label=model,
         )
@@ -227,7 +238,7 @@ def _draw_resonance(axes: Axes, sweep: list[dict[str, Any]]) -> None:
             [point[0] for point in points],
             [point[1] for point in points],
             color=colour,
-            linewidth=1.0,
+            linewidth=LINE,
             linestyle="--" if "mean" in way else "-",
             marker="o",
             markersize=2.5,
@@ -235,4 +246,4 @@ def _draw_resonance(axes: Axes, sweep: list[dict[str, Any]]) -> None:
         )
     axes.set_yscale("log")
     axes.set_ylim(1e-4, 10.0)
-    style_axes(axes, "frequency of the drive (Hz)", f"difference to {_CONVERGED}, relative")
+    style_axes(axes, "frequency of the drive (Hz)", f"relative difference to {_CONVERGED}")

@@ -7,8 +7,26 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from swim_env.viewer import require_matplotlib
-from swim_env.viewer.stills import BLUE, GREY, ORANGE, SMALL, new_figure, style_axes
+from swim_env.viewer.style import (
+    AMBER,
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    LINE,
+    ORANGE,
+    PINK,
+    SILVER,
+    SKY,
+    SMALL,
+    SMALLER,
+    WIDTH,
+    YELLOW,
+    name_panel,
+    new_figure,
+    require_matplotlib,
+    style_axes,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,8 +36,8 @@ __all__ = ["draw_benchmark"]
 
 Record = Mapping[str, Any]
 
-#: Of Okabe & Ito, told apart by the colour-blind; neighbours differ in lightness as well.
-_COLOURS = ("#0072B2", "#56B4E9", "#009E73", "#F0E442", "#E69F00", "#D55E00", "#CC79A7", "#999999")
+#: Neighbours differ in lightness as well.
+_COLOURS = (BLUE, SKY, GREEN, YELLOW, AMBER, ORANGE, PINK, SILVER)
 #: What the picture shows of the fluid models and panels, where it was measured.
 _MODEL, _PANELS = "panels", 4
 
@@ -47,7 +65,7 @@ def draw_benchmark(record: Record) -> Figure:
         If matplotlib is not installed.
     """
     require_matplotlib()
-    figure = new_figure(9.0, 5.8)
+    figure = new_figure(WIDTH, 6.0)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1.0), height_ratios=(1.0, 1.15))
     cells = _shown_cells(record.get("kernel", []))
     growth, parts = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
@@ -134,7 +152,7 @@ def _draw_growth(axes: Axes, cells: Sequence[Record], fit: Record | None) -> Non
         fmt="o-",
         color=BLUE,
         markersize=4,
-        linewidth=1.2,
+        linewidth=LINE,
         capsize=2,
         label="step (median, quartiles)",
     )
@@ -156,7 +174,7 @@ def _draw_growth(axes: Axes, cells: Sequence[Record], fit: Record | None) -> Non
             line,
             ":",
             color=GREY,
-            linewidth=1.2,
+            linewidth=LINE,
             label=f"fit, N to the power {fit['exponent']:.2f}",
             zorder=1,
         )
@@ -164,9 +182,11 @@ def _draw_growth(axes: Axes, cells: Sequence[Record], fit: Record | None) -> Non
     axes.set_yscale("log")
     axes.set_xticks(elements, [str(n) for n in elements])
     axes.minorticks_off()
-    axes.legend(fontsize=SMALL - 1, frameon=False)
+    # Room for the legend.
+    axes.set_ylim(top=6.0 * max(medians))
+    axes.legend(fontsize=SMALLER, frameon=False, loc="upper left")
     kind = f"{cells[0]['fluid_model']}, {cells[0]['panels_per_element']} panels per element"
-    axes.set_title(f"a physics step ({kind})", fontsize=SMALL, loc="left")
+    name_panel(axes, f"a physics step ({kind})")
     style_axes(axes, "elements N", "time of a step (\u00b5s)")
 
 
@@ -197,7 +217,7 @@ def _draw_parts(axes: Axes, cells: Sequence[Record]) -> None:
         bottom = [below + height for below, height in zip(bottom, heights, strict=True)]
     for place, cell in zip(places, cells, strict=True):
         time = _time(cell["step"]["median"])
-        axes.text(place, 101.5, time, ha="center", va="bottom", fontsize=SMALL - 1)
+        axes.text(place, 101.5, time, ha="center", va="bottom", fontsize=SMALLER)
     floor = [
         (place, 100.0 * cell["floor"]["median"] / cell["step"]["median"])
         for place, cell in zip(places, cells, strict=True)
@@ -207,7 +227,7 @@ def _draw_parts(axes: Axes, cells: Sequence[Record]) -> None:
         axes.plot(
             *zip(*floor, strict=True),
             "D",
-            color="black",
+            color=BLACK,
             markersize=5,
             markerfacecolor="white",
             label="floor",
@@ -217,13 +237,13 @@ def _draw_parts(axes: Axes, cells: Sequence[Record]) -> None:
     axes.set_ylim(0.0, max([112.0, *(1.06 * share for _, share in floor)]))
     axes.set_yticks(range(0, 101, 25))
     axes.legend(
-        fontsize=SMALL - 1,
+        fontsize=SMALLER,
         frameon=False,
         loc="upper center",
-        bbox_to_anchor=(0.48, -0.2),
-        ncols=4,
+        bbox_to_anchor=(0.45, -0.22),
+        ncols=3,
         handlelength=1.0,
-        columnspacing=1.2,
+        columnspacing=1.0,
     )
     style_axes(axes, "elements N", "share of a step (%)")
 
@@ -252,12 +272,11 @@ def _draw_speeds(axes: Axes, speeds: Sequence[Record]) -> None:
             axes.barh(
                 some, [medians[place] for place in some], height=0.6, color=colour, label=label
             )
-    axes.errorbar(medians, places, xerr=errors, fmt="none", ecolor="black", capsize=2, linewidth=1)
+    axes.errorbar(medians, places, xerr=errors, fmt="none", ecolor=BLACK, capsize=2, linewidth=1)
     axes.set_xscale("log")
     # Whole decades, so that there are labels at both ends.
     decades = (math.floor(math.log10(0.7 * min(medians))), math.ceil(math.log10(2 * max(medians))))
     axes.set_xlim(10.0 ** decades[0], 10.0 ** decades[1])
-    axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_formatter(NullFormatter())
     for place, rate in zip(places, rates, strict=True):
         axes.text(
@@ -265,19 +284,19 @@ def _draw_speeds(axes: Axes, speeds: Sequence[Record]) -> None:
             place,
             f"{rate['median']:,.0f}" if rate["median"] >= 100.0 else f"{rate['median']:.3g}",
             va="center",
-            fontsize=SMALL - 1,
+            fontsize=SMALLER,
         )
-    labels = [textwrap.fill(speed["label"], 30) for speed in speeds]
+    labels = [textwrap.fill(speed["label"], 24) for speed in speeds]
     axes.set_yticks(places, labels)
     axes.invert_yaxis()
     axes.legend(
-        fontsize=SMALL - 1,
+        fontsize=SMALLER,
         frameon=False,
         loc="upper center",
-        bbox_to_anchor=(0.4, -0.075),
+        bbox_to_anchor=(0.4, -0.09),
         ncols=2,
         handlelength=1.0,
     )
-    axes.set_title("speed (batches: all members)", fontsize=SMALL, loc="left")
+    name_panel(axes, "speed (batches: all members)")
     style_axes(axes, "simulated time per wall time (s/s)", "")
-    axes.tick_params(axis="y", labelsize=SMALL - 1)
+    axes.tick_params(axis="y", labelsize=SMALLER)

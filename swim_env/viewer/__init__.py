@@ -1,14 +1,23 @@
 """Looking at runs: still pictures for people who read."""
 
+from swim_env.viewer.budget import draw_energy
 from swim_env.viewer.gaits import draw_gaits, draw_paths, draw_scores
-from swim_env.viewer.stills import draw_path, draw_wave_search, require_matplotlib, save_figure
-from swim_env.viewer.training import draw_training
+from swim_env.viewer.heat_maps import draw_kymographs, draw_torques
+from swim_env.viewer.pareto import draw_pareto
+from swim_env.viewer.stills import draw_path, draw_wave_search
+from swim_env.viewer.style import require_matplotlib, save_figure
+from swim_env.viewer.training import draw_learning, draw_training
 
 __all__ = [
+    "draw_energy",
     "draw_gaits",
+    "draw_kymographs",
+    "draw_learning",
+    "draw_pareto",
     "draw_path",
     "draw_paths",
     "draw_scores",
+    "draw_torques",
     "draw_training",
     "draw_wave_search",
     "require_matplotlib",

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import SwimError
+from swim_env.viewer.style import TORQUE_STOPS
 
 try:
     from PIL import Image, ImageDraw, ImageFont
@@ -36,10 +37,6 @@ Colour = tuple[int, int, int]
 Point = tuple[float, float]
 Box = tuple[int, int, int, int]
 
-#: From -1 over 0 to 1: blue, white, orange. Blue and orange stay apart for every colour vision,
-#: and both ends are darker than the middle.
-_TORQUE_STOPS = ((8, 81, 156), (107, 174, 214), (250, 250, 250), (253, 174, 107), (217, 72, 1))
-
 #: Largest areas (pixels) that are drawn at four and at three times their size; others at twice.
 #: It bounds the time that a frame takes, and a shape that large needs no finer edge.
 _FINEST, _FINE = 70_000, 110_000
@@ -65,7 +62,7 @@ def torque_colours(torques: Array) -> list[Colour]:
     at = 2.0 * (np.clip(torques, -1.0, 1.0) + 1.0)
     below = np.minimum(at.astype(np.int64), 3)
     return [
-        blend(_TORQUE_STOPS[i], _TORQUE_STOPS[i + 1], float(share))
+        blend(TORQUE_STOPS[i], TORQUE_STOPS[i + 1], float(share))
         for i, share in zip(below, at - below, strict=True)
     ]
 

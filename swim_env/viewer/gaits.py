@@ -9,17 +9,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.trajectory import Trajectory
-from swim_env.viewer.stills import BLUE, GREY, ORANGE, SMALL, TIME_COLOURS, new_figure, style_axes
+from swim_env.viewer.style import (
+    BLACK,
+    GREY,
+    LINE,
+    SMALLER,
+    THICK,
+    THIN,
+    TIME_COLOURS,
+    WIDTH,
+    diverging_map,
+    name_panel,
+    new_figure,
+    policy_looks,
+    style_axes,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 __all__ = ["draw_gaits", "draw_paths", "draw_scores"]
-
-#: A colour for each policy, those of Okabe & Ito, who made them to be told apart by everybody.
-COLOURS = (GREY, ORANGE, BLUE, "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-_MOST_ROWS = 6
 
 
 def draw_scores(record: Mapping[str, Any]) -> Figure:
@@ -31,18 +41,19 @@ def draw_scores(record: Mapping[str, Any]) -> Figure:
         Of `agents.comparison.contest.Contest`.
     """
     policies = record["policies"]
-    figure = new_figure(7.2, 1.3 + 0.42 * len(policies))
+    looks = policy_looks(policies)
+    figure = new_figure(WIDTH, 1.3 + 0.42 * len(policies))
     axes = figure.add_subplot()
-    for row, one in enumerate(policies.values()):
-        colour = COLOURS[row % len(COLOURS)]
+    for row, (name, one) in enumerate(policies.items()):
+        colour = looks[name]["color"]
         reached = np.array(one["net_displacement"])
         fine = np.array(one["fine_displacement"])
         trusted = np.array(one["verified"], dtype=bool)
         axes.barh(row, one["median"]["net_displacement"], height=0.6, color=colour, alpha=0.35)
         spread = np.linspace(-0.2, 0.2, len(reached)) if len(reached) > 1 else np.zeros(1)
         axes.plot(reached, row + spread, "o", color=colour, markersize=3)
-        axes.plot(fine[trusted], (row + spread)[trusted], "|", color="black", markersize=6)
-        axes.plot(fine[~trusted], (row + spread)[~trusted], "x", color="black", markersize=5)
+        axes.plot(fine[trusted], (row + spread)[trusted], "|", color=BLACK, markersize=6)
+        axes.plot(fine[~trusted], (row + spread)[~trusted], "x", color=BLACK, markersize=5)
         ratio = one["ratio_to_tuned_wave"]
         if ratio is not None:
             axes.annotate(
@@ -51,20 +62,20 @@ def draw_scores(record: Mapping[str, Any]) -> Figure:
                 xytext=(8, 0),
                 textcoords="offset points",
                 va="center",
-                fontsize=SMALL - 1,
+                fontsize=SMALLER,
             )
-    axes.axvline(0.0, color=GREY, linewidth=0.6)
+    axes.axvline(0.0, color=GREY, linewidth=THIN)
     axes.set_yticks(range(len(policies)), list(policies))
     axes.invert_yaxis()
     axes.margins(x=0.02)
     right = axes.get_xlim()[1]
     axes.set_xlim(right=right * 1.45 if right > 0 else None)
     style_axes(axes, f"net displacement in {record['duration']:g} s (body lengths)", "")
-    axes.set_title(
+    axes.grid(visible=False, axis="y")
+    name_panel(
+        axes,
         f"{record['scene']}: bar median, dots starts, | the same torques computed finer, "
         "x where the two disagree",
-        fontsize=SMALL,
-        loc="left",
     )
     return figure
 
@@ -84,44 +95,64 @@ def draw_paths(
     from matplotlib import colormaps
 
     names = list(trajectories)
-    shown = names[:_MOST_ROWS]
-    figure = new_figure(7.2, 3.0 + 0.95 * len(shown))
-    rows = figure.add_gridspec(2, 1, height_ratios=(2.6, 0.95 * len(shown)))
+    looks = policy_looks(names)
+    box = _box(trajectories, goals or {})
+    width, height = np.ptp(box, axis=0)
+    high = float(np.clip(7.1 * height / width, 1.2, 4.0))
+    figure = new_figure(WIDTH, high + 1.3 + 0.75 * len(names))
+    rows = figure.add_gridspec(2, 1, height_ratios=(high + 0.3, 0.75 * len(names)))
     plane = figure.add_subplot(rows[0])
-    for row, name in enumerate(names):
-        run, colour = trajectories[name], COLOURS[row % len(COLOURS)]
+    for name in names:
+        run, colour = trajectories[name], looks[name]["color"]
         length = run.scene.beam.length
         path = (run.path - run.path[0]) / length
-        plane.plot(*path.T, color=colour, linewidth=1.2, label=name)
+        plane.plot(*path.T, **looks[name], linewidth=LINE, label=name)
         shape = (run.nodes[-1] - run.path[0]) / length
-        plane.plot(*shape.T, color=colour, linewidth=2.4, alpha=0.6, solid_capstyle="round")
+        plane.plot(*shape.T, color=colour, linewidth=THICK, alpha=0.6, solid_capstyle="round")
         plane.plot(*shape[0], "o", color=colour, markersize=4)
         if goals and name in goals:
             spot = (np.asarray(goals[name]) - run.path[0]) / length
-            plane.plot(*spot, "*", color="black", markersize=9, zorder=5)
+            plane.plot(*spot, "*", color=BLACK, markersize=9, zorder=5)
+    plane.update_datalim(box)
+    plane.margins(0.0)
+    plane.autoscale_view()
     plane.set_aspect("equal", adjustable="datalim")
-    plane.margins(0.03, 0.1)
-    plane.legend(fontsize=SMALL - 1, frameon=False, ncols=min(4, len(names)), loc="best")
-    plane.set_title(
-        "path of the mean centre from the same start, body at the end (dot: head)",
-        fontsize=SMALL,
-        loc="left",
+    figure.legend(
+        *plane.get_legend_handles_labels(),
+        fontsize=SMALLER,
+        frameon=False,
+        ncols=min(4, len(names)),
+        loc="outside upper center",
     )
+    name_panel(plane, "path of the mean centre from the same start, body at the end (dot: head)")
     style_axes(plane, "x (body lengths)", "y (body lengths)")
 
     colours = colormaps[TIME_COLOURS](np.linspace(0.0, 0.88, 8))
-    strip = rows[1].subgridspec(len(shown), 1, hspace=0.1)
-    for row, name in enumerate(shown):
+    strip = rows[1].subgridspec(len(names), 1, hspace=0.1)
+    for row, name in enumerate(names):
         axes = figure.add_subplot(strip[row])
-        _draw_shapes(axes, trajectories[name], name, colours, last=row == len(shown) - 1)
+        _draw_shapes(axes, trajectories[name], name, colours, last=row == len(names) - 1)
         if row == 0:
-            axes.set_title(
+            name_panel(
+                axes,
                 "shapes over 0.2 s near the end, in the body's own frame, bending twice enlarged"
                 " (dark to light: time)",
-                fontsize=SMALL,
-                loc="left",
             )
+    # The limits of equal scales are known only now, and with them the widths of their numbers.
+    figure.draw_without_rendering()
     return figure
+
+
+def _box(trajectories: Mapping[str, Trajectory], goals: Mapping[str, Any]) -> NDArray[np.float64]:
+    """Return the corners of paths, last shapes and goals (BL) with a margin around them."""
+    points = []
+    for name, run in trajectories.items():
+        places = [run.path, run.nodes[-1]]
+        if name in goals:
+            places.append(np.asarray(goals[name], dtype=np.float64)[None])
+        points += [(some - run.path[0]) / run.scene.beam.length for some in places]
+    every = np.concatenate(points)
+    return np.array([every.min(axis=0) - 0.12, every.max(axis=0) + 0.12])
 
 
 def _draw_shapes(axes: Axes, run: Trajectory, name: str, colours: Any, last: bool) -> None:
@@ -132,11 +163,11 @@ def _draw_shapes(axes: Axes, run: Trajectory, name: str, colours: Any, last: boo
         heading = float(run.angles[n].mean())
         turn = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
         shape = (run.nodes[n] - run.path[n]) @ turn.T / length
-        axes.plot(shape[:, 0], 2.0 * shape[:, 1], color=colour, linewidth=1.1)
+        axes.plot(shape[:, 0], 2.0 * shape[:, 1], color=colour, linewidth=LINE)
     axes.set_ylim(-0.4, 0.4)
     axes.set_xlim(-0.56, 0.56)
     style_axes(axes, "along the body (body lengths, head left)" if last else "", "")
-    axes.set_ylabel(name, fontsize=SMALL - 1, rotation=0, ha="right", va="center")
+    axes.set_ylabel(name, fontsize=SMALLER, rotation=0, ha="right", va="center")
     axes.set_yticks([])
     if not last:
         axes.set_xticklabels([])
@@ -156,8 +187,9 @@ def draw_gaits(
     seconds : float
         Time that is shown, the last of each run (s).
     """
-    names = list(trajectories)[:_MOST_ROWS]
-    figure = new_figure(7.2, 0.9 + 1.15 * len(names))
+    names = list(trajectories)
+    figure = new_figure(WIDTH, 0.9 + 1.05 * len(names))
+    looks = policy_looks(names)
     grid = figure.add_gridspec(len(names), 3, width_ratios=(1.25, 1.25, 0.8))
     bends: Sequence[NDArray[np.float64]] = [
         _tail(np.diff(trajectories[name].angles, axis=1), trajectories[name], seconds)
@@ -175,7 +207,7 @@ def draw_gaits(
                 aspect="auto",
                 origin="upper",
                 interpolation="nearest",
-                cmap="PuOr_r" if column == 0 else "RdBu_r",
+                cmap=diverging_map(),
                 vmin=-limit,
                 vmax=limit,
                 extent=(
@@ -186,16 +218,17 @@ def draw_gaits(
                 ),
             )
             bar = figure.colorbar(image, ax=axes, fraction=0.06, pad=0.02)
-            bar.ax.tick_params(labelsize=SMALL - 2)
-            style_axes(axes, "time (s)" if last else "", "joint" if column == 0 else "")
-            axes.tick_params(labelsize=SMALL - 1)
+            bar.ax.tick_params(labelsize=SMALLER)
+            label = "joint" if column == 0 else ""
+            style_axes(axes, "time (s)" if last else "", label, grid=False)
+            axes.tick_params(labelsize=SMALLER)
             if not last:
                 axes.set_xticklabels([])
             if column == 1:
                 axes.set_yticklabels([])
             if row == 0:
                 title = "torque (N m)" if column == 0 else "joint angle (rad)"
-                axes.set_title(title, fontsize=SMALL, loc="left")
+                name_panel(axes, title)
             if column == 0:
                 axes.annotate(
                     name,
@@ -204,9 +237,10 @@ def draw_gaits(
                     rotation=90,
                     va="center",
                     ha="center",
-                    fontsize=SMALL - 1,
+                    fontsize=SMALLER,
                 )
-        _draw_phase(figure.add_subplot(grid[row, 2]), run, gaits.get(name), row == 0, last)
+        phase, colour = figure.add_subplot(grid[row, 2]), looks[name]["color"]
+        _draw_phase(phase, run, gaits.get(name), colour, row == 0, last)
     return figure
 
 
@@ -215,25 +249,27 @@ def _tail(values: NDArray[np.float64], run: Trajectory, seconds: float) -> NDArr
     return values[: run.steps][-count:]
 
 
-def _draw_phase(axes: Axes, run: Trajectory, gait: Any, first: bool, last: bool) -> None:
+def _draw_phase(
+    axes: Axes, run: Trajectory, gait: Any, colour: str, first: bool, last: bool
+) -> None:
     """Draw by how much the bending lags behind the first joint."""
     if gait is not None:
         places = run.scene.beam.joint_fractions
-        axes.plot(places, gait["phase_lags"], "o-", color=BLUE, markersize=2.5, linewidth=1.0)
+        axes.plot(places, gait["phase_lags"], "o-", color=colour, markersize=2.5, linewidth=LINE)
         axes.annotate(
-            f"{gait['frequency']:.2f} Hz\ntravelling {gait['travelling_share']:.2f}",
+            f"{gait['frequency']:.2f} Hz\ntravelling share {gait['travelling_share']:.2f}",
             (0.04, 0.96),
             xycoords="axes fraction",
             va="top",
-            fontsize=SMALL - 2,
+            fontsize=SMALLER,
         )
         low, high = axes.get_ylim()
         axes.set_ylim(min(low, -1.0), max(high, 1.0) + 0.45 * max(high - low, 2.0))
-    axes.axhline(0.0, color=GREY, linewidth=0.5)
-    style_axes(axes, "s/l" if last else "", "")
-    axes.tick_params(labelsize=SMALL - 1)
+    axes.axhline(0.0, color=GREY, linewidth=THIN)
+    style_axes(axes, "place of the joint, s/l" if last else "", "")
+    axes.tick_params(labelsize=SMALLER)
     axes.set_xlim(0.0, 1.0)
     if not last:
         axes.set_xticklabels([])
     if first:
-        axes.set_title("bending: lag (rad)", fontsize=SMALL, loc="left")
+        name_panel(axes, "bending: lag (rad)")

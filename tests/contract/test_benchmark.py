@@ -383,7 +383,7 @@ def test_the_picture_of_a_stored_record(tmp_path, absent):
     save_figure(draw_benchmark(json.loads(json.dumps(record))), tmp_path / "picture.png")
     data = (tmp_path / "picture.png").read_bytes()
     assert data.startswith(b"\x89PNG\r\n\x1a\n")
-    assert struct.unpack(">II", data[16:24]) == (1350, 870)
+    assert struct.unpack(">II", data[16:24]) == (1200, 900)
 
 
 def test_the_picture_shows_floor_parts_and_peers():

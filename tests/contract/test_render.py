@@ -327,6 +327,29 @@ def test_render_needs_an_episode_and_a_mode() -> None:
         made.unwrapped.render()
 
 
+def test_frames_come_a_hundred_a_second() -> None:
+    """Frames of 640 x 360 pixels along an episode, the median of the best of several rounds.
+
+    Other programs only ever add to the time. Run with -s to see the figures.
+    """
+    for kind in (SwimEnv, SwimTargetEnv):
+        env = kind(scene="swimmer", render_mode="rgb_array")
+        env.reset(seed=0)
+        medians = []
+        for _ in range(5):
+            spent = []
+            for step in range(25):
+                env.step(wave(step, 8))
+                start = time.perf_counter()
+                frame = env.render()
+                spent.append(time.perf_counter() - start)
+            medians.append(float(np.median(spent)))
+        assert frame.shape == (360, 640, 3)
+        rate = 1.0 / min(medians)
+        print(f"{kind.__name__}: {rate:.0f} frames a second")
+        assert rate > 100.0
+
+
 # ---- many members ------------------------------------------------------------------------------
 
 
