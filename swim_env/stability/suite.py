@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import itertools
-import multiprocessing
-import os
 from collections import Counter
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from contextlib import closing
 from dataclasses import asdict
 from typing import Any
 
+from swim_env.fresh_processes import Call, in_fresh_processes
 from swim_env.physics.loading import load_kernels
 from swim_env.provenance import where_and_when
 from swim_env.stability.cases import hard_runs
@@ -62,36 +61,26 @@ def measure_stability(
     load_kernels()
     runs = hard_runs(names)
     onsets = ONSETS if names is None else ()
-    verdicts: dict[int, Verdict] = {}
-    drawn: list[dict[str, Any]] = []
-    found: dict[tuple[int, float], dict[str, Any]] = {}
-    # Started afresh: a fork would inherit locks of a process that has threads.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers or os.cpu_count() or 1, mp_context=context) as pool:
-        waiting: dict[Future[Any], Callable[[Any], object]] = {}
-        # The long ones first, so that none is left over at the end.
-        order = sorted(range(len(runs)), key=lambda i: -_cost(runs[i]))
-        for i in order:
-            waiting[pool.submit(play, runs[i])] = _storing(verdicts, i)
-        for key in onsets:
-            waiting[pool.submit(_onset, *key)] = _storing(found, key)
-        for first in range(0, draws, _TOGETHER):
-            last = min(first + _TOGETHER, draws)
-            waiting[pool.submit(drawn_runs, first, last)] = drawn.append
-        try:
-            for future in as_completed(waiting):
-                waiting[future](future.result())
-                if progress is not None:
-                    progress(1)
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    # The long ones first, so that none is left over at the end.
+    order = sorted(range(len(runs)), key=lambda i: -_cost(runs[i]))
+    parts = [(first, min(first + _TOGETHER, draws)) for first in range(0, draws, _TOGETHER)]
+    calls: list[Call] = [(play, (runs[i],)) for i in order]
+    calls += [(_onset, key) for key in onsets]
+    calls += [(drawn_runs, part) for part in parts]
+    found: list[Any] = [None] * len(calls)
+    with closing(in_fresh_processes(calls, workers, load_kernels)) as results:
+        for index, result in results:
+            found[index] = result
+            if progress is not None:
+                progress(1)
+    verdicts = dict(zip(order, found, strict=False))
+    last = len(runs) + len(onsets)
     return {
         **where_and_when(),
         "kernels": kernel_digest(),
         "runs": [_plain(verdicts[i]) for i in range(len(runs))],
-        "onsets": [found[key] for key in onsets],
-        "drawn": _together(drawn),
+        "onsets": found[len(runs) : last],
+        "drawn": _together(found[last:]),
     }
 
 
@@ -118,10 +107,6 @@ def drawn_runs(first: int, last: int) -> dict[str, Any]:
 
 def _onset(elements: int, stiffness: float) -> dict[str, Any]:
     return measure_onset(elements, stiffness).to_dict()
-
-
-def _storing(store: dict[Any, Any], key: object) -> Callable[[Any], object]:
-    return lambda value: store.__setitem__(key, value)
 
 
 def _cost(run: HardRun) -> float:
