@@ -1,0 +1,177 @@
+"""The fluid in a recording: pressure as pictures of a few kilobytes, velocity as arrows."""
+
+from __future__ import annotations
+
+import io
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.flow import BodyFlow
+from swim_env.viewer.drawing import Image
+from swim_env.viewer.recording.palette import INSIDE, MIDDLE, pressure_palette
+from swim_env.viewer.recording.swimmer import Swimmer, frames_of
+
+__all__ = [
+    "ARROW_EVERY",
+    "CELLS_IN_LENGTH",
+    "HALF_HEIGHT",
+    "HALF_WIDTH",
+    "Water",
+    "compute_water",
+    "picture_of",
+    "pressure_of",
+]
+
+Array = NDArray[np.float64]
+
+#: Grid cells in a body length, and cells from one arrow to the next.
+CELLS_IN_LENGTH, ARROW_EVERY = 40, 4
+#: How far the grid reaches from the mean centre (BL).
+HALF_WIDTH, HALF_HEIGHT = 1.1, 0.7
+#: Share of all pressures, and of all speeds, that the scales cover.
+_SHARE_SHOWN = 0.995
+
+
+@dataclass(frozen=True, eq=False)
+class Water:
+    """Pressure and velocity at F instants on a grid that follows the body in whole cells.
+
+    Attributes
+    ----------
+    instants : (F,) array of int
+        Instants of the trajectory.
+    time : (F,) array
+        The same (s).
+    cell : float
+        Size of a cell (m).
+    corners : (F, 2) array
+        Left lower corner of the grid (m).
+    pressures : (F, R, C) array of float32
+        Pressure at the middles of the cells, rows upwards (Pa); not a number inside of the body.
+    origins : (A, 2) array
+        Where the arrows begin, from the corner (m): at points that rest in the plane.
+    velocities : (F, A, 2) array of float32
+        Velocities there (m/s); zero inside of the body.
+    seconds : float
+        Time that it took to compute.
+    """
+
+    instants: NDArray[np.int64]
+    time: Array
+    cell: float
+    corners: Array
+    pressures: NDArray[np.float32]
+    origins: Array
+    velocities: NDArray[np.float32]
+    seconds: float
+
+    @property
+    def largest_pressure(self) -> float:
+        """Pressure (Pa) that all but a few points stay below; 1 where there is none."""
+        return _scale(np.abs(self.pressures))
+
+    @property
+    def largest_speed(self) -> float:
+        """Speed (m/s) that all but a few arrows stay below; 1 where there is none."""
+        return _scale(np.hypot(self.velocities[..., 0], self.velocities[..., 1]))
+
+
+def _scale(values: NDArray[np.float32]) -> float:
+    known = values[np.isfinite(values)]
+    found = float(np.quantile(known, _SHARE_SHOWN)) if known.size else 0.0
+    return found if found > 0.0 else 1.0
+
+
+def compute_water(
+    swimmer: Swimmer, rate: float, progress: Callable[[float], object] | None = None
+) -> Water:
+    """Compute the flow around a swimmer.
+
+    Parameters
+    ----------
+    swimmer : Swimmer
+        Whose run.
+    rate : float
+        Frames in a simulated second.
+    progress : callable, optional
+        Called with the simulated seconds that were computed since the last call.
+
+    Raises
+    ------
+    OptionError
+        If the scene has no fluid, or the run has fewer than two steps.
+    """
+    begin = time.perf_counter()
+    run = swimmer.trajectory
+    flow = BodyFlow(swimmer.scene)
+    instants = frames_of(run, rate)
+    length = swimmer.scene.beam.length
+    cell = length / CELLS_IN_LENGTH
+    # Whole numbers of arrow distances, so that arrows stay where they are as the grid moves on.
+    block = ARROW_EVERY * cell
+    columns, rows = (
+        2 * ARROW_EVERY * round(half * length / block) for half in (HALF_WIDTH, HALF_HEIGHT)
+    )
+    size = np.array([columns, rows])
+    y, x = np.mgrid[:rows, :columns]
+    middles = (np.stack([x, y], axis=-1).reshape(-1, 2) + 0.5) * cell
+    first = ARROW_EVERY // 2
+    with_arrow = ((x % ARROW_EVERY == first) & (y % ARROW_EVERY == first)).ravel()
+    corners = (np.rint(run.path[instants] / block) * block) - 0.5 * size * cell
+    pressures = np.empty((len(instants), rows, columns), dtype=np.float32)
+    velocities = np.zeros((len(instants), int(with_arrow.sum()), 2), dtype=np.float32)
+    told = run.time[instants[0]]
+    for frame, instant in enumerate(instants.tolist()):
+        found, pressure = flow.during(run, instant, corners[frame] + middles)
+        pressures[frame] = np.where(found.inside, np.nan, pressure).reshape(rows, columns)
+        outside = ~found.inside[with_arrow]
+        velocities[frame, outside] = found.velocity[with_arrow][outside]
+        if progress is not None:
+            progress(float(run.time[instant] - told))
+            told = run.time[instant]
+    return Water(
+        instants,
+        run.time[instants],
+        cell,
+        corners,
+        pressures,
+        middles[with_arrow],
+        velocities,
+        time.perf_counter() - begin,
+    )
+
+
+_PALETTE = pressure_palette().tobytes()
+
+
+def picture_of(pressures: NDArray[np.float32], largest: float) -> bytes:
+    """Return a PNG file whose palette's indices are the pressures.
+
+    Parameters
+    ----------
+    pressures : (R, C) array
+        Pressures, rows upwards (Pa).
+    largest : float
+        The pressure at index 255 (Pa); at index 1 it is the negative of that. What is beyond
+        counts as this.
+    """
+    shares = np.clip(pressures / largest, -1.0, 1.0)
+    levels = np.rint(MIDDLE + (255 - MIDDLE) * np.nan_to_num(shares)).astype(np.uint8)
+    levels[np.isnan(pressures)] = INSIDE
+    image = Image.fromarray(levels)
+    image.putpalette(_PALETTE)
+    out = io.BytesIO()
+    image.save(out, "PNG", compress_level=6)
+    return out.getvalue()
+
+
+def pressure_of(picture: bytes, largest: float) -> NDArray[np.float32]:
+    """Return the pressures (R, C) of a picture that `picture_of` made, in steps of largest/127."""
+    levels = np.asarray(Image.open(io.BytesIO(picture))).astype(np.float32)
+    values: NDArray[np.float32] = (levels - MIDDLE) * np.float32(largest / (255 - MIDDLE))
+    values[levels == INSIDE] = np.nan
+    return values
