@@ -14,10 +14,13 @@ from swim_env.viewer.recording.schema import REWARDS, TIMELINE, WORLD, group_pat
 
 __all__ = ["blueprint_of"]
 
-#: What a view that follows a body shows around its mean centre (BL).
-_HALF_WIDTH, _HALF_HEIGHT = 1.0, 0.5
-#: Share of a plot's width, behind the end of the run, that is left to the legend.
-_ROOM = 0.5
+#: What a view that follows a body shows around its mean centre (BL), of one swimmer and of several.
+_VIEW_OF_ONE, _VIEW_OF_MANY = (1.0, 0.5), (1.2, 0.4)
+#: Room behind the end of the run that is left to the legend, as a share of the run.
+_ROOM = 0.45
+#: What plots of oscillations show before the present, and the room behind it (s).
+_BEFORE, _BEHIND = 3.0, 1.6
+_OSCILLATING = ("energy", "torques", "joint_angles", "momentum", "solver")
 #: Joints up to which a plot of all of them has a legend.
 _NAMED_JOINTS = 10
 #: Marks that go with a swimmer in the view of the whole course.
@@ -40,7 +43,7 @@ def blueprint_of(lanes: Sequence[Lane]) -> Any:
         *water,
         _course(lanes),
         legend,
-        row_shares=[*([3.0] * len(water)), 2.0, 0.8],
+        row_shares=[*([3.0] * len(water)), 1.8, 0.75],
     )
     return rrb.Blueprint(
         rrb.Horizontal(left, _plots(lanes), column_shares=[1.45 if wide else 1.2, 1.0]),
@@ -68,14 +71,15 @@ def _following(lane: Lane) -> Any:
     import rerun.blueprint as rrb
 
     length = lane.swimmer.scene.beam.length
+    width, height = _VIEW_OF_ONE if lane.count == 1 else _VIEW_OF_MANY
     return rrb.Spatial2DView(
-        origin=f"{lane.place}/camera",
+        origin=f"{lane.place}/camera/screen",
         contents=[f"{lane.place}/**"],
         name=f"{lane.swimmer.name} on {lane.swimmer.scene.name} (grid {0.5 * length:g} m)",
         background=[*WATER_COLOUR],
         visual_bounds=rrb.VisualBounds2D(
-            x_range=[-_HALF_WIDTH * length, _HALF_WIDTH * length],
-            y_range=[-_HALF_HEIGHT * length, _HALF_HEIGHT * length],
+            x_range=[-width * length, width * length],
+            y_range=[-height * length, height * length],
         ),
         overrides={f"{lane.place}/path": _growing()},
     )
@@ -86,8 +90,7 @@ def _course(lanes: Sequence[Lane]) -> Any:
     import rerun.blueprint as rrb
 
     length = lanes[0].swimmer.scene.beam.length
-    low = np.min([lane.low for lane in lanes], axis=0) - 0.15 * length
-    high = np.max([lane.high for lane in lanes], axis=0) + 0.15 * length
+    low, high = lanes[0].low - 0.15 * length, lanes[0].high + 0.15 * length
     name = f"Whole course (grid {0.5 * length:g} m)"
     if len(lanes) > 1:
         name += ", each swimmer in its own lane"
@@ -132,7 +135,8 @@ def _plots(lanes: Sequence[Lane]) -> Any:
         for group, name in names:
             for lane in lanes:
                 title = name if len(lanes) == 1 else f"{lane.label}: {name}"
-                views.append(_plot(lanes, title, [group_path(lane.label, group)]))
+                window = group in _OSCILLATING
+                views.append(_plot(lanes, title, [group_path(lane.label, group)], window))
         rows.append(_tabs(views))
     return rrb.Vertical(*rows, row_shares=[1.0, 1.0, 1.35])
 
@@ -143,25 +147,36 @@ def _tabs(views: list[Any]) -> Any:
     return rrb.Tabs(*views, active_tab=0)
 
 
-def _plot(lanes: Sequence[Lane], name: str, paths: list[str]) -> Any:
-    """Return one plot, with room for its legend behind the end of the run."""
+def _plot(lanes: Sequence[Lane], name: str, paths: list[str], window: bool = False) -> Any:
+    """Return one plot, with room for its legend behind the end of the run or the present."""
     import rerun.blueprint as rrb
 
     begin = min(float(lane.swimmer.trajectory.time[0]) for lane in lanes)
     end = max(float(lane.swimmer.trajectory.time[-1]) for lane in lanes)
     joints = max(lane.swimmer.scene.beam.elements for lane in lanes) - 1
     of_joints = "Joint" in name
+    at = rrb.TimeRangeBoundary
+    if window:
+        shown = rrb.TimeRange(
+            start=at.cursor_relative(seconds=-_BEFORE), end=at.cursor_relative(seconds=_BEHIND)
+        )
+        ranges = [
+            rrb.VisibleTimeRange(
+                TIMELINE, start=at.cursor_relative(seconds=-_BEFORE), end=at.cursor_relative()
+            )
+        ]
+    else:
+        shown = rrb.TimeRange(
+            start=at.absolute(seconds=begin), end=at.absolute(seconds=end + _ROOM * (end - begin))
+        )
+        ranges = None
     return rrb.TimeSeriesView(
         origin="/",
         contents=[f"/{path}" for path in paths],
         name=name,
-        axis_x=rrb.TimeAxis(
-            view_range=rrb.TimeRange(
-                start=rrb.TimeRangeBoundary.absolute(seconds=begin),
-                end=rrb.TimeRangeBoundary.absolute(seconds=end + _ROOM * (end - begin)),
-            )
-        ),
+        axis_x=rrb.TimeAxis(view_range=shown),
         plot_legend=rrb.PlotLegend(
             rrb.Corner2D.RightTop, visible=not of_joints or joints <= _NAMED_JOINTS
         ),
+        time_ranges=ranges,
     )

@@ -9,7 +9,6 @@ import numpy as np
 
 from swim_env.viewer.recording.palette import (
     ARROW_COLOUR,
-    BODY_COLOUR,
     pressure_palette,
     shades_of_torque,
 )
@@ -19,8 +18,10 @@ __all__ = ["LEGEND", "LEGEND_HEIGHT", "LEGEND_WIDTH", "log_legend"]
 
 LEGEND = "legend"
 #: Size of the view (its own units).
-LEGEND_WIDTH, LEGEND_HEIGHT = 100.0, 9.0
-_BAR, _THICK = 24.0, 2.0
+LEGEND_WIDTH, LEGEND_HEIGHT = 120.0, 6.0
+_BAR, _THICK, _NEXT = 30.0, 1.4, 42.0
+#: Words are light: rerun puts them on a dark plate.
+_WORDS = (255, 255, 255)
 
 
 def log_legend(stream: Any, lanes: Sequence[Lane]) -> None:
@@ -33,12 +34,12 @@ def log_legend(stream: Any, lanes: Sequence[Lane]) -> None:
     if lane.pressure is not None:
         bars.append(("pressure", lane.pressure, "Pa", pressure_palette()[1::4]))
     for number, (name, limit, unit, shades) in enumerate(bars):
-        left = 3.0 + number * 36.0
+        left = 5.0 + number * _NEXT
         edges = np.linspace(left, left + _BAR, len(shades) + 1)
         strips = np.stack(
             [
-                np.stack([edges[:-1], np.full(len(shades), 2.0)], axis=-1),
-                np.stack([edges[1:], np.full(len(shades), 2.0)], axis=-1),
+                np.stack([edges[:-1], np.full(len(shades), 1.2)], axis=-1),
+                np.stack([edges[1:], np.full(len(shades), 1.2)], axis=-1),
             ],
             axis=1,
         )
@@ -52,21 +53,23 @@ def log_legend(stream: Any, lanes: Sequence[Lane]) -> None:
         stream.log(
             f"{place}/scale",
             rr.Points2D(
-                [(left, 3.6), (left + 0.5 * _BAR, 3.6), (left + _BAR, 3.6)],
+                [(left, 2.2), (left + 0.5 * _BAR, 2.2), (left + _BAR, 2.2)],
                 labels=text,
                 show_labels=True,
-                colors=[BODY_COLOUR] * 3,
+                colors=[_WORDS] * 3,
                 radii=rr.Radius.ui_points(0.0),
             ),
             static=True,
         )
-    if lane.speed is not None:
-        left = 3.0 + len(bars) * 36.0
+    seconds = lane.arrow_seconds
+    if seconds is not None:
+        cell = 0.1 * lane.swimmer.scene.beam.length
+        left = 5.0 + len(bars) * _NEXT
         stream.log(
             f"{LEGEND}/velocity",
             rr.Arrows2D(
-                origins=[(left, 2.0)],
-                vectors=[(9.0, 0.0)],
+                origins=[(left, 1.2)],
+                vectors=[(20.0, 0.0)],
                 colors=[ARROW_COLOUR],
                 radii=rr.Radius.ui_points(1.2),
             ),
@@ -75,10 +78,10 @@ def log_legend(stream: Any, lanes: Sequence[Lane]) -> None:
         stream.log(
             f"{LEGEND}/velocity/scale",
             rr.Points2D(
-                [(left + 5.0, 3.6)],
-                labels=["velocity of the water"],
+                [(left + 10.0, 2.2)],
+                labels=[f"velocity, {cell:g} m long: {cell / seconds:.2g} m/s"],
                 show_labels=True,
-                colors=[BODY_COLOUR],
+                colors=[_WORDS],
                 radii=rr.Radius.ui_points(0.0),
             ),
             static=True,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,18 +20,18 @@ from swim_env.viewer.recording.palette import (
 )
 from swim_env.viewer.recording.schema import TIMELINE, place_of
 from swim_env.viewer.recording.swimmer import Swimmer
-from swim_env.viewer.recording.water import ARROW_EVERY, Water, picture_of
+from swim_env.viewer.recording.water import ARROW_EVERY, CELLS_IN_LENGTH, PIXELS, Water, picture_of
 
 __all__ = ["Lane", "lanes_of", "log_swimmer"]
 
 Array = NDArray[np.float64]
 
 #: Distance of the lanes of two swimmers in one plane (BL), and of its grid lines.
-_LANE, _GRID = 0.6, 0.5
+_LANE, _GRID = 0.5, 0.5
 #: Length of the arrow in front of the head, and of directors (BL, element lengths).
 _HEADING, _DIRECTOR = 0.16, 0.35
 #: An arrow of the largest speed reaches over so many arrow distances.
-_ARROW_REACH = 1.6
+_ARROW_REACH = 1.2
 #: Layers, from back to front.
 _PRESSURE, _LINES, _ARROWS, _TRAIL, _OUTLINE, _BODY, _FRONT = -30.0, -20.0, -10.0, 0.0, 5.0, 10.0, 20.0
 
@@ -59,7 +59,7 @@ class Lane:
     colour : str
         What the colours show.
     low, high : (2,) arrays
-        Corners of what the bodies pass through, in the plane that all share (m).
+        Corners of what all bodies pass through, in the plane that they share (m).
     """
 
     swimmer: Swimmer
@@ -95,8 +95,6 @@ class Lane:
         """Seconds of its velocity that an arrow is long."""
         if self.speed is None:
             return None
-        from swim_env.viewer.recording.water import CELLS_IN_LENGTH
-
         length = self.swimmer.scene.beam.length
         return _ARROW_REACH * ARROW_EVERY * length / CELLS_IN_LENGTH / self.speed
 
@@ -129,7 +127,9 @@ def lanes_of(
                 limit, colour, low, high,
             )
         )  # fmt: skip
-    return lanes
+    low = np.min([lane.low for lane in lanes], axis=0)
+    high = np.max([lane.high for lane in lanes], axis=0)
+    return [replace(lane, low=low, high=high) for lane in lanes]
 
 
 def log_swimmer(stream: Any, lane: Lane, water: Water | None) -> None:
@@ -147,10 +147,10 @@ def log_swimmer(stream: Any, lane: Lane, water: Water | None) -> None:
     angles = run.angles[lane.instants]
 
     stream.log(place, rr.Transform3D(translation=[*lane.offset, 0.0]), static=True)
-    # A view whose origin is this entity follows the body; its y points downwards as a screen's.
-    stream.log(
-        f"{place}/camera", rr.Transform3D.from_fields(scale=[1.0, -1.0, 1.0]), static=True
-    )
+    # A view whose origin is the inner one of these follows the body; its y points downwards as a
+    # screen's. Where it is and how it is turned are two entities: rerun takes no part of a
+    # transform from what is there once, and another from a frame.
+    stream.log(f"{place}/camera/screen", rr.Transform3D(scale=[1.0, -1.0, 1.0]), static=True)
     stream.send_columns(
         f"{place}/camera",
         time,
@@ -271,7 +271,7 @@ def _log_grid(stream: Any, lane: Lane) -> None:
     low = np.floor((lane.low - lane.offset) / step - 2.0)
     high = np.ceil((lane.high - lane.offset) / step + 2.0)
     # A body that went far would take more lines than anyone can see.
-    low, high = np.maximum(low, low - 0.0), np.minimum(high, low + 400.0)
+    high = np.minimum(high, low + 400.0)
     lines = [
         [(k * step, low[1] * step), (k * step, high[1] * step)]
         for k in np.arange(low[0], high[0] + 1)
@@ -296,33 +296,34 @@ def _log_water(stream: Any, lane: Lane, water: Water) -> None:
     assert lane.pressure is not None and lane.arrow_seconds is not None
     time = [rr.TimeColumn(TIMELINE, duration=water.time)]
     corners = np.column_stack([water.corners, np.zeros(len(water.corners))])
+    place = f"{lane.place}/flow"
+    stream.send_columns(place, time, rr.Transform3D.columns(translation=corners))
     place = f"{lane.place}/flow/pressure"
-    stream.log(place, rr.Transform3D.from_fields(scale=[water.cell, water.cell, 1.0]), static=True)
+    pixel = water.cell / PIXELS
+    stream.log(place, rr.Transform3D(scale=[pixel, pixel, 1.0]), static=True)
     stream.log(
         place,
         rr.EncodedImage.from_fields(
-            media_type="image/png", draw_order=_PRESSURE, magnification_filter="bilinear"
+            media_type="image/png", draw_order=_PRESSURE
         ),
         static=True,
     )
-    stream.send_columns(place, time, rr.Transform3D.columns(translation=corners))
     pictures = [picture_of(frame, lane.pressure) for frame in water.pressures]
     stream.send_columns(place, time, rr.EncodedImage.columns(blob=pictures))
     # Vectors are velocities in m/s; this scale makes metres of them, so origins are divided by it.
     place = f"{lane.place}/flow/velocity"
     seconds = lane.arrow_seconds
-    stream.log(place, rr.Transform3D.from_fields(scale=[seconds, seconds, 1.0]), static=True)
+    stream.log(place, rr.Transform3D(scale=[seconds, seconds, 1.0]), static=True)
     stream.log(
         place,
         rr.Arrows2D.from_fields(
             origins=water.origins / seconds,
-            radii=[rr.Radius.ui_points(0.8)],
+            radii=[rr.Radius.ui_points(1.1)],
             colors=[ARROW_COLOUR],
             draw_order=_ARROWS,
         ),
         static=True,
     )
-    stream.send_columns(place, time, rr.Transform3D.columns(translation=corners))
     arrows = water.velocities.shape[1]
     stream.send_columns(
         place,

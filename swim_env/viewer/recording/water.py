@@ -18,8 +18,9 @@ from swim_env.viewer.recording.swimmer import Swimmer, frames_of
 __all__ = [
     "ARROW_EVERY",
     "CELLS_IN_LENGTH",
-    "HALF_HEIGHT",
-    "HALF_WIDTH",
+    "PIXELS",
+    "REACH_OF_MANY",
+    "REACH_OF_ONE",
     "Water",
     "compute_water",
     "picture_of",
@@ -30,10 +31,16 @@ Array = NDArray[np.float64]
 
 #: Grid cells in a body length, and cells from one arrow to the next.
 CELLS_IN_LENGTH, ARROW_EVERY = 40, 4
-#: How far the grid reaches from the mean centre (BL).
-HALF_WIDTH, HALF_HEIGHT = 1.1, 0.7
+#: Pixels of a picture along a cell's side; odd, so that one is in the middle.
+PIXELS = 3
+#: How far the grid reaches from the mean centre (BL), for one swimmer and for several, whose views
+#: are lower.
+REACH_OF_ONE, REACH_OF_MANY = (1.2, 0.6), (1.6, 0.5)
 #: Share of all pressures, and of all speeds, that the scales cover.
 _SHARE_SHOWN = 0.995
+#: Arrows begin at least so far from the centre line (BL): at the body's ends, where a thin body's
+#: flow is fastest, they would be longer than the body.
+_CLEAR = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +62,7 @@ class Water:
     origins : (A, 2) array
         Where the arrows begin, from the corner (m): at points that rest in the plane.
     velocities : (F, A, 2) array of float32
-        Velocities there (m/s); zero inside of the body.
+        Velocities there (m/s); zero inside of the body and close to it.
     seconds : float
         Time that it took to compute.
     """
@@ -87,7 +94,10 @@ def _scale(values: NDArray[np.float32]) -> float:
 
 
 def compute_water(
-    swimmer: Swimmer, rate: float, progress: Callable[[float], object] | None = None
+    swimmer: Swimmer,
+    rate: float,
+    reach: tuple[float, float] = REACH_OF_ONE,
+    progress: Callable[[float], object] | None = None,
 ) -> Water:
     """Compute the flow around a swimmer.
 
@@ -97,6 +107,8 @@ def compute_water(
         Whose run.
     rate : float
         Frames in a simulated second.
+    reach : pair of float
+        How far the grid reaches from the mean centre, along x and y (BL).
     progress : callable, optional
         Called with the simulated seconds that were computed since the last call.
 
@@ -113,9 +125,7 @@ def compute_water(
     cell = length / CELLS_IN_LENGTH
     # Whole numbers of arrow distances, so that arrows stay where they are as the grid moves on.
     block = ARROW_EVERY * cell
-    columns, rows = (
-        2 * ARROW_EVERY * round(half * length / block) for half in (HALF_WIDTH, HALF_HEIGHT)
-    )
+    columns, rows = (2 * ARROW_EVERY * round(half * length / block) for half in reach)
     size = np.array([columns, rows])
     y, x = np.mgrid[:rows, :columns]
     middles = (np.stack([x, y], axis=-1).reshape(-1, 2) + 0.5) * cell
@@ -128,7 +138,8 @@ def compute_water(
     for frame, instant in enumerate(instants.tolist()):
         found, pressure = flow.during(run, instant, corners[frame] + middles)
         pressures[frame] = np.where(found.inside, np.nan, pressure).reshape(rows, columns)
-        outside = ~found.inside[with_arrow]
+        apart = _distances(corners[frame] + middles[with_arrow], run.nodes[instant])
+        outside = ~found.inside[with_arrow] & (apart > _CLEAR * length)
         velocities[frame, outside] = found.velocity[with_arrow][outside]
         if progress is not None:
             progress(float(run.time[instant] - told))
@@ -145,11 +156,36 @@ def compute_water(
     )
 
 
+def _distances(points: Array, nodes: Array) -> Array:
+    """Return how far points (P, 2) are from the line through nodes (N + 1, 2), (P,) (m)."""
+    along = np.diff(nodes, axis=0)
+    away = points[:, None] - nodes[:-1]
+    share = np.clip((away * along).sum(axis=-1) / (along**2).sum(axis=-1), 0.0, 1.0)
+    apart: Array = np.linalg.norm(away - share[..., None] * along, axis=-1).min(axis=1)
+    return apart
+
+
+def _under_rim(pressures: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return pressures that go on under the body's rim, where the drawn body covers them."""
+    padded = np.pad(pressures, 1, constant_values=np.nan)
+    around = np.stack([padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]])
+    known = np.isfinite(around)
+    count = known.sum(axis=0)
+    mean = np.where(known, around, 0.0).sum(axis=0) / np.maximum(count, 1)
+    return np.where(np.isnan(pressures) & (count > 0), mean, pressures).astype(np.float32)
+
+
 _PALETTE = pressure_palette().tobytes()
 
 
 def picture_of(pressures: NDArray[np.float32], largest: float) -> bytes:
-    """Return a PNG file whose palette's indices are the pressures.
+    """Return a PNG file whose palette's indices are the pressures, PIXELS a side for each cell.
+
+    The pixel in a cell's middle has the cell's pressure, those between are interpolated: rerun
+    shows every pixel with sharp edges.
+
+    Cells inside of the body with a neighbour outside take their neighbours' mean, so that the
+    picture has no steps beside the body that is drawn over it; the others are INSIDE.
 
     Parameters
     ----------
@@ -159,9 +195,12 @@ def picture_of(pressures: NDArray[np.float32], largest: float) -> bytes:
         The pressure at index 255 (Pa); at index 1 it is the negative of that. What is beyond
         counts as this.
     """
-    shares = np.clip(pressures / largest, -1.0, 1.0)
-    levels = np.rint(MIDDLE + (255 - MIDDLE) * np.nan_to_num(shares)).astype(np.uint8)
-    levels[np.isnan(pressures)] = INSIDE
+    drawn = _under_rim(pressures)
+    shares = np.nan_to_num(np.clip(drawn / largest, -1.0, 1.0))
+    size = (PIXELS * shares.shape[1], PIXELS * shares.shape[0])
+    fine = np.asarray(Image.fromarray(shares).resize(size, Image.Resampling.BICUBIC))
+    levels = np.rint(MIDDLE + (255 - MIDDLE) * np.clip(fine, -1.0, 1.0)).astype(np.uint8)
+    levels[np.isnan(drawn).repeat(PIXELS, axis=0).repeat(PIXELS, axis=1)] = INSIDE
     image = Image.fromarray(levels)
     image.putpalette(_PALETTE)
     out = io.BytesIO()
@@ -171,7 +210,8 @@ def picture_of(pressures: NDArray[np.float32], largest: float) -> bytes:
 
 def pressure_of(picture: bytes, largest: float) -> NDArray[np.float32]:
     """Return the pressures (R, C) of a picture that `picture_of` made, in steps of largest/127."""
-    levels = np.asarray(Image.open(io.BytesIO(picture))).astype(np.float32)
+    pixels = np.asarray(Image.open(io.BytesIO(picture))).astype(np.float32)
+    levels = pixels[PIXELS // 2 :: PIXELS, PIXELS // 2 :: PIXELS]
     values: NDArray[np.float32] = (levels - MIDDLE) * np.float32(largest / (255 - MIDDLE))
     values[levels == INSIDE] = np.nan
     return values

@@ -147,7 +147,7 @@ def write_recording(
         If rerun is not installed or the file cannot be written.
     """
     require_rerun()
-    from swim_env.viewer.recording.water import compute_water
+    from swim_env.viewer.recording.water import REACH_OF_MANY, REACH_OF_ONE, compute_water
 
     if not swimmers:
         raise OptionError("a recording takes at least one swimmer")
@@ -155,13 +155,14 @@ def write_recording(
         raise OptionError(f"unknown colour {colour!r}; colours: {', '.join(COLOURS)}")
     begin = time.perf_counter()
     frames = [frames_of(swimmer.trajectory, frame_rate) for swimmer in swimmers]
+    reach = REACH_OF_ONE if len(swimmers) == 1 else REACH_OF_MANY
     waters = []
     for swimmer in swimmers:
         flows = swimmer.scene.fluid is not None and swimmer.scene.fluid.model != "none"
         if flow_rate is None or not flows or swimmer.trajectory.steps < 2:
             waters.append(None)
         else:
-            waters.append(compute_water(swimmer, flow_rate, progress))
+            waters.append(compute_water(swimmer, flow_rate, reach, progress))
     flow_seconds = sum(water.seconds for water in waters if water is not None)
     content = _content(swimmers, frames, waters, colour, about)
     try:
