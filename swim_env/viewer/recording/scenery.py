@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swim_env.threads import usable_threads
 from swim_env.viewer.recording.palette import (
     ARROW_COLOUR,
     BODY_COLOUR,
@@ -308,7 +310,9 @@ def _log_water(stream: Any, lane: Lane, water: Water) -> None:
         ),
         static=True,
     )
-    pictures = [picture_of(frame, lane.pressure) for frame in water.pressures]
+    largest = lane.pressure
+    with ThreadPoolExecutor(usable_threads()) as pool:
+        pictures = list(pool.map(lambda frame: picture_of(frame, largest), water.pressures))
     stream.send_columns(place, time, rr.EncodedImage.columns(blob=pictures))
     # Vectors are velocities in m/s; this scale makes metres of them, so origins are divided by it.
     place = f"{lane.place}/flow/velocity"

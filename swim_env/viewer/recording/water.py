@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import io
+import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.flow import BodyFlow
+from swim_env.threads import usable_threads
 from swim_env.viewer.drawing import Image
 from swim_env.viewer.recording.palette import INSIDE, MIDDLE, pressure_palette
 from swim_env.viewer.recording.swimmer import Swimmer, frames_of
@@ -119,7 +122,7 @@ def compute_water(
     """
     begin = time.perf_counter()
     run = swimmer.trajectory
-    flow = BodyFlow(swimmer.scene)
+    BodyFlow(swimmer.scene)  # says so where there is no fluid, and loads the kernels
     instants = frames_of(run, rate)
     length = swimmer.scene.beam.length
     cell = length / CELLS_IN_LENGTH
@@ -134,16 +137,26 @@ def compute_water(
     corners = (np.rint(run.path[instants] / block) * block) - 0.5 * size * cell
     pressures = np.empty((len(instants), rows, columns), dtype=np.float32)
     velocities = np.zeros((len(instants), int(with_arrow.sum()), 2), dtype=np.float32)
-    told = run.time[instants[0]]
-    for frame, instant in enumerate(instants.tolist()):
-        found, pressure = flow.during(run, instant, corners[frame] + middles)
-        pressures[frame] = np.where(found.inside, np.nan, pressure).reshape(rows, columns)
-        apart = _distances(corners[frame] + middles[with_arrow], run.nodes[instant])
-        outside = ~found.inside[with_arrow] & (apart > _CLEAR * length)
-        velocities[frame, outside] = found.velocity[with_arrow][outside]
-        if progress is not None:
-            progress(float(run.time[instant] - told))
-            told = run.time[instant]
+    nodes = run.nodes[instants]
+    lock = threading.Lock()
+
+    def compute(part: NDArray[np.int64]) -> None:
+        flow = BodyFlow(swimmer.scene)
+        for frame in part.tolist():
+            found, pressure = flow.during(run, int(instants[frame]), corners[frame] + middles)
+            pressures[frame] = np.where(found.inside, np.nan, pressure).reshape(rows, columns)
+            apart = _distances(corners[frame] + middles[with_arrow], nodes[frame])
+            outside = ~found.inside[with_arrow] & (apart > _CLEAR * length)
+            velocities[frame, outside] = found.velocity[with_arrow][outside]
+            if progress is not None:
+                with lock:
+                    progress(run.duration / len(instants))
+
+    # The kernels release the interpreter's lock; every frame is computed by itself.
+    workers = usable_threads()
+    with ThreadPoolExecutor(workers) as pool:
+        for _ in pool.map(compute, np.array_split(np.arange(len(instants)), 4 * workers)):
+            pass
     return Water(
         instants,
         run.time[instants],
