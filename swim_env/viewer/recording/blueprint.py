@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from swim_env.viewer.recording.legend import LEGEND, LEGEND_HEIGHT, LEGEND_WIDTH
 from swim_env.viewer.recording.palette import WATER_COLOUR
 from swim_env.viewer.recording.scenery import Lane
-from swim_env.viewer.recording.schema import REWARDS, TIMELINE, WORLD, group_path
+from swim_env.viewer.recording.schema import REWARDS, TIMELINE, group_path
 
 __all__ = ["blueprint_of"]
 
@@ -32,7 +30,10 @@ def blueprint_of(lanes: Sequence[Lane]) -> Any:
     import rerun.blueprint as rrb
 
     wide = lanes[0].pressure is not None
-    water = [_following(lane) for lane in lanes]
+    followed = [_following(lane) for lane in lanes]
+    # Up to two stand one below the other, more of them in two columns.
+    rows = len(lanes) if len(lanes) < 3 else (len(lanes) + 1) // 2
+    water = followed if len(lanes) < 3 else [rrb.Grid(*followed, grid_columns=2)]
     legend = rrb.Spatial2DView(
         origin=LEGEND,
         name="Colours and arrows",
@@ -43,7 +44,7 @@ def blueprint_of(lanes: Sequence[Lane]) -> Any:
         *water,
         _course(lanes),
         legend,
-        row_shares=[*([3.0] * len(water)), 1.8, 0.75],
+        row_shares=[*([3.0 * rows / len(water)] * len(water)), 1.8, 0.75],
     )
     return rrb.Blueprint(
         rrb.Horizontal(left, _plots(lanes), column_shares=[1.45 if wide else 1.2, 1.0]),

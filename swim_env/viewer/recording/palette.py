@@ -45,7 +45,12 @@ _PRESSURE_STOPS: tuple[Colour, ...] = (
     (90, 25, 110),
 )
 #: From head to tail: light yellow, orange, purple (series of joints on a dark background).
-_JOINT_STOPS: tuple[Colour, ...] = ((252, 253, 191), (254, 159, 109), (222, 73, 104), (130, 90, 220))
+_JOINT_STOPS: tuple[Colour, ...] = (
+    (252, 253, 191),
+    (254, 159, 109),
+    (222, 73, 104),
+    (130, 90, 220),
+)
 #: Indices of a pressure image: the body's inside, and no pressure.
 INSIDE, MIDDLE = 0, 128
 

@@ -165,7 +165,7 @@ def read_recording(path: str | os.PathLike[str]) -> ReadRecording:
                 columns,
                 str(label),
                 str(own["names"][place]),
-                Scene.from_dict(parse_yaml(str(own["scenes"][place]), name), name),
+                _scene_of(str(own["scenes"][place]), name),
                 str(own["termination_reasons"][place]),
                 float(own["pressure_scale"][0]),
             )
@@ -176,6 +176,11 @@ def read_recording(path: str | os.PathLike[str]) -> ReadRecording:
         told = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
         raise RecordingError(f"the recording is not whole: {told} ({name})") from None
     return ReadRecording(schema, swimmers, about, columns)
+
+
+def _scene_of(text: str, name: str) -> Scene:
+    data: Any = parse_yaml(text, name)
+    return Scene.from_dict(data, name)
 
 
 def _columns(name: str) -> dict[tuple[str, str], Column]:

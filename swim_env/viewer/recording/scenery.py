@@ -35,7 +35,15 @@ _HEADING, _DIRECTOR = 0.16, 0.35
 #: An arrow of the largest speed reaches over so many arrow distances.
 _ARROW_REACH = 1.2
 #: Layers, from back to front.
-_PRESSURE, _LINES, _ARROWS, _TRAIL, _OUTLINE, _BODY, _FRONT = -30.0, -20.0, -10.0, 0.0, 5.0, 10.0, 20.0
+_PRESSURE, _LINES, _ARROWS, _TRAIL, _OUTLINE, _BODY, _FRONT = (
+    -30.0,
+    -20.0,
+    -10.0,
+    0.0,
+    5.0,
+    10.0,
+    20.0,
+)
 
 
 @dataclass(frozen=True)
@@ -305,9 +313,7 @@ def _log_water(stream: Any, lane: Lane, water: Water) -> None:
     stream.log(place, rr.Transform3D(scale=[pixel, pixel, 1.0]), static=True)
     stream.log(
         place,
-        rr.EncodedImage.from_fields(
-            media_type="image/png", draw_order=_PRESSURE
-        ),
+        rr.EncodedImage.from_fields(media_type="image/png", draw_order=_PRESSURE),
         static=True,
     )
     largest = lane.pressure

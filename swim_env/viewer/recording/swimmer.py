@@ -142,12 +142,11 @@ class Swimmer:
         if run.steps < 2:
             body = np.full(len(instants), np.nan)
         else:
-            order: int = 2
             step = self.scene.integrator.time_step
-            moving = np.gradient(run.centres, step, axis=0, edge_order=order)[instants]
+            moving: Array = np.gradient(run.centres, step, axis=0, edge_order=2)[instants]
             if self.scene.stream is not None:
                 moving -= np.asarray(self.scene.stream.velocity)
-            turning = np.gradient(run.angles, step, axis=0, edge_order=order)[instants]
+            turning: Array = np.gradient(run.angles, step, axis=0, edge_order=2)[instants]
             element = beam.element_length
             body = 0.5 * element * beam.line_density * (moving**2).sum(axis=(1, 2))
             body += 0.5 * element * beam.rotary_inertia * (turning**2).sum(axis=1)

@@ -25,7 +25,7 @@ from swim_env.viewer.recording.swimmer import Swimmer
 from swim_env.viewer.recording.writer import (
     FRAME_RATE,
     WrittenRecording,
-    require_rerun,
+    recording_file,
     write_recording,
 )
 
@@ -167,22 +167,14 @@ def _finish(tape: _Tape) -> None:
 
 
 def _folder_for(folder: str | os.PathLike[str]) -> Path:
-    require_rerun()
-    path = Path(folder)
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SwimError(
-            f"cannot make the folder for recordings: {error.strerror or error} "
-            f"({os.fspath(folder)})"
-        ) from None
-    return path
+    return recording_file(Path(folder) / "any.rrd", "any").parent
 
 
 def _chosen_by_default(episode: int) -> bool:
     """Record episodes 0, 1, 8, 27 ... and every thousandth, as Gymnasium's RecordVideo does."""
     if episode < 1000:
-        return round(episode ** (1.0 / 3.0)) ** 3 == episode
+        root: int = round(episode ** (1.0 / 3.0))
+        return root**3 == episode
     return episode % 1000 == 0
 
 
@@ -249,9 +241,7 @@ class RecordEpisodes(
             raise OptionError(f"RecordEpisodes needs a SwimEnv, got {type(swimmer).__name__}")
         self._trigger = _chosen_by_default if episode_trigger is None else episode_trigger
         self._prefix = name_prefix
-        self._tape = _Tape(
-            swimmer.episodes, _folder_for(folder), flow_rate, frame_rate
-        )
+        self._tape = _Tape(swimmer.episodes, _folder_for(folder), flow_rate, frame_rate)
         self._episode = -1
         weakref.finalize(self, _finish, self._tape)
 
@@ -381,7 +371,8 @@ class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
         starting = [one for one in self._members if mask is None or bool(mask[one])]
         for member in starting:
             self._tape.end(member)
-        result = self.env.reset(seed=seed, options=options)
+        # Gymnasium's own batched environments take a list of seeds too; its types do not say so.
+        result = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]
         self._begin(starting)
         return result
 

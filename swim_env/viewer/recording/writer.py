@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +32,16 @@ from swim_env.viewer.recording.schema import (
 )
 from swim_env.viewer.recording.swimmer import Swimmer, frames_of
 
+if TYPE_CHECKING:
+    from swim_env.viewer.recording.scenery import Lane
+    from swim_env.viewer.recording.water import Water
+
 __all__ = [
     "COLOURS",
     "FLOW_RATE",
     "FRAME_RATE",
     "WrittenRecording",
-    "check_file",
+    "recording_file",
     "require_rerun",
     "write_recording",
 ]
@@ -156,14 +160,15 @@ def write_recording(
     begin = time.perf_counter()
     frames = [frames_of(swimmer.trajectory, frame_rate) for swimmer in swimmers]
     reach = REACH_OF_ONE if len(swimmers) == 1 else REACH_OF_MANY
-    waters = []
+    waters: list[Water | None] = []
     for swimmer in swimmers:
         flows = swimmer.scene.fluid is not None and swimmer.scene.fluid.model != "none"
         if flow_rate is None or not flows or swimmer.trajectory.steps < 2:
             waters.append(None)
         else:
             waters.append(compute_water(swimmer, flow_rate, reach, progress))
-    flow_seconds = sum(water.seconds for water in waters if water is not None)
+    known = [water for water in waters if water is not None]
+    flow_seconds = float(sum([water.seconds for water in known]))
     content = _content(swimmers, frames, waters, colour, about)
     try:
         write_atomically(path, lambda file: file.write(content))
@@ -174,7 +179,7 @@ def write_recording(
         os.fspath(path),
         len(content),
         sum(map(len, frames)),
-        sum(len(water.time) for water in waters if water is not None),
+        sum([len(water.time) for water in known]),
         time.perf_counter() - begin - flow_seconds,
         flow_seconds,
         SCHEMA_VERSION,
@@ -184,7 +189,7 @@ def write_recording(
 def _content(
     swimmers: Sequence[Swimmer],
     frames: Sequence[NDArray[np.int64]],
-    waters: Sequence[Any],
+    waters: Sequence[Water | None],
     colour: str,
     about: dict[str, Any] | None,
 ) -> bytes:
@@ -193,7 +198,7 @@ def _content(
 
     from swim_env.viewer.recording.blueprint import blueprint_of
     from swim_env.viewer.recording.legend import log_legend
-    from swim_env.viewer.recording.scenery import Lane, lanes_of, log_swimmer
+    from swim_env.viewer.recording.scenery import lanes_of, log_swimmer
 
     labels: list[str] = []
     for swimmer in swimmers:
@@ -201,7 +206,7 @@ def _content(
     known = [water for water in waters if water is not None]
     pressure = max((water.largest_pressure for water in known), default=None)
     speed = max((water.largest_speed for water in known), default=None)
-    lanes: list[Lane] = lanes_of(swimmers, labels, frames, pressure, speed, colour)
+    lanes = lanes_of(swimmers, labels, frames, pressure, speed, colour)
     stream = rr.RecordingStream(APPLICATION)
     kept = stream.binary_stream()
     stream.send_blueprint(blueprint_of(lanes))
@@ -221,7 +226,7 @@ def _content(
     return bytes(content)
 
 
-def _property(lanes: Sequence[Any], about: dict[str, Any] | None) -> Any:
+def _property(lanes: Sequence[Lane], about: dict[str, Any] | None) -> Any:
     """Return what a recording says of itself."""
     import rerun as rr
 
@@ -240,7 +245,7 @@ def _property(lanes: Sequence[Any], about: dict[str, Any] | None) -> Any:
     )
 
 
-def _log_series(stream: Any, lane: Any) -> None:
+def _log_series(stream: Any, lane: Lane) -> None:
     """Log all series of a swimmer, and once their names and colours."""
     import rerun as rr
 
@@ -268,7 +273,9 @@ def _log_series(stream: Any, lane: Any) -> None:
             colours = joint_colours(joints)
         path = group_path(lane.label, group)
         stream.log(
-            path, rr.SeriesLines(names=names, colors=colours, widths=[1.6] * len(names)), static=True
+            path,
+            rr.SeriesLines(names=names, colors=colours, widths=[1.6] * len(names)),
+            static=True,
         )
         stream.send_columns(
             path,
@@ -279,16 +286,31 @@ def _log_series(stream: Any, lane: Any) -> None:
         )
 
 
-def check_file(path: str | os.PathLike[str]) -> None:
-    """Refuse a place for a recording that cannot be written to, before anything is played for it.
+def recording_file(place: str | os.PathLike[str], name: str) -> Path:
+    """Return where a recording goes, before anything is played for it.
+
+    Parameters
+    ----------
+    place : str or os.PathLike
+        A file, if it ends with ``.rrd``, else a folder. Folders are made where they are missing.
+    name : str
+        What the file is called in a folder, without its ending.
 
     Raises
     ------
     SwimError
-        If it is a folder, or its folder does not exist.
+        If rerun is not installed, if there is a folder of the file's name, or if the folder cannot
+        be made.
     """
-    target = Path(path)
-    if target.is_dir():
-        raise SwimError(f"a recording is a file, this is a folder ({os.fspath(path)})")
-    if not target.parent.is_dir():
-        raise SwimError(f"no such folder for the recording ({target.parent})")
+    require_rerun()
+    given = Path(place)
+    file = given if given.suffix == ".rrd" else given / f"{label_of(name)}.rrd"
+    if file.is_dir():
+        raise SwimError(f"a recording is a file, this is a folder ({file})")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SwimError(
+            f"cannot make the folder for the recording: {error.strerror or error} ({file.parent})"
+        ) from error
+    return file
