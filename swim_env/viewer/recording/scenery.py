@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.threads import usable_threads
 from swim_env.viewer.recording.palette import (
     ARROW_COLOUR,
     BODY_COLOUR,
@@ -23,6 +21,7 @@ from swim_env.viewer.recording.palette import (
 from swim_env.viewer.recording.schema import TIMELINE, place_of
 from swim_env.viewer.recording.swimmer import Swimmer
 from swim_env.viewer.recording.water import ARROW_EVERY, CELLS_IN_LENGTH, PIXELS, Water, picture_of
+from swim_env.viewer.recording.work import side_by_side
 
 __all__ = ["Lane", "lanes_of", "log_swimmer"]
 
@@ -317,8 +316,7 @@ def _log_water(stream: Any, lane: Lane, water: Water) -> None:
         static=True,
     )
     largest = lane.pressure
-    with ThreadPoolExecutor(usable_threads()) as pool:
-        pictures = list(pool.map(lambda frame: picture_of(frame, largest), water.pressures))
+    pictures = side_by_side(lambda frame: picture_of(frame, largest), water.pressures)
     stream.send_columns(place, time, rr.EncodedImage.columns(blob=pictures))
     # Vectors are velocities in m/s; this scale makes metres of them, so origins are divided by it.
     place = f"{lane.place}/flow/velocity"

@@ -6,17 +6,16 @@ import io
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.flow import BodyFlow
-from swim_env.threads import usable_threads
 from swim_env.viewer.drawing import Image
 from swim_env.viewer.recording.palette import INSIDE, MIDDLE, pressure_palette
 from swim_env.viewer.recording.swimmer import Swimmer, frames_of
+from swim_env.viewer.recording.work import side_by_side
 
 __all__ = [
     "ARROW_EVERY",
@@ -34,6 +33,8 @@ Array = NDArray[np.float64]
 
 #: Grid cells in a body length, and cells from one arrow to the next.
 CELLS_IN_LENGTH, ARROW_EVERY = 40, 4
+#: Parts that the frames are divided into, to be computed in whatever threads there are.
+_PARTS = 16
 #: Pixels of a picture along a cell's side; odd, so that one is in the middle.
 PIXELS = 3
 #: How far the grid reaches from the mean centre (BL), for one swimmer and for several, whose views
@@ -153,10 +154,7 @@ def compute_water(
                     progress(run.duration / len(instants))
 
     # The kernels release the interpreter's lock; every frame is computed by itself.
-    workers = usable_threads()
-    with ThreadPoolExecutor(workers) as pool:
-        for _ in pool.map(compute, np.array_split(np.arange(len(instants)), 4 * workers)):
-            pass
+    side_by_side(compute, np.array_split(np.arange(len(instants)), min(_PARTS, len(instants))))
     return Water(
         instants,
         run.time[instants],
