@@ -127,7 +127,10 @@ def test_a_program_that_fails_leaves_a_file(tmp_path):
 def test_members_of_a_batch(tmp_path, mode):
     """Chosen members in every mode of starting anew: each file the member's own episode."""
     env = RecordVectorEpisodes(
-        SwimVectorEnv(3, overrides=SHORT, autoreset_mode=mode), tmp_path, [0, 2], lambda number: True
+        SwimVectorEnv(3, overrides=SHORT, autoreset_mode=mode),
+        tmp_path,
+        [0, 2],
+        lambda number: True,
     )
     env.reset(seed=5)
     gains = []

@@ -1,4 +1,4 @@
-"""Recordings: read back with rerun's own reader and program, and compared with the run's numbers."""
+"""Recordings, read back with rerun's own reader and compared with the run's numbers."""
 
 from __future__ import annotations
 
