@@ -182,7 +182,7 @@ def log_swimmer(stream: Any, lane: Lane, water: Water | None) -> None:
             f"{place}/body",
             time,
             rr.LineStrips2D.columns(
-                strips=bones.reshape(-1, 3, 2), colors=shades.reshape(-1, 3)
+                strips=_strips(bones.reshape(-1, 3, 2)), colors=shades.reshape(-1, 3)
             ).partition(np.full(count, joints)),
         )
     stream.log(
@@ -192,7 +192,7 @@ def log_swimmer(stream: Any, lane: Lane, water: Water | None) -> None:
         ),
         static=True,
     )
-    stream.send_columns(f"{place}/outline", time, rr.LineStrips2D.columns(strips=nodes))
+    stream.send_columns(f"{place}/outline", time, rr.LineStrips2D.columns(strips=_strips(nodes)))
 
     director = _DIRECTOR * beam.element_length
     normals = np.stack([-np.sin(angles), np.cos(angles)], axis=-1).astype(np.float32)
@@ -207,7 +207,7 @@ def log_swimmer(stream: Any, lane: Lane, water: Water | None) -> None:
     stream.send_columns(
         f"{place}/directors",
         time,
-        rr.LineStrips2D.columns(strips=ends.reshape(-1, 2, 2)).partition(
+        rr.LineStrips2D.columns(strips=_strips(ends.reshape(-1, 2, 2))).partition(
             np.full(count, beam.elements)
         ),
     )
@@ -239,7 +239,7 @@ def log_swimmer(stream: Any, lane: Lane, water: Water | None) -> None:
     stream.send_columns(
         f"{place}/path",
         [rr.TimeColumn(TIMELINE, duration=run.time[lane.instants[1:]])],
-        rr.LineStrips2D.columns(strips=pieces),
+        rr.LineStrips2D.columns(strips=_strips(pieces)),
     )
     stream.log(
         f"{place}/centre",
@@ -265,6 +265,21 @@ def log_swimmer(stream: Any, lane: Lane, water: Water | None) -> None:
         )
     if water is not None:
         _log_water(stream, lane, water)
+
+
+def _strips(points: NDArray[np.float32]) -> Any:
+    """Return lines (n, k, 2) as rerun keeps them; it would take arrays one line after the other."""
+    import pyarrow as pa
+    import rerun as rr
+
+    count, length = points.shape[:2]
+    pairs = pa.FixedSizeListArray.from_arrays(
+        np.ascontiguousarray(points, dtype=np.float32).ravel(),
+        type=pa.list_(pa.field("item", pa.float32(), nullable=False), 2),
+    )
+    offsets = pa.array(np.arange(0, (count + 1) * length, length, dtype=np.int32))
+    kept = rr.components.LineStrip2DBatch([]).as_arrow_array().type
+    return pa.ListArray.from_arrays(offsets, pairs, type=kept)
 
 
 def _drawn_half_thickness(beam: Any) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.util
 import json
 import os
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from swim_env.errors import OptionError, SwimError
 from swim_env.files import write_atomically
 from swim_env.provenance import where_and_when
+from swim_env.scene import Scene
 from swim_env.viewer.recording.schema import (
     APPLICATION,
     DETAILS,
@@ -226,17 +228,28 @@ def _content(
     return bytes(content)
 
 
+@functools.lru_cache(maxsize=32)
+def _text_of(scene: Scene) -> str:
+    return scene.to_yaml()
+
+
+@functools.cache
+def _where_and_when() -> dict[str, Any]:
+    """Return where recordings are made; asking git for every episode would take longer than it."""
+    return {**where_and_when(), "rerun-sdk": version("rerun-sdk")}
+
+
 def _property(lanes: Sequence[Lane], about: dict[str, Any] | None) -> Any:
     """Return what a recording says of itself."""
     import rerun as rr
 
-    made = {**where_and_when(), "rerun-sdk": version("rerun-sdk")} if about is None else about
+    made = _where_and_when() if about is None else about
     scale = lanes[0]
     return rr.AnyValues(
         schema=SCHEMA_VERSION,
         swimmers=[lane.label for lane in lanes],
         names=[lane.swimmer.name for lane in lanes],
-        scenes=[lane.swimmer.scene.to_yaml() for lane in lanes],
+        scenes=[_text_of(lane.swimmer.scene) for lane in lanes],
         termination_reasons=[lane.swimmer.trajectory.termination_reason for lane in lanes],
         colour=scale.colour,
         torque_limits=[lane.limit for lane in lanes],
