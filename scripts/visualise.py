@@ -92,7 +92,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--picture",
         metavar="FILE",
-        help="keep what rerun's viewer shows of it as PNG, no display needed",
+        help="keep a picture (.png, .jpg) of rerun's viewer with it, no display needed",
     )
     parser.add_argument(
         "--at", type=float, metavar="S", help="time that the picture shows; half of it unless given"

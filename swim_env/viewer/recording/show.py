@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import shutil
 import socket
@@ -22,6 +23,8 @@ __all__ = ["open_viewer", "take_picture"]
 
 #: Seconds that the viewer is given to draw what it was told to show.
 _TO_DRAW = 1.5
+#: Share of the window that its menu takes.
+_MENU = 0.034
 
 
 def rerun_command() -> str:
@@ -83,14 +86,14 @@ def open_viewer(path: str | os.PathLike[str]) -> str | None:
 def take_picture(
     recording: str | os.PathLike[str], picture: str | os.PathLike[str], time_shown: float
 ) -> list[str]:
-    """Open a recording in rerun's viewer without a window, and keep what it shows as PNG.
+    """Open a recording in rerun's viewer without a window, and keep what it shows.
 
     It takes a driver that draws, a graphics card's or Mesa's llvmpipe.
 
     Parameters
     ----------
     recording, picture : str or os.PathLike
-        The recording, and the picture to be made of it.
+        The recording, and the picture to be made of it: JPEG for names in .jpg, PNG for others.
     time_shown : float
         Simulated time to show (s).
 
@@ -106,6 +109,7 @@ def take_picture(
         if the picture cannot be written.
     """
     rerun_command()
+    is_jpeg = Path(picture).suffix.lower() in (".jpg", ".jpeg")
     with _viewer() as viewer:
         viewer.open([os.path.abspath(recording)])
         viewer.set_time(TIMELINE, duration=time_shown, play_state="paused")
@@ -115,12 +119,27 @@ def take_picture(
     if state.active_recording is None:
         raise SwimError(f"rerun's viewer does not show the recording ({os.fspath(recording)})")
     try:
-        write_atomically(picture, lambda file: file.write(content))
+        write_atomically(picture, lambda file: file.write(_tidy(content, is_jpeg)))
     except OSError as error:
         raise SwimError(
             f"cannot write the picture: {error.strerror or error} ({os.fspath(picture)})"
         ) from error
     return [f"{view.name}: {report}" for view in state.views for report in view.reports]
+
+
+def _tidy(content: bytes, is_jpeg: bool) -> bytes:
+    """Return a screenshot without the viewer's own menu, as JPEG or PNG."""
+    from PIL import Image
+
+    image = Image.open(io.BytesIO(content)).convert("RGB")
+    menu = round(_MENU * image.height)
+    out = io.BytesIO()
+    kept = image.crop((0, menu, image.width, image.height))
+    if is_jpeg:
+        kept.save(out, "JPEG", quality=85, subsampling=0, optimize=True)
+    else:
+        kept.save(out, "PNG", optimize=True)
+    return out.getvalue()
 
 
 @contextlib.contextmanager
