@@ -12,8 +12,8 @@ from swim_env.viewer.recording.schema import REWARDS, TIMELINE, group_path
 
 __all__ = ["blueprint_of"]
 
-#: What a view that follows a body shows around its mean centre (BL), of one swimmer and of several.
-_VIEW_OF_ONE, _VIEW_OF_MANY = (1.0, 0.5), (1.2, 0.4)
+#: What a view that follows a body shows around its mean centre (BL), and of two swimmers.
+_VIEW, _VIEW_OF_TWO = (1.0, 0.5), (1.2, 0.4)
 #: Room behind the end of the run that is left to the legend, as a share of the run.
 _ROOM = 0.45
 #: What plots of oscillations show before the present, and the room behind it (s).
@@ -72,7 +72,7 @@ def _following(lane: Lane) -> Any:
     import rerun.blueprint as rrb
 
     length = lane.swimmer.scene.beam.length
-    width, height = _VIEW_OF_ONE if lane.count == 1 else _VIEW_OF_MANY
+    width, height = _VIEW_OF_TWO if lane.count == 2 else _VIEW
     return rrb.Spatial2DView(
         origin=f"{lane.place}/camera/screen",
         contents=[f"{lane.place}/**"],

@@ -21,8 +21,8 @@ __all__ = [
     "ARROW_EVERY",
     "CELLS_IN_LENGTH",
     "PIXELS",
-    "REACH_OF_MANY",
-    "REACH_OF_ONE",
+    "REACH_OF_TWO",
+    "REACH",
     "Water",
     "compute_water",
     "picture_of",
@@ -37,9 +37,9 @@ CELLS_IN_LENGTH, ARROW_EVERY = 40, 4
 _PARTS = 16
 #: Pixels of a picture along a cell's side; odd, so that one is in the middle.
 PIXELS = 3
-#: How far the grid reaches from the mean centre (BL), for one swimmer and for several, whose views
+#: How far the grid reaches from the mean centre (BL), and that for two swimmers, whose views
 #: are lower.
-REACH_OF_ONE, REACH_OF_MANY = (1.2, 0.6), (1.6, 0.5)
+REACH, REACH_OF_TWO = (1.2, 0.6), (1.6, 0.5)
 #: Share of all pressures, and of all speeds, that the scales cover.
 _SHARE_SHOWN = 0.995
 #: Arrows begin at least so far from the centre line (BL): at the body's ends, where a thin body's
@@ -100,7 +100,7 @@ def _scale(values: NDArray[np.float32]) -> float:
 def compute_water(
     swimmer: Swimmer,
     rate: float,
-    reach: tuple[float, float] = REACH_OF_ONE,
+    reach: tuple[float, float] = REACH,
     progress: Callable[[float], object] | None = None,
 ) -> Water:
     """Compute the flow around a swimmer.
@@ -215,7 +215,7 @@ def picture_of(pressures: NDArray[np.float32], largest: float) -> bytes:
     image = Image.fromarray(levels)
     image.putpalette(_PALETTE)
     out = io.BytesIO()
-    image.save(out, "PNG", compress_level=6)
+    image.save(out, "PNG", compress_level=3)
     return out.getvalue()
 
 

@@ -153,7 +153,7 @@ def write_recording(
         If rerun is not installed or the file cannot be written.
     """
     require_rerun()
-    from swim_env.viewer.recording.water import REACH_OF_MANY, REACH_OF_ONE, compute_water
+    from swim_env.viewer.recording.water import REACH, REACH_OF_TWO, compute_water
 
     if not swimmers:
         raise OptionError("a recording takes at least one swimmer")
@@ -161,7 +161,7 @@ def write_recording(
         raise OptionError(f"unknown colour {colour!r}; colours: {', '.join(COLOURS)}")
     begin = time.perf_counter()
     frames = [frames_of(swimmer.trajectory, frame_rate) for swimmer in swimmers]
-    reach = REACH_OF_ONE if len(swimmers) == 1 else REACH_OF_MANY
+    reach = REACH_OF_TWO if len(swimmers) == 2 else REACH
     waters: list[Water | None] = []
     for swimmer in swimmers:
         flows = swimmer.scene.fluid is not None and swimmer.scene.fluid.model != "none"
