@@ -186,3 +186,14 @@ def test_bad_arguments(tmp_path):
         RecordEpisodes(gymnasium.make("CartPole-v1"), tmp_path)
     with pytest.raises(OptionError, match="some of 0 to 1"):
         RecordVectorEpisodes(SwimVectorEnv(2, overrides=SHORT), tmp_path, [2])
+
+
+def test_cost_is_measured():
+    """Every figure of the page's table; a frame takes far less than one that is logged by itself."""
+    from swim_env.viewer.recording.cost import measure_cost
+
+    found = measure_cost(1)
+    assert 0.0 < found["frame_seconds"] < 2e-4
+    assert 1e5 < found["bytes"] < 5e6
+    assert found["bare_seconds"]["median"] > 0.0
+    assert {"while_playing", "with_file", "file_seconds", "fixed_seconds", "commit"} <= found.keys()
