@@ -189,7 +189,7 @@ def test_bad_arguments(tmp_path):
 
 
 def test_cost_is_measured():
-    """Every figure of the page's table; a frame takes far less than one that is logged by itself."""
+    """Every figure of the page, and a frame takes far less than one logged by itself."""
     from swim_env.viewer.recording.cost import measure_cost
 
     found = measure_cost(1)
