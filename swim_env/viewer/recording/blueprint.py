@@ -91,7 +91,7 @@ def _course(lanes: Sequence[Lane]) -> Any:
     import rerun.blueprint as rrb
 
     length = lanes[0].swimmer.scene.beam.length
-    low, high = lanes[0].low - 0.15 * length, lanes[0].high + 0.15 * length
+    low, high = lanes[0].low - 0.35 * length, lanes[0].high + 0.35 * length
     name = f"Whole course (grid {0.5 * length:g} m)"
     if len(lanes) > 1:
         name += ", each swimmer in its own lane"
