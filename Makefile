@@ -29,7 +29,7 @@ STAMP_DEV := $(VENV)/.stamp-dev
 # An editable install knows the top packages that were there when it was made.
 SOURCES := pyproject.toml setup.py constraints.txt $(wildcard agents/__init__.py)
 
-.PHONY: help venv demo benchmark accuracy stability paper gallery test test-slow test-ci-slice lint types clean
+.PHONY: help venv demo recording gallery benchmark accuracy stability paper test test-slow test-ci-slice lint types clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -42,6 +42,11 @@ demo: $(STAMP_TRAIN) ## set up, play the paper's wave, train an agent, compare t
 	$(BIN)/python scripts/train.py demo --output results/demo/train
 	$(BIN)/python scripts/compare.py --policies results/demo/train/seed_0 --seeds 0 1 2 \
 		--output results/demo/comparison
+
+recording: $(STAMP_TRAIN) ## set up, record an agent beside the paper's wave, and what rerun shows of it
+	$(BIN)/python scripts/visualise.py --policy ppo_forward --compare-with paper_wave --noise 0 \
+		--output results/recordings/agent_beside_wave.rrd \
+		--picture docs/recordings/agent_beside_wave.jpg --at 14.2
 
 benchmark: $(STAMP_DEV) ## set up and measure all costs into docs/benchmark (leave the machine alone)
 	$(BIN)/python scripts/benchmark.py --output docs/benchmark

@@ -15,6 +15,7 @@ from swim_env.assessment import load_assessment
 from swim_env.command_line import add_scene_arguments, progress_bar, run, scene_of
 from swim_env.task import TASKS, check_task
 from swim_env.viewer import require_matplotlib
+from swim_env.viewer.recording import recording_file, write_recording
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -58,6 +59,12 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FOLDER",
         help="write comparison.json, .csv, .md and pictures into this folder",
     )
+    parser.add_argument(
+        "--record",
+        metavar="PLACE",
+        help="write a recording for rerun, everybody's first start side by side on one time line, "
+        "into this file (.rrd) or folder",
+    )
     parser.add_argument("--json", action="store_true", help="end with the figures as one JSON line")
     return parser
 
@@ -72,6 +79,9 @@ def main(arguments: list[str] | None = None) -> int:
     if options.output is not None:
         require_matplotlib()
         check_contest_folder(options.output)
+    file = None
+    if options.record is not None:
+        file = recording_file(options.record, f"{scene.name}-{options.task}")
     entries = entries_of(options.policies, scene, options.task, options.trust)
     load_assessment()
     total = steps_to_play(scene, len(entries), len(options.seeds))
@@ -81,6 +91,12 @@ def main(arguments: list[str] | None = None) -> int:
         )
     if options.output is not None:
         write_contest(contest, options.output)
+    if file is not None:
+        swimmers = contest.swimmers()
+        seconds = sum([swimmer.trajectory.duration for swimmer in swimmers])
+        with progress_bar(max(1, round(seconds)), "s", "fluid") as progress:
+            recording = write_recording(file, swimmers, progress=progress)
+        print(f"the recording is {recording.file}", file=sys.stderr)
     print(json.dumps(contest.record, allow_nan=False) if options.json else as_text(contest.record))
     if options.output is not None:
         print(f"results are in {options.output}", file=sys.stderr)

@@ -6,9 +6,11 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from pathlib import Path
 from typing import Any
 
 from agents.policies import policy_names
+from agents.recording import swimmer_of
 from agents.replay import replay_episode
 from swim_env.assessment import load_assessment
 from swim_env.command_line import add_scene_arguments, progress_bar, run, scene_of
@@ -17,8 +19,8 @@ from swim_env.physics.loading import load_kernels
 from swim_env.replay import check_result_folder, replay, steps_of, write_results
 from swim_env.scene import Scene
 from swim_env.task import TASKS
-from swim_env.trajectory import Trajectory
 from swim_env.viewer import require_matplotlib
+from swim_env.viewer.recording import Swimmer, recording_file, write_recording
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -35,6 +37,11 @@ def _parser() -> argparse.ArgumentParser:
         "--output",
         metavar="FOLDER",
         help="write summary.json, trajectory.npz, scene.yaml and path.png into this folder",
+    )
+    parser.add_argument(
+        "--record",
+        metavar="PLACE",
+        help="write a recording for rerun, with the fluid, into this file (.rrd) or folder",
     )
     parser.add_argument("--json", action="store_true", help="end with the figures as one JSON line")
     episode = parser.add_argument_group("as an episode of the Gymnasium environment")
@@ -101,6 +108,9 @@ def _table(summary: dict[str, Any]) -> str:
         ]
     if "video" in summary:
         rows.append(("video", summary["video"]))
+    if "recording" in summary:
+        recording = summary["recording"]
+        rows.append(("recording", f"{recording['file']}, {recording['bytes'] / 1e6:.2f} MB"))
     if summary["halved_steps"]:
         rows.append(("steps cut", f"{summary['halved_steps']}, into up to {summary['most_parts']}"))
     width = max(len(name) for name, _ in rows)
@@ -108,22 +118,30 @@ def _table(summary: dict[str, Any]) -> str:
     return "\n".join([*lines, *(f"warning: {text}" for text in summary["warnings"])])
 
 
-def _play_episode(options: argparse.Namespace, scene: Scene) -> tuple[Trajectory, dict[str, Any]]:
+def _play_episode(options: argparse.Namespace, scene: Scene) -> tuple[Swimmer, dict[str, Any]]:
     """Play what the options of an episode ask for."""
     if options.duration is not None:
         scene = scene.replace("episode.duration", options.duration)
     load_assessment()
+    policy = options.policy or "paper_wave"
     with progress_bar(scene.actions_per_episode, "action", scene.name) as progress:
-        _, trajectory, summary = replay_episode(
+        rollout, trajectory, summary = replay_episode(
             scene,
-            policy=options.policy or "paper_wave",
+            policy=policy,
             task=options.task or "forward",
             seed=options.seed or 0,
             noise=1.0 if options.noise is None else options.noise,
             video_folder=options.record_video,
             progress=progress,
         )
-    return trajectory, summary
+    return swimmer_of(Path(policy).name, rollout, trajectory), summary
+
+
+def _record(swimmer: Swimmer, file: Path) -> dict[str, Any]:
+    """Write the recording and return its figures."""
+    duration = max(1, round(swimmer.trajectory.duration))
+    with progress_bar(duration, "s", "fluid") as progress:
+        return write_recording(file, [swimmer], progress=progress).to_dict()
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -135,12 +153,19 @@ def main(arguments: list[str] | None = None) -> int:
         require_matplotlib()
         check_result_folder(options.output)
     steps = steps_of(scene, options.duration)
+    record = None
+    if options.record is not None:
+        record = recording_file(options.record, scene.name)
     if options.env:
-        trajectory, summary = _play_episode(options, scene)
+        swimmer, summary = _play_episode(options, scene)
+        trajectory = swimmer.trajectory
     else:
         load_kernels()
         with progress_bar(steps, "step", scene.name) as progress:
             trajectory, summary = replay(scene, options.duration, progress)
+        swimmer = Swimmer("prescribed", trajectory)
+    if record is not None:
+        summary["recording"] = _record(swimmer, record)
     if summary["termination_reason"]:
         print(
             f"the run ended early at t = {trajectory.time[-1]:g} s: "

@@ -61,6 +61,12 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         help="threads that step the batch, no influence on the results; all cores unless given",
     )
+    parser.add_argument(
+        "--record",
+        metavar="FOLDER",
+        help="write a recording for rerun of every evaluation's first episode, without the fluid, "
+        "into FOLDER/seed_N/evaluation-STEPS.rrd",
+    )
     parser.add_argument("--json", action="store_true", help="end with the runs as one JSON line")
     return parser
 
@@ -107,6 +113,7 @@ def _train_all(
                 device=options.device,
                 threads=options.threads,
                 command=command,
+                record=None if options.record is None else Path(options.record) / f"seed_{seed}",
                 progress=told,
             )
         runs.append({**result, "folder": str(base / f"seed_{seed}")})

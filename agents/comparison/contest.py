@@ -17,6 +17,7 @@ from agents.baselines import Policy
 from agents.comparison.performance import Performance, measure_performance
 from agents.evaluation import play_episodes
 from agents.policies import load_policy, policy_names
+from agents.recording import swimmer_of
 from agents.rollout import Rollout
 from agents.tuned_wave import load_tuned_wave
 from agents.verification import TOLERANCE, fine_scene, verify_rollout
@@ -24,10 +25,11 @@ from swim_env import __version__
 from swim_env.errors import OptionError
 from swim_env.provenance import where_and_when
 from swim_env.scene import Scene
-from swim_env.task import check_task
+from swim_env.task import TARGET_RADIUS, check_task
 from swim_env.threads import usable_threads
 from swim_env.trajectory import Trajectory
 from swim_env.vector_env import VECTOR_ENVIRONMENTS
+from swim_env.viewer.recording import Swimmer
 
 __all__ = [
     "FIRST_SEED",
@@ -121,6 +123,16 @@ class Contest:
     rollouts: dict[str, list[Rollout]]
     trajectories: dict[str, list[Trajectory]]
     record: dict[str, Any]
+
+    def swimmers(self) -> list[Swimmer]:
+        """Return the first episode of every entry for a recording, the references last."""
+        names = [name for name in self.rollouts if name not in REFERENCES]
+        names += [name for name in REFERENCES if name in self.rollouts]
+        radius = self.record.get("target_radius", TARGET_RADIUS)
+        return [
+            swimmer_of(name, self.rollouts[name][0], self.trajectories[name][0], radius)
+            for name in names
+        ]
 
 
 def entries_of(

@@ -49,10 +49,12 @@ from agents.learning.models import (
     torch_threads,
 )
 from agents.learning.saved import save_agent
+from agents.recording import swimmer_of
 from swim_env import __version__
 from swim_env.errors import SwimError
 from swim_env.files import write_atomically
 from swim_env.provenance import where_and_when
+from swim_env.viewer.recording import recording_file, write_recording
 
 # After agents.vec_env, which says in one line what is missing where this is not installed.
 from stable_baselines3.common.utils import FloatSchedule, set_random_seed  # isort: skip
@@ -126,6 +128,7 @@ def train(
     device: str = "cpu",
     threads: int | None = None,
     command: str | None = None,
+    record: str | os.PathLike[str] | None = None,
     progress: Callable[[int, str], object] | None = None,
 ) -> dict[str, Any]:
     """Train an agent, or go on with a run.
@@ -147,6 +150,9 @@ def train(
         Threads of the batch; the results do not depend on it.
     command : str, optional
         What the user typed, for the record.
+    record : str or os.PathLike, optional
+        Folder for a recording of every evaluation's first episode; nothing of the training hangs
+        on it but its time.
     progress : callable, optional
         Called with the number of environment steps since the last call (or since the start, after
         a resume) and a short text on how it goes.
@@ -169,6 +175,9 @@ def train(
     place = Path(folder)
     _check_seed(config, seed)
     device = checked_device(device)
+    recordings = None
+    if record is not None:
+        recordings = recording_file(Path(record) / "any.rrd", "any").parent
     try:
         place.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -179,6 +188,7 @@ def train(
         if before is not None and before["finished"]:
             return before
         run = _Run(config, place, seed, device, threads, command, before)
+        run.recordings = recordings
         try:
             return run.play(progress)
         finally:
@@ -322,6 +332,8 @@ class _Run:
         self.seconds = 0.0
         self.best: dict[str, float] | None = None
         self.last: dict[str, float] | None = None
+        #: Folder for a recording of every evaluation.
+        self.recordings: Path | None = None
         self.env = make_training_env(config, seed, threads)
         self.judge = make_batch(
             config, config.evaluation.episodes, threads, AutoresetMode.NEXT_STEP
@@ -449,6 +461,12 @@ class _Run:
         self.board.add({f"evaluation/{name}": value for name, value in values.items()}, self.steps)
         self.last = {"steps": self.steps, "seconds": round(self.seconds, 3), **values}
         self.evaluation_log.add(self.last)
+        if self.recordings is not None:
+            swimmer = swimmer_of(
+                f"{config.name}-{self.steps}", rollouts[0], target_radius=self.judge.task.radius
+            )
+            file = self.recordings / f"evaluation-{self.steps}.rrd"
+            write_recording(file, [swimmer], flow_rate=None)
         if self.best is None or self._merit(values) > self._merit(self.best):
             self.best = self.last
             save_agent(self.folder / "agent", self.model, config, self._record())

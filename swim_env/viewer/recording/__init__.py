@@ -1,0 +1,35 @@
+"""Recordings of runs for rerun: body, fluid and figures on one time line of simulated seconds."""
+
+from swim_env.viewer.recording.reader import ReadRecording, RecordingError, read_recording
+from swim_env.viewer.recording.schema import SCHEMA_VERSION
+from swim_env.viewer.recording.show import open_viewer, take_picture
+from swim_env.viewer.recording.swimmer import Swimmer
+from swim_env.viewer.recording.wrappers import RecordEpisodes, RecordVectorEpisodes
+from swim_env.viewer.recording.writer import (
+    COLOURS,
+    FLOW_RATE,
+    FRAME_RATE,
+    WrittenRecording,
+    recording_file,
+    require_rerun,
+    write_recording,
+)
+
+__all__ = [
+    "COLOURS",
+    "FLOW_RATE",
+    "FRAME_RATE",
+    "SCHEMA_VERSION",
+    "ReadRecording",
+    "RecordEpisodes",
+    "RecordVectorEpisodes",
+    "RecordingError",
+    "Swimmer",
+    "WrittenRecording",
+    "open_viewer",
+    "read_recording",
+    "recording_file",
+    "require_rerun",
+    "take_picture",
+    "write_recording",
+]

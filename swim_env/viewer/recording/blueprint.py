@@ -1,0 +1,183 @@
+"""How rerun lays a recording out: the water on the left, plots over time on the right."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from swim_env.viewer.recording.legend import LEGEND, LEGEND_HEIGHT, LEGEND_WIDTH
+from swim_env.viewer.recording.palette import WATER_COLOUR
+from swim_env.viewer.recording.scenery import Lane
+from swim_env.viewer.recording.schema import REWARDS, TIMELINE, group_path
+
+__all__ = ["blueprint_of"]
+
+#: What a view that follows a body shows around its mean centre (BL), and of two swimmers.
+_VIEW, _VIEW_OF_TWO = (1.0, 0.5), (1.2, 0.4)
+#: Room behind the end of the run that is left to the legend, as a share of the run.
+_ROOM = 0.45
+#: What plots of oscillations show before the present, and the room behind it (s).
+_BEFORE, _BEHIND = 3.0, 1.6
+_OSCILLATING = ("energy", "torques", "joint_angles", "momentum", "solver")
+#: Joints up to which a plot of all of them has a legend.
+_NAMED_JOINTS = 10
+#: Marks that go with a swimmer in the view of the whole course.
+_ON_COURSE = ("body", "outline", "path", "centre", "heading", "target", "grid")
+
+
+def blueprint_of(lanes: Sequence[Lane]) -> Any:
+    """Return the blueprint of a recording."""
+    import rerun.blueprint as rrb
+
+    wide = lanes[0].pressure is not None
+    followed = [_following(lane) for lane in lanes]
+    # Up to two stand one below the other, more of them in two columns.
+    rows = len(lanes) if len(lanes) < 3 else (len(lanes) + 1) // 2
+    water = followed if len(lanes) < 3 else [rrb.Grid(*followed, grid_columns=2)]
+    legend = rrb.Spatial2DView(
+        origin=LEGEND,
+        name="Colours and arrows",
+        background=[*WATER_COLOUR],
+        visual_bounds=rrb.VisualBounds2D(x_range=[0.0, LEGEND_WIDTH], y_range=[0.0, LEGEND_HEIGHT]),
+    )
+    left = rrb.Vertical(
+        *water,
+        _course(lanes),
+        legend,
+        row_shares=[*([3.0 * rows / len(water)] * len(water)), 1.8, 0.75],
+    )
+    return rrb.Blueprint(
+        rrb.Horizontal(left, _plots(lanes), column_shares=[1.45 if wide else 1.2, 1.0]),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing", loop_mode="all"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _growing() -> Any:
+    """Return the range of time of a path: from its beginning to the present."""
+    import rerun.blueprint as rrb
+
+    return rrb.VisibleTimeRanges(
+        timeline=TIMELINE,
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )
+
+
+def _following(lane: Lane) -> Any:
+    """Return the view that follows one body."""
+    import rerun.blueprint as rrb
+
+    length = lane.swimmer.scene.beam.length
+    width, height = _VIEW_OF_TWO if lane.count == 2 else _VIEW
+    return rrb.Spatial2DView(
+        origin=f"{lane.place}/camera/screen",
+        contents=[f"{lane.place}/**"],
+        name=f"{lane.swimmer.name} on {lane.swimmer.scene.name} (grid {0.5 * length:g} m)",
+        background=[*WATER_COLOUR],
+        visual_bounds=rrb.VisualBounds2D(
+            x_range=[-width * length, width * length],
+            y_range=[-height * length, height * length],
+        ),
+        overrides={f"{lane.place}/path": _growing()},
+    )
+
+
+def _course(lanes: Sequence[Lane]) -> Any:
+    """Return the view in which nothing but the bodies moves."""
+    import rerun.blueprint as rrb
+
+    length = lanes[0].swimmer.scene.beam.length
+    low, high = lanes[0].low - 0.35 * length, lanes[0].high + 0.35 * length
+    name = f"Whole course (grid {0.5 * length:g} m)"
+    if len(lanes) > 1:
+        name += ", each swimmer in its own lane"
+    return rrb.Spatial2DView(
+        origin="/",
+        contents=[f"{lane.place}/{mark}" for lane in lanes for mark in _ON_COURSE],
+        name=name,
+        background=[*WATER_COLOUR],
+        # The plane's y points upwards, the view's downwards.
+        visual_bounds=rrb.VisualBounds2D(x_range=[low[0], high[0]], y_range=[-high[1], -low[1]]),
+        overrides={f"{lane.place}/path": _growing() for lane in lanes},
+    )
+
+
+def _plots(lanes: Sequence[Lane]) -> Any:
+    """Return the plots: progress, energy, torques at once, and the others behind tabs."""
+    import rerun.blueprint as rrb
+
+    def everyone(group: str) -> list[str]:
+        return [group_path(lane.label, group) for lane in lanes]
+
+    paid = [lane for lane in lanes if lane.swimmer.rewards is not None]
+    first = [_plot(lanes, "Progress (BL)", everyone("progress"))]
+    if paid:
+        first += [
+            _plot(lanes, name, [group_path(lane.label, group) for lane in paid])
+            for group, name in zip(REWARDS, ("Rewards (BL)", "Sum of rewards (BL)"), strict=True)
+        ]
+    first.append(_plot(lanes, "Position (BL)", everyone("position")))
+    rows = [_tabs(first)]
+    for names in (
+        (("energy", "Energy (J)"), ("work", "Work (J)")),
+        (
+            ("torques", "Joint torques (N m)"),
+            ("joint_angles", "Joint angles (rad)"),
+            ("momentum", "Momentum (kg m/s, kg m\u00b2/s)"),
+            ("drift", "Momentum drift (kg m/s, kg m\u00b2/s)"),
+            ("solver", "Newton solver"),
+        ),
+    ):
+        views = []
+        for group, name in names:
+            for lane in lanes:
+                title = name if len(lanes) == 1 else f"{lane.label}: {name}"
+                window = group in _OSCILLATING
+                views.append(_plot(lanes, title, [group_path(lane.label, group)], window))
+        rows.append(_tabs(views))
+    return rrb.Vertical(*rows, row_shares=[1.0, 1.0, 1.35])
+
+
+def _tabs(views: list[Any]) -> Any:
+    import rerun.blueprint as rrb
+
+    return rrb.Tabs(*views, active_tab=0)
+
+
+def _plot(lanes: Sequence[Lane], name: str, paths: list[str], window: bool = False) -> Any:
+    """Return one plot, with room for its legend behind the end of the run or the present."""
+    import rerun.blueprint as rrb
+
+    begin = min(float(lane.swimmer.trajectory.time[0]) for lane in lanes)
+    end = max(float(lane.swimmer.trajectory.time[-1]) for lane in lanes)
+    joints = max(lane.swimmer.scene.beam.elements for lane in lanes) - 1
+    of_joints = "Joint" in name
+    at = rrb.TimeRangeBoundary
+    if window:
+        shown = rrb.TimeRange(
+            start=at.cursor_relative(seconds=-_BEFORE), end=at.cursor_relative(seconds=_BEHIND)
+        )
+        ranges = [
+            rrb.VisibleTimeRange(
+                TIMELINE, start=at.cursor_relative(seconds=-_BEFORE), end=at.cursor_relative()
+            )
+        ]
+    else:
+        shown = rrb.TimeRange(
+            start=at.absolute(seconds=begin), end=at.absolute(seconds=end + _ROOM * (end - begin))
+        )
+        ranges = None
+    return rrb.TimeSeriesView(
+        origin="/",
+        contents=[f"/{path}" for path in paths],
+        name=name,
+        axis_x=rrb.TimeAxis(view_range=shown),
+        plot_legend=rrb.PlotLegend(
+            rrb.Corner2D.RightTop, visible=not of_joints or joints <= _NAMED_JOINTS
+        ),
+        time_ranges=ranges,
+    )

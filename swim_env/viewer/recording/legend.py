@@ -1,0 +1,88 @@
+"""What the colours and arrows of a recording mean, in a view of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from swim_env.viewer.recording.palette import (
+    ARROW_COLOUR,
+    pressure_palette,
+    shades_of_torque,
+)
+from swim_env.viewer.recording.scenery import Lane
+
+__all__ = ["LEGEND", "LEGEND_HEIGHT", "LEGEND_WIDTH", "log_legend"]
+
+LEGEND = "legend"
+#: Size of the view (its own units).
+LEGEND_WIDTH, LEGEND_HEIGHT = 120.0, 6.0
+_BAR, _THICK, _NEXT = 30.0, 1.4, 42.0
+#: Words are light: rerun puts them on a dark plate.
+_WORDS = (255, 255, 255)
+
+
+def log_legend(stream: Any, lanes: Sequence[Lane]) -> None:
+    """Log colour bars with the ends of their scales, and the arrow's."""
+    import rerun as rr
+
+    lane = lanes[0]
+    what = "joint torque" if lane.colour == "torque" else "bending moment"
+    bars = [(what, lane.limit, "N m", shades_of_torque(np.linspace(-1.0, 1.0, 64)))]
+    if lane.pressure is not None:
+        bars.append(("pressure", lane.pressure, "Pa", pressure_palette()[1::4]))
+    for number, (name, limit, unit, shades) in enumerate(bars):
+        left = 5.0 + number * _NEXT
+        edges = np.linspace(left, left + _BAR, len(shades) + 1)
+        strips = np.stack(
+            [
+                np.stack([edges[:-1], np.full(len(shades), 1.2)], axis=-1),
+                np.stack([edges[1:], np.full(len(shades), 1.2)], axis=-1),
+            ],
+            axis=1,
+        )
+        place = f"{LEGEND}/{name.replace(' ', '_')}"
+        stream.log(
+            f"{place}/bar",
+            rr.LineStrips2D(strips, colors=shades, radii=0.5 * _THICK, draw_order=1.0),
+            static=True,
+        )
+        text = (f"-{limit:.3g} {unit}", name, f"+{limit:.3g} {unit}")
+        stream.log(
+            f"{place}/scale",
+            rr.Points2D(
+                [(left, 2.2), (left + 0.5 * _BAR, 2.2), (left + _BAR, 2.2)],
+                labels=text,
+                show_labels=True,
+                colors=[_WORDS] * 3,
+                radii=rr.Radius.ui_points(0.0),
+            ),
+            static=True,
+        )
+    seconds = lane.arrow_seconds
+    if seconds is not None:
+        cell = 0.1 * lane.swimmer.scene.beam.length
+        left = 5.0 + len(bars) * _NEXT
+        stream.log(
+            f"{LEGEND}/velocity",
+            rr.Arrows2D(
+                origins=[(left, 1.2)],
+                vectors=[(20.0, 0.0)],
+                colors=[ARROW_COLOUR],
+                radii=rr.Radius.ui_points(1.2),
+            ),
+            static=True,
+        )
+        stream.log(
+            f"{LEGEND}/velocity/scale",
+            rr.Points2D(
+                [(left + 10.0, 2.2)],
+                labels=[f"velocity, {cell:g} m long: {cell / seconds:.2g} m/s"],
+                show_labels=True,
+                colors=[_WORDS],
+                radii=rr.Radius.ui_points(0.0),
+            ),
+            static=True,
+        )

@@ -1,0 +1,71 @@
+"""What a recording holds and where: entity paths, series with their units, and the version."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+
+__all__ = [
+    "APPLICATION",
+    "DETAILS",
+    "GROUPS",
+    "PROPERTY",
+    "REWARDS",
+    "SCHEMA_VERSION",
+    "TIMELINE",
+    "WORLD",
+    "group_path",
+    "label_of",
+    "place_of",
+]
+
+#: Version of the layout below. A reader takes recordings of this version and of older ones; whoever
+#: changes a path, a series, its unit or its place in a row adds one, and a branch to the reader.
+SCHEMA_VERSION = 1
+
+APPLICATION = "swim_env"
+#: The recording's own property, in which the version stands.
+PROPERTY = "swim_env"
+#: Simulated time (s).
+TIMELINE = "time"
+#: Everything in the plane hangs on this entity, which turns the plane's y upwards (m).
+WORLD = "world"
+
+#: Series of every swimmer, with what a name says and its unit. Each group is one entity with one
+#: row of numbers per instant.
+GROUPS: dict[str, tuple[str, ...]] = {
+    "progress": ("along the goal (BL)",),
+    "position": ("x (BL)", "y (BL)"),
+    "reward": ("reward of the action (BL)",),
+    "return": ("sum of rewards (BL)",),
+    "energy": ("kinetic, body (J)", "kinetic, fluid (J)", "elastic (J)", "total (J)"),
+    "work": ("by torques (J)", "positive part (J)", "to damping (J)", "unexplained (J)"),
+    "momentum": ("x (kg m/s)", "y (kg m/s)", "angular (kg m\u00b2/s)"),
+    "drift": ("linear (kg m/s)", "angular (kg m\u00b2/s)"),
+    "solver": ("Newton corrections in a step (1)", "log10 of the residual (1)"),
+}
+
+#: Groups that stand at the ends of an episode's actions, and not at all without rewards.
+REWARDS = ("reward", "return")
+
+#: Groups with a series for each joint, from head to tail.
+DETAILS: dict[str, str] = {"torques": "N m", "joint_angles": "rad"}
+
+
+def place_of(label: str) -> str:
+    """Return the entity of a swimmer in the plane."""
+    return f"{WORLD}/{label}"
+
+
+def group_path(label: str, group: str) -> str:
+    """Return the entity of a group of series of a swimmer."""
+    return f"scalars/{label}/{group}"
+
+
+def label_of(name: str, taken: Collection[str] = ()) -> str:
+    """Return what a swimmer is called in entity paths: one plain part, unlike those taken."""
+    label = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_") or "swimmer"
+    found, number = label, 2
+    while found in taken:
+        found, number = f"{label}_{number}", number + 1
+    return found

@@ -1,0 +1,169 @@
+"""Looking at a recording: rerun's viewer in a window, or a picture of it without one."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from swim_env.errors import SwimError
+from swim_env.files import write_atomically
+from swim_env.viewer.recording.schema import TIMELINE
+from swim_env.viewer.recording.writer import require_rerun
+
+__all__ = ["open_viewer", "take_picture"]
+
+#: Seconds that the viewer is given to draw what it was told to show.
+_TO_DRAW = 1.5
+#: Share of the window that its menu takes.
+_MENU = 0.034
+
+
+def rerun_command() -> str:
+    """Return the path of rerun's program: the one beside this Python, or one on the path.
+
+    Raises
+    ------
+    SwimError
+        If there is none.
+    """
+    require_rerun()
+    beside = Path(sys.executable).with_name("rerun")
+    found = str(beside) if beside.exists() else shutil.which("rerun")
+    if found is None:
+        raise SwimError("the program rerun was not found; it comes with the extra 'view'")
+    return found
+
+
+def open_viewer(path: str | os.PathLike[str]) -> str | None:
+    """Open rerun's viewer with a recording, in a process that goes on by itself.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        The recording.
+
+    Returns
+    -------
+    str or None
+        One line that says what to do where there is no display; None where a window opens.
+
+    Raises
+    ------
+    SwimError
+        If rerun is not installed or cannot be started.
+    """
+    command = rerun_command()
+    has_display = sys.platform in ("darwin", "win32") or any(
+        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
+    )
+    if not has_display:
+        return (
+            f"there is no display; look at the recording with: rerun {os.fspath(path)} (on a "
+            f"machine with one) or rerun --web-viewer {os.fspath(path)} (in a browser)"
+        )
+    try:
+        subprocess.Popen(
+            [command, os.fspath(path)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+    except OSError as error:
+        raise SwimError(f"cannot start rerun's viewer: {error.strerror or error}") from None
+    return None
+
+
+def take_picture(
+    recording: str | os.PathLike[str], picture: str | os.PathLike[str], time_shown: float
+) -> list[str]:
+    """Open a recording in rerun's viewer without a window, and keep what it shows.
+
+    It takes a driver that draws, a graphics card's or Mesa's llvmpipe.
+
+    Parameters
+    ----------
+    recording, picture : str or os.PathLike
+        The recording, and the picture to be made of it: JPEG for names in .jpg, PNG for others.
+    time_shown : float
+        Simulated time to show (s).
+
+    Returns
+    -------
+    list of str
+        What the viewer complains of in its views, empty where all is well.
+
+    Raises
+    ------
+    SwimError
+        If rerun is not installed or too old for this, if its viewer cannot show the recording, or
+        if the picture cannot be written.
+    """
+    rerun_command()
+    is_jpeg = Path(picture).suffix.lower() in (".jpg", ".jpeg")
+    with _viewer() as viewer:
+        viewer.open([os.path.abspath(recording)])
+        viewer.set_time(TIMELINE, duration=time_shown, play_state="paused")
+        time.sleep(_TO_DRAW)
+        content = viewer.take_screenshot()
+        state = viewer.get_state()
+    if state.active_recording is None:
+        raise SwimError(f"rerun's viewer does not show the recording ({os.fspath(recording)})")
+    try:
+        write_atomically(picture, lambda file: file.write(_tidy(content, is_jpeg)))
+    except OSError as error:
+        raise SwimError(
+            f"cannot write the picture: {error.strerror or error} ({os.fspath(picture)})"
+        ) from error
+    return [f"{view.name}: {report}" for view in state.views for report in view.reports]
+
+
+def _tidy(content: bytes, is_jpeg: bool) -> bytes:
+    """Return a screenshot without the viewer's own menu, as JPEG or PNG."""
+    from PIL import Image
+
+    image = Image.open(io.BytesIO(content)).convert("RGB")
+    menu = round(_MENU * image.height)
+    out = io.BytesIO()
+    kept = image.crop((0, menu, image.width, image.height))
+    if is_jpeg:
+        kept.save(out, "JPEG", quality=85, subsampling=0, optimize=True)
+    else:
+        kept.save(out, "PNG", optimize=True)
+    return out.getvalue()
+
+
+@contextlib.contextmanager
+def _viewer() -> Iterator[Any]:
+    """Start a viewer without a window, and end it again."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    # The viewer writes what it does to stderr unless told otherwise.
+    os.environ.setdefault("RUST_LOG", "error")
+    try:
+        from rerun.experimental import ViewerClient
+
+        viewer = ViewerClient.spawn(headless=True, port=port, hide_welcome_screen=True)
+    except Exception as error:  # what a viewer that cannot start raises is not documented
+        told = " ".join(str(error).split()) or type(error).__name__
+        raise SwimError(f"rerun's viewer cannot be started without a window: {told}") from None
+    try:
+        yield viewer
+    except SwimError:
+        raise
+    except Exception as error:  # neither is what comes of one that stops
+        told = " ".join(str(error).split()) or type(error).__name__
+        raise SwimError(f"rerun's viewer has failed: {told}") from None
+    finally:
+        with contextlib.suppress(Exception):
+            viewer.quit()

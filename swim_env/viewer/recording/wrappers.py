@@ -1,0 +1,419 @@
+"""Wrappers that record episodes of the environments while somebody else plays them."""
+
+from __future__ import annotations
+
+import os
+import sys
+import weakref
+from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from swim_env.env import SwimEnv
+from swim_env.episodes import Episodes
+from swim_env.errors import OptionError, SwimError
+from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
+from swim_env.recorder import Recorder
+from swim_env.scene import Scene
+from swim_env.vector_env import SwimVectorEnv
+from swim_env.viewer.recording.swimmer import Swimmer
+from swim_env.viewer.recording.writer import (
+    FRAME_RATE,
+    WrittenRecording,
+    recording_file,
+    write_recording,
+)
+
+__all__ = ["RecordEpisodes", "RecordVectorEpisodes"]
+
+Trigger = Callable[[int], bool]
+
+
+class _ChosenRecorder(Recorder):
+    """A recorder that keeps the steps of chosen members, and those of an episode that is over.
+
+    Attributes
+    ----------
+    chosen : set of int
+        Whose steps are kept.
+    over : dict of int to Recorder
+        What was kept of a chosen member when it was started anew.
+    """
+
+    def __init__(self, scene: Scene, count: int) -> None:
+        super().__init__(scene, count)
+        self.chosen = set(range(count)) if scene.recording is not None else set()
+        self.over: dict[int, Recorder] = {}
+
+    def begin(self, member: int, steps: int, energy: float, state: NDArray[np.float64]) -> None:
+        """Begin a member's trajectory, and put the one before aside."""
+        if member in self.chosen and self._steps[member]:
+            kept = Recorder(self._scene, 1)
+            kept.restore(([self._starts[member]], [self._steps[member]]))
+            self.over[member] = kept
+        super().begin(member, steps, energy, state)
+
+    def add(
+        self,
+        member: int,
+        trace: NDArray[np.float64],
+        torques: NDArray[np.float64],
+        record: NDArray[np.float64],
+    ) -> None:
+        """Add a chosen member's steps."""
+        if member in self.chosen:
+            super().add(member, trace, torques, record)
+
+
+class _Tape:
+    """What is kept of episodes that are being played, and the files that become of it."""
+
+    def __init__(
+        self, episodes: Episodes, folder: Path, flow_rate: float | None, frame_rate: float
+    ) -> None:
+        self.written: list[WrittenRecording] = []
+        self._episodes = episodes
+        self._folder = folder
+        self._flow_rate, self._frame_rate = flow_rate, frame_rate
+        self._always = episodes.task.scene.recording is not None
+        self._recorder = _ChosenRecorder(episodes.task.scene, len(episodes.everyone))
+        self._rewards: dict[int, list[float]] = {}
+        self._goals: dict[int, NDArray[np.float64]] = {}
+        self._names: dict[int, str] = {}
+
+    @property
+    def running(self) -> Collection[int]:
+        """Members whose episode is being recorded."""
+        return self._names.keys()
+
+    def attach(self) -> None:
+        """Have the bodies' steps kept."""
+        self._episodes.bodies.recorder = self._recorder
+
+    def detach(self) -> None:
+        """Keep no more steps, unless the scene does so by itself."""
+        if self._episodes.bodies.recorder is self._recorder and not self._always:
+            self._episodes.bodies.recorder = None
+
+    def begin(self, member: int, name: str) -> None:
+        """Record a member's episode, which has just started."""
+        self._recorder.chosen.add(member)
+        self._recorder.over.pop(member, None)
+        self._rewards[member] = []
+        self._goals[member] = self._episodes.goals[member].copy()
+        self._names[member] = name
+
+    def drop(self, member: int) -> None:
+        """Keep nothing more of a member."""
+        if not self._always:
+            self._recorder.chosen.discard(member)
+        self._recorder.over.pop(member, None)
+        self._names.pop(member, None)
+
+    def pay(self, member: int, reward: float) -> None:
+        """Keep the reward of an action."""
+        self._rewards[member].append(reward)
+
+    def end(self, member: int, reason: str | None = None) -> None:
+        """Write what there is of a member's episode; nothing where it has taken no step.
+
+        A reason is given where the member was started anew already.
+        """
+        if member not in self._names:
+            return
+        task = self._episodes.task
+        if reason is not None and member in self._recorder.over:
+            physical = reason if reason in PHYSICS_REASONS.values() else ""
+            trajectory = self._recorder.over[member].trajectory(0, physical)
+        else:
+            trajectory = self._episodes.recorded(member)
+        name = self._names[member]
+        swimmer = Swimmer(
+            name,
+            trajectory,
+            self._rewards[member],
+            self._goals[member],
+            task.radius if task.goal_is_point else None,
+        )
+        self.drop(member)
+        if trajectory.steps:
+            self.written.append(
+                write_recording(
+                    self._folder / f"{name}.rrd",
+                    [swimmer],
+                    flow_rate=self._flow_rate,
+                    frame_rate=self._frame_rate,
+                )
+            )
+
+    def end_all(self) -> None:
+        """Write what there is of every episode."""
+        for member in list(self._names):
+            self.end(member)
+
+
+def _finish(tape: _Tape) -> None:
+    """Write what is left where nobody closed the environment."""
+    if tape.running:
+        try:
+            tape.end_all()
+        except SwimError as error:
+            print(f"swim_env: {error}", file=sys.stderr)
+
+
+def _folder_for(folder: str | os.PathLike[str]) -> Path:
+    return recording_file(Path(folder) / "any.rrd", "any").parent
+
+
+def _chosen_by_default(episode: int) -> bool:
+    """Record episodes 0, 1, 8, 27 ... and every thousandth, as Gymnasium's RecordVideo does."""
+    if episode < 1000:
+        root: int = round(episode ** (1.0 / 3.0))
+        return root**3 == episode
+    return episode % 1000 == 0
+
+
+class RecordEpisodes(
+    gymnasium.Wrapper[Any, NDArray[Any], Any, NDArray[Any]], gymnasium.utils.RecordConstructorArgs
+):
+    """Records episodes of a `SwimEnv` for rerun, one file each.
+
+    While an episode runs, its steps are kept in memory as the physics makes them; the file is
+    written when it ends, when the next one starts, when a step fails, when the environment is
+    closed and, if nobody closes it, when Python ends: half an episode is a recording too. Nothing
+    is left of an episode whose process is killed.
+
+    Parameters
+    ----------
+    env : gymnasium.Env
+        A `SwimEnv`, with or without wrappers.
+    folder : str or os.PathLike
+        Where the files go: ``PREFIX-episode-N.rrd``. Made where it is missing.
+    episode_trigger : callable, optional
+        Called with the episode's number from 0 on; tells whether to record it. Cubes and every
+        thousandth unless given, as Gymnasium's RecordVideo does.
+    name_prefix : str
+        Beginning of the names.
+    flow_rate : float, optional
+        Frames of the flow in a simulated second, computed when the file is written; none unless
+        given.
+    frame_rate : float
+        Frames of everything else.
+
+    Attributes
+    ----------
+    written : list of WrittenRecording
+        The files so far.
+
+    Raises
+    ------
+    OptionError
+        If the environment is not one of this package.
+    SwimError
+        If rerun is not installed or the folder cannot be made.
+    """
+
+    def __init__(
+        self,
+        env: gymnasium.Env[Any, Any],
+        folder: str | os.PathLike[str],
+        episode_trigger: Trigger | None = None,
+        name_prefix: str = "swimmer",
+        flow_rate: float | None = None,
+        frame_rate: float = FRAME_RATE,
+    ) -> None:
+        gymnasium.utils.RecordConstructorArgs.__init__(
+            self,
+            folder=folder,
+            episode_trigger=episode_trigger,
+            name_prefix=name_prefix,
+            flow_rate=flow_rate,
+            frame_rate=frame_rate,
+        )
+        gymnasium.Wrapper.__init__(self, env)
+        swimmer = env.unwrapped
+        if not isinstance(swimmer, SwimEnv):
+            raise OptionError(f"RecordEpisodes needs a SwimEnv, got {type(swimmer).__name__}")
+        self._trigger = _chosen_by_default if episode_trigger is None else episode_trigger
+        self._prefix = name_prefix
+        self._tape = _Tape(swimmer.episodes, _folder_for(folder), flow_rate, frame_rate)
+        self._episode = -1
+        weakref.finalize(self, _finish, self._tape)
+
+    @property
+    def written(self) -> list[WrittenRecording]:
+        """The files so far."""
+        return self._tape.written
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Start an episode, and write what there is of the one before."""
+        tape = self._tape
+        tape.end(0)
+        wanted = self._trigger(self._episode + 1)
+        if wanted:
+            tape.attach()
+        else:
+            tape.detach()
+        result = self.env.reset(seed=seed, options=options)
+        self._episode += 1
+        if wanted:
+            tape.begin(0, f"{self._prefix}-episode-{self._episode}")
+        return result
+
+    def step(self, action: NDArray[Any]) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """Hold an action, and write the file at the episode's end."""
+        tape = self._tape
+        if 0 not in tape.running:
+            return self.env.step(action)
+        try:
+            result = self.env.step(action)
+        except (SwimError, gymnasium.error.Error):
+            # A refused action changes nothing, and the episode can go on.
+            raise
+        except BaseException:
+            tape.end(0)
+            raise
+        tape.pay(0, float(self.unwrapped.episodes.rewards[0]))  # type: ignore[attr-defined]
+        if result[2] or result[3]:
+            tape.end(0)
+            tape.detach()
+        return result
+
+    def close(self) -> None:
+        """Write what there is and close the environment."""
+        try:
+            self._tape.end_all()
+        finally:
+            self._tape.detach()
+            super().close()
+
+
+class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
+    """Records episodes of chosen members of a `SwimVectorEnv` for rerun, one file each.
+
+    As `RecordEpisodes`; the files are called ``PREFIX-member-M-episode-N.rrd``.
+
+    Parameters
+    ----------
+    env : gymnasium.vector.VectorEnv
+        A `SwimVectorEnv`, with or without wrappers.
+    folder : str or os.PathLike
+        Where the files go.
+    members : collection of int
+        Which members; the first unless given.
+    episode_trigger, name_prefix, flow_rate, frame_rate
+        As for `RecordEpisodes`; each member counts its own episodes.
+
+    Attributes
+    ----------
+    written : list of WrittenRecording
+        The files so far.
+
+    Raises
+    ------
+    OptionError
+        If the environment is not one of this package, or there is no such member.
+    SwimError
+        If rerun is not installed or the folder cannot be made.
+    """
+
+    def __init__(
+        self,
+        env: gymnasium.vector.VectorEnv[Any, Any, Any],
+        folder: str | os.PathLike[str],
+        members: Collection[int] = (0,),
+        episode_trigger: Trigger | None = None,
+        name_prefix: str = "swimmer",
+        flow_rate: float | None = None,
+        frame_rate: float = FRAME_RATE,
+    ) -> None:
+        super().__init__(env)
+        batch = env.unwrapped
+        if not isinstance(batch, SwimVectorEnv):
+            raise OptionError(
+                f"RecordVectorEpisodes needs a SwimVectorEnv, got {type(batch).__name__}"
+            )
+        unknown = [one for one in members if one not in range(batch.num_envs)]
+        if unknown or not members:
+            raise OptionError(
+                f"members must be some of 0 to {batch.num_envs - 1}, got {list(members)}"
+            )
+        self._batch = batch
+        self._members = sorted(set(members))
+        self._trigger = _chosen_by_default if episode_trigger is None else episode_trigger
+        self._prefix = name_prefix
+        self._tape = _Tape(batch.episodes, _folder_for(folder), flow_rate, frame_rate)
+        self._counts = dict.fromkeys(self._members, 0)
+        self._ended: set[int] = set()
+        self._tape.attach()
+        weakref.finalize(self, _finish, self._tape)
+
+    @property
+    def written(self) -> list[WrittenRecording]:
+        """The files so far."""
+        return self._tape.written
+
+    def reset(
+        self,
+        *,
+        seed: int | list[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Any, dict[str, Any]]:
+        """Start members, and write what there is of their episodes before."""
+        mask = options.get("reset_mask") if isinstance(options, Mapping) else None
+        starting = [one for one in self._members if mask is None or bool(mask[one])]
+        for member in starting:
+            self._tape.end(member)
+        # Gymnasium's own batched environments take a list of seeds too; its types do not say so.
+        result = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]
+        self._begin(starting)
+        return result
+
+    def step(self, actions: NDArray[Any]) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """Hold actions, and write the files of episodes that end."""
+        tape, mode = self._tape, self._batch.autoreset_mode
+        try:
+            result = self.env.step(actions)
+        except (SwimError, gymnasium.error.Error):
+            raise
+        except BaseException:
+            tape.end_all()
+            raise
+        _, rewards, terminated, truncated, infos = result
+        anew = self._ended if mode is AutoresetMode.NEXT_STEP else set()
+        self._ended = set()
+        self._begin(sorted(anew))
+        for member in self._members:
+            if member in tape.running and member not in anew:
+                tape.pay(member, float(rewards[member]))
+            if terminated[member] or truncated[member]:
+                if mode is AutoresetMode.SAME_STEP:
+                    tape.end(member, str(infos["final_info"]["termination_reason"][member]))
+                    self._begin([member])
+                else:
+                    tape.end(member)
+                    self._ended.add(member)
+        return result
+
+    def _begin(self, members: Collection[int]) -> None:
+        """Count members that have started, and record those that are wanted."""
+        for member in members:
+            number = self._counts[member]
+            self._counts[member] += 1
+            if self._trigger(number):
+                self._tape.begin(member, f"{self._prefix}-member-{member}-episode-{number}")
+
+    def close(self, **kwargs: Any) -> None:
+        """Write what there is and close the environment."""
+        try:
+            self._tape.end_all()
+        finally:
+            self._tape.detach()
+            super().close(**kwargs)

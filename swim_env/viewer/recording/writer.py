@@ -1,0 +1,329 @@
+"""Writing recordings for rerun: whole runs in columns, what does not change once."""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+import json
+import os
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.errors import OptionError, SwimError
+from swim_env.files import write_atomically
+from swim_env.provenance import where_and_when
+from swim_env.scene import Scene
+from swim_env.viewer.recording.schema import (
+    APPLICATION,
+    DETAILS,
+    GROUPS,
+    PROPERTY,
+    REWARDS,
+    SCHEMA_VERSION,
+    TIMELINE,
+    WORLD,
+    group_path,
+    label_of,
+)
+from swim_env.viewer.recording.swimmer import Swimmer, frames_of
+
+if TYPE_CHECKING:
+    from swim_env.viewer.recording.scenery import Lane
+    from swim_env.viewer.recording.water import Water
+
+__all__ = [
+    "COLOURS",
+    "FLOW_RATE",
+    "FRAME_RATE",
+    "WrittenRecording",
+    "recording_file",
+    "require_rerun",
+    "write_recording",
+]
+
+Array = NDArray[np.float64]
+
+#: Frames in a simulated second: of the body and all series, and of the flow.
+FRAME_RATE, FLOW_RATE = 50.0, 25.0
+
+#: What a body's colours may show, and the property of a swimmer with it (N m).
+COLOURS = {"torque": "held_torques", "moment": "moments"}
+
+
+@dataclass(frozen=True)
+class WrittenRecording:
+    """What was written.
+
+    Attributes
+    ----------
+    file : str
+        The file.
+    size : int
+        Its size (bytes).
+    frames : int
+        Instants of all swimmers.
+    flow_frames : int
+        Instants with flow.
+    logging_seconds : float
+        Time to make the recording out of the runs and write it, without the flow.
+    flow_seconds : float
+        Time to compute the flow.
+    schema : int
+        Version of the recording's layout.
+    """
+
+    file: str
+    size: int
+    frames: int
+    flow_frames: int
+    logging_seconds: float
+    flow_seconds: float
+    schema: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures, the size under ``bytes``."""
+        return {
+            "file": self.file,
+            "bytes": self.size,
+            "frames": self.frames,
+            "flow_frames": self.flow_frames,
+            "logging_seconds": round(self.logging_seconds, 4),
+            "flow_seconds": round(self.flow_seconds, 4),
+            "schema": self.schema,
+        }
+
+
+def require_rerun() -> None:
+    """Refuse to go on without rerun and Pillow.
+
+    Raises
+    ------
+    SwimError
+        If one of them is not installed; the message says how to get it.
+    """
+    for module, name in (("rerun", "rerun"), ("PIL", "Pillow")):
+        if importlib.util.find_spec(module) is None:
+            raise SwimError(
+                f"recordings need {name}: install the extra 'view' (pip install 'swim-env[view]')"
+            )
+
+
+def write_recording(
+    path: str | os.PathLike[str],
+    swimmers: Sequence[Swimmer],
+    *,
+    flow_rate: float | None = FLOW_RATE,
+    frame_rate: float = FRAME_RATE,
+    colour: str = "torque",
+    about: dict[str, Any] | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> WrittenRecording:
+    """Write a recording that rerun opens, whole or not at all.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        The file, by custom ``.rrd``; its folder must exist.
+    swimmers : sequence of Swimmer
+        The runs, side by side on one time line; names that are equal get numbers.
+    flow_rate : float, optional
+        Frames of the flow in a simulated second; None for no flow. Scenes without fluid have none.
+    frame_rate : float
+        Frames of everything else.
+    colour : str
+        What the bodies' colours show: ``torque`` or ``moment``, the elastic bending moment.
+    about : dict, optional
+        More to write into the recording's property, in JSON's terms; by default where and when it
+        was made.
+    progress : callable, optional
+        Called with the simulated seconds whose flow was computed since the last call.
+
+    Raises
+    ------
+    OptionError
+        If there is no swimmer, or an argument cannot be used.
+    SwimError
+        If rerun is not installed or the file cannot be written.
+    """
+    require_rerun()
+    from swim_env.viewer.recording.water import REACH, REACH_OF_TWO, compute_water
+
+    if not swimmers:
+        raise OptionError("a recording takes at least one swimmer")
+    if colour not in COLOURS:
+        raise OptionError(f"unknown colour {colour!r}; colours: {', '.join(COLOURS)}")
+    begin = time.perf_counter()
+    frames = [frames_of(swimmer.trajectory, frame_rate) for swimmer in swimmers]
+    reach = REACH_OF_TWO if len(swimmers) == 2 else REACH
+    waters: list[Water | None] = []
+    for swimmer in swimmers:
+        flows = swimmer.scene.fluid is not None and swimmer.scene.fluid.model != "none"
+        if flow_rate is None or not flows or swimmer.trajectory.steps < 2:
+            waters.append(None)
+        else:
+            waters.append(compute_water(swimmer, flow_rate, reach, progress))
+    known = [water for water in waters if water is not None]
+    flow_seconds = float(sum([water.seconds for water in known]))
+    content = _content(swimmers, frames, waters, colour, about)
+    try:
+        write_atomically(path, lambda file: file.write(content))
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise SwimError(f"cannot write the recording: {reason} ({os.fspath(path)})") from error
+    return WrittenRecording(
+        os.fspath(path),
+        len(content),
+        sum(map(len, frames)),
+        sum([len(water.time) for water in known]),
+        time.perf_counter() - begin - flow_seconds,
+        flow_seconds,
+        SCHEMA_VERSION,
+    )
+
+
+def _content(
+    swimmers: Sequence[Swimmer],
+    frames: Sequence[NDArray[np.int64]],
+    waters: Sequence[Water | None],
+    colour: str,
+    about: dict[str, Any] | None,
+) -> bytes:
+    """Return the bytes of a recording."""
+    import rerun as rr
+
+    from swim_env.viewer.recording.blueprint import blueprint_of
+    from swim_env.viewer.recording.legend import log_legend
+    from swim_env.viewer.recording.scenery import lanes_of, log_swimmer
+
+    labels: list[str] = []
+    for swimmer in swimmers:
+        labels.append(label_of(swimmer.name, labels))
+    known = [water for water in waters if water is not None]
+    pressure = max((water.largest_pressure for water in known), default=None)
+    speed = max((water.largest_speed for water in known), default=None)
+    lanes = lanes_of(swimmers, labels, frames, pressure, speed, colour)
+    stream = rr.RecordingStream(APPLICATION)
+    kept = stream.binary_stream()
+    stream.send_blueprint(blueprint_of(lanes))
+    stream.send_recording_name(", ".join(labels) + f" on {swimmers[0].scene.name}")
+    stream.send_property(PROPERTY, _property(lanes, about))
+    # The plane's y points upwards, the screen's downwards.
+    stream.log(WORLD, rr.Transform3D(scale=[1.0, -1.0, 1.0]), static=True)
+    log_legend(stream, lanes)
+    for lane, water in zip(lanes, waters, strict=True):
+        log_swimmer(stream, lane, water)
+        _log_series(stream, lane)
+    stream.flush()
+    stream.disconnect()
+    content = kept.read()
+    if not content:
+        raise SwimError("rerun has given no recording")
+    return bytes(content)
+
+
+@functools.lru_cache(maxsize=32)
+def _text_of(scene: Scene) -> str:
+    return scene.to_yaml()
+
+
+@functools.cache
+def _where_and_when() -> dict[str, Any]:
+    """Return where recordings are made; asking git for every episode would take longer than it."""
+    return {**where_and_when(), "rerun-sdk": version("rerun-sdk")}
+
+
+def _property(lanes: Sequence[Lane], about: dict[str, Any] | None) -> Any:
+    """Return what a recording says of itself."""
+    import rerun as rr
+
+    made = _where_and_when() if about is None else about
+    scale = lanes[0]
+    return rr.AnyValues(
+        schema=SCHEMA_VERSION,
+        swimmers=[lane.label for lane in lanes],
+        names=[lane.swimmer.name for lane in lanes],
+        scenes=[_text_of(lane.swimmer.scene) for lane in lanes],
+        termination_reasons=[lane.swimmer.trajectory.termination_reason for lane in lanes],
+        colour=scale.colour,
+        torque_limits=[lane.limit for lane in lanes],
+        pressure_scale=0.0 if scale.pressure is None else scale.pressure,
+        about=json.dumps(made, allow_nan=False),
+    )
+
+
+def _log_series(stream: Any, lane: Lane) -> None:
+    """Log all series of a swimmer, and once their names and colours."""
+    import rerun as rr
+
+    from swim_env.viewer.recording.palette import SERIES_COLOURS, joint_colours
+
+    swimmer: Swimmer = lane.swimmer
+    joints = swimmer.scene.beam.elements - 1
+    times = swimmer.trajectory.time
+    for group in (*GROUPS, *DETAILS):
+        if group in REWARDS and swimmer.rewards is None:
+            continue
+        at = swimmer.reward_times if group in REWARDS else times[lane.instants]
+        values = swimmer.series(group, lane.instants)
+        if not values.size:
+            continue
+        if group in GROUPS:
+            names = list(GROUPS[group])
+            colours = np.array(SERIES_COLOURS, dtype=np.uint8)[: len(names)]
+            if len(names) == 1 and lane.count > 1:
+                # These of all swimmers share a plot.
+                names = [f"{lane.label}, {name}" for name in names]
+                colours = np.array([lane.bright], dtype=np.uint8)
+        else:
+            names = [f"joint {joint + 1} ({DETAILS[group]})" for joint in range(joints)]
+            colours = joint_colours(joints)
+        path = group_path(lane.label, group)
+        stream.log(
+            path,
+            rr.SeriesLines(names=names, colors=colours, widths=[1.6] * len(names)),
+            static=True,
+        )
+        stream.send_columns(
+            path,
+            [rr.TimeColumn(TIMELINE, duration=at)],
+            rr.Scalars.columns(scalars=values.ravel()).partition(
+                np.full(len(values), values.shape[1])
+            ),
+        )
+
+
+def recording_file(place: str | os.PathLike[str], name: str) -> Path:
+    """Return where a recording goes, before anything is played for it.
+
+    Parameters
+    ----------
+    place : str or os.PathLike
+        A file, if it ends with ``.rrd``, else a folder. Folders are made where they are missing.
+    name : str
+        What the file is called in a folder, without its ending.
+
+    Raises
+    ------
+    SwimError
+        If rerun is not installed, if there is a folder of the file's name, or if the folder cannot
+        be made.
+    """
+    require_rerun()
+    given = Path(place)
+    file = given if given.suffix == ".rrd" else given / f"{label_of(name)}.rrd"
+    if file.is_dir():
+        raise SwimError(f"a recording is a file, this is a folder ({file})")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SwimError(
+            f"cannot make the folder for the recording: {error.strerror or error} ({file.parent})"
+        ) from error
+    return file

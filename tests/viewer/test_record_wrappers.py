@@ -1,0 +1,199 @@
+"""The wrappers that record episodes: triggers, rewards, failures, members of a batch."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+
+from swim_env import ActionError, OptionError, SwimEnv, SwimTargetVectorEnv, SwimVectorEnv
+from swim_env.viewer.recording import RecordEpisodes, RecordVectorEpisodes, read_recording
+
+ROOT = Path(__file__).parents[2]
+SHORT = {"episode": {"duration": 0.2}}
+
+
+def record(folder, trigger=lambda number: True, **options) -> RecordEpisodes:
+    return RecordEpisodes(SwimEnv(overrides=SHORT), folder, trigger, **options)
+
+
+def play(env, seed: int, actions: int = 10):
+    env.action_space.seed(seed)
+    env.reset(seed=seed)
+    return [env.step(env.action_space.sample()) for _ in range(actions)]
+
+
+def only(path: Path):
+    (one,) = read_recording(path).swimmers.values()
+    return one
+
+
+def test_an_episode_is_what_it_is_unrecorded(tmp_path):
+    """Same observations, and a file with the same rewards and path."""
+    bare, recorded = SwimEnv(overrides=SHORT), record(tmp_path)
+    expected, found = play(bare, 3), play(recorded, 3)
+    for one, other in zip(expected, found, strict=True):
+        assert (one[0] == other[0]).all() and one[1] == other[1]
+    one = only(tmp_path / "swimmer-episode-0.rrd")
+    assert one.series["reward"][:, 0].tolist() == [step[1] for step in expected]
+    assert one.series["position"][-1] == pytest.approx(expected[-1][4]["position"], abs=1e-15)
+    assert one.time[-1] == pytest.approx(0.2)
+    assert one.scene == bare.scene
+    recorded.close()
+    assert len(recorded.written) == 1
+
+
+def test_triggers(tmp_path):
+    """Only chosen episodes are kept; nothing is recorded in between."""
+    env = record(tmp_path, lambda number: number in (1, 3), name_prefix="a")
+    for seed in range(4):
+        play(env, seed)
+        assert env.unwrapped.episodes.bodies.recorder is None
+    env.close()
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["a-episode-1.rrd", "a-episode-3.rrd"]
+
+
+def test_default_trigger_is_gymnasiums(tmp_path):
+    """Cubes, as RecordVideo does."""
+    env = RecordEpisodes(SwimEnv(overrides=SHORT), tmp_path)
+    for seed in range(9):
+        play(env, seed, 1)
+    env.close()
+    numbers = sorted(int(path.stem.split("-")[-1]) for path in tmp_path.iterdir())
+    assert numbers == [0, 1, 8]
+
+
+def test_half_an_episode_is_a_recording(tmp_path):
+    """By the next reset, by close, and after a refused action it goes on."""
+    env = record(tmp_path)
+    play(env, 0, 4)
+    with pytest.raises(ActionError):
+        env.step(np.full(8, np.nan))
+    env.step(np.zeros(8))
+    env.reset(seed=1)
+    assert only(tmp_path / "swimmer-episode-0.rrd").time[-1] == pytest.approx(0.1)
+    env.step(np.zeros(8))
+    env.close()
+    env.close()
+    assert only(tmp_path / "swimmer-episode-1.rrd").time[-1] == pytest.approx(0.02)
+
+
+def test_a_step_that_fails_leaves_a_file(tmp_path):
+    """Whatever it fails with; the error comes through."""
+
+    class Failing(gymnasium.Wrapper):
+        def step(self, action):
+            if self.env.unwrapped.steps >= 12:
+                raise RuntimeError("the battery is empty")
+            return self.env.step(action)
+
+    env = RecordEpisodes(Failing(SwimEnv(overrides=SHORT)), tmp_path, lambda number: True)
+    with pytest.raises(RuntimeError, match="battery"):
+        play(env, 0)
+    assert only(tmp_path / "swimmer-episode-0.rrd").series["reward"].shape == (3, 1)
+
+
+def test_a_program_that_fails_leaves_a_file(tmp_path):
+    """Nobody has closed the environment, and Python ends with an exception."""
+    code = (
+        "import numpy as np\n"
+        "from swim_env import SwimEnv\n"
+        "from swim_env.viewer.recording import RecordEpisodes\n"
+        f"env = RecordEpisodes(SwimEnv(), {str(tmp_path)!r}, flow_rate=10.0)\n"
+        "env.reset(seed=0)\n"
+        "for _ in range(7): env.step(np.ones(8))\n"
+        "raise RuntimeError('the learner has failed')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        timeout=200,
+    )
+    assert done.returncode == 1 and "the learner has failed" in done.stderr
+    one = only(tmp_path / "swimmer-episode-0.rrd")
+    assert one.time[-1] == pytest.approx(0.14)
+    assert one.flow_time.size == 3
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
+def test_members_of_a_batch(tmp_path, mode):
+    """Chosen members in every mode of starting anew: each file the member's own episode."""
+    env = RecordVectorEpisodes(
+        SwimVectorEnv(3, overrides=SHORT, autoreset_mode=mode),
+        tmp_path,
+        [0, 2],
+        lambda number: True,
+    )
+    env.reset(seed=5)
+    gains = []
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (24, 3, 8))
+    for action in actions:
+        _, rewards, _, truncated, _ = env.step(action)
+        gains.append(rewards[2])
+        if mode == "Disabled" and truncated.any():
+            env.reset(options={"reset_mask": truncated})
+    env.close()
+    episodes = [only(tmp_path / f"swimmer-member-2-episode-{n}.rrd") for n in range(3)]
+    # In mode NextStep one step between two episodes goes to the start.
+    gap = 1 if mode == "NextStep" else 0
+    for number, one in enumerate(episodes):
+        first = number * (10 + gap)
+        expected = gains[first : first + 10]
+        assert one.series["reward"][:, 0].tolist() == expected
+        assert one.series["progress"][-1, 0] == pytest.approx(sum(expected), abs=1e-12)
+        assert one.time[-1] == pytest.approx(0.02 * len(expected))
+    names = {path.name for path in tmp_path.iterdir()}
+    assert len(names) == 6 and not any("member-1" in name for name in names)
+
+
+def test_targets(tmp_path):
+    """The episode's own target, also where the next episode has begun with another."""
+    env = RecordVectorEpisodes(
+        SwimTargetVectorEnv(1, overrides=SHORT, autoreset_mode="SameStep"),
+        tmp_path,
+        episode_trigger=lambda number: True,
+    )
+    _, infos = env.reset(seed=5)
+    target = infos["target"][0].copy()
+    for _ in range(10):
+        env.step(np.zeros((1, 8)))
+    read = read_recording(tmp_path / "swimmer-member-0-episode-0.rrd")
+    centre = read.columns[("/world/swimmer-member-0-episode-0/target", "Ellipses2D:centers")]
+    assert centre.values[0][0] == pytest.approx(target, rel=1e-6)
+
+
+def test_a_scene_that_records_by_itself(tmp_path):
+    """Goes on doing so."""
+    env = RecordEpisodes(
+        SwimEnv(overrides={**SHORT, "recording": {}}), tmp_path, lambda number: True
+    )
+    play(env, 0)
+    assert env.unwrapped.recorded().steps == 40
+    assert only(tmp_path / "swimmer-episode-0.rrd").time[-1] == pytest.approx(0.2)
+
+
+def test_bad_arguments(tmp_path):
+    """Other environments, members that are not there, a file for a folder."""
+    with pytest.raises(OptionError, match="needs a SwimEnv"):
+        RecordEpisodes(gymnasium.make("CartPole-v1"), tmp_path)
+    with pytest.raises(OptionError, match="some of 0 to 1"):
+        RecordVectorEpisodes(SwimVectorEnv(2, overrides=SHORT), tmp_path, [2])
+
+
+def test_cost_is_measured():
+    """Every figure of the page, and a frame takes far less than one logged by itself."""
+    from swim_env.viewer.recording.cost import measure_cost
+
+    found = measure_cost(1)
+    assert 0.0 < found["frame_seconds"] < 2e-4
+    assert 1e5 < found["bytes"] < 5e6
+    assert found["bare_seconds"]["median"] > 0.0
+    assert {"while_playing", "with_file", "file_seconds", "fixed_seconds", "commit"} <= found.keys()

@@ -1,0 +1,285 @@
+"""Recordings, read back with rerun's own reader and compared with the run's numbers."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from swim_env import OptionError, Simulator, SwimError, load_scene
+from swim_env.flow import BodyFlow
+from swim_env.physics.invariants import momentum_drift
+from swim_env.viewer.recording import (
+    SCHEMA_VERSION,
+    RecordingError,
+    Swimmer,
+    read_recording,
+    write_recording,
+)
+from swim_env.viewer.recording.reader import ReadRecording
+from swim_env.viewer.recording.schema import DETAILS, GROUPS, label_of
+from swim_env.viewer.recording.show import rerun_command
+from swim_env.viewer.recording.swimmer import elastic_moments, frames_of
+from swim_env.viewer.recording.water import picture_of, pressure_of
+
+#: Three tenths of a second of the prescribed wave, with flow, written by schema 1; without its
+#: blueprint, which is not read.
+STORED = Path(__file__).with_name("recording_schema_1.rrd")
+SCENE = load_scene("swimmer")
+REWARDS = 0.01 * np.arange(1, 51)
+
+
+@pytest.fixture(scope="module")
+def run():
+    simulator = Simulator(SCENE)
+    return simulator.rollout(simulator.prescribed_torques(200))
+
+
+@pytest.fixture(scope="module")
+def swimmer(run) -> Swimmer:
+    return Swimmer("the wave", run, REWARDS)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory, swimmer) -> tuple[Path, ReadRecording]:
+    path = tmp_path_factory.mktemp("recording") / "one.rrd"
+    written = write_recording(path, [swimmer], flow_rate=10.0)
+    assert written.size == path.stat().st_size
+    assert (written.frames, written.flow_frames) == (51, 11)
+    return path, read_recording(path)
+
+
+def verify(path: Path) -> subprocess.CompletedProcess[str]:
+    """Run rerun's own check of a file."""
+    command = [rerun_command(), "rrd", "verify", str(path)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+def test_rerun_verifies_it(recording, tmp_path):
+    """`rerun rrd verify` passes it, and not one that was cut off."""
+    path, _ = recording
+    done = verify(path)
+    assert done.returncode == 0, done.stderr
+    half = tmp_path / "half.rrd"
+    half.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    assert verify(half).returncode != 0
+
+
+def test_it_says_what_it_is(recording):
+    """Schema, scene, where it was made."""
+    _, read = recording
+    assert read.schema == SCHEMA_VERSION == 1
+    assert list(read.swimmers) == ["the_wave"]
+    one = read.swimmers["the_wave"]
+    assert (one.name, one.scene, one.termination_reason) == ("the wave", SCENE, "")
+    assert {"commit", "machine", "versions", "date", "rerun-sdk"} <= read.about.keys()
+
+
+def test_numbers_are_the_runs(recording, run):
+    """Shapes in single precision, series in full, at simulated seconds."""
+    one = recording[1].swimmers["the_wave"]
+    frames = slice(None, None, 4)
+    assert one.time == pytest.approx(run.time[frames], abs=1e-9)
+    assert one.nodes == pytest.approx(run.nodes[frames], abs=1e-6)
+    assert one.path == pytest.approx(run.path[frames], abs=1e-6)
+    series = one.series
+    assert (series["position"] == run.path[frames]).all()
+    along = (run.path - run.path[0]) @ SCENE.episode.heading
+    assert (series["progress"][:, 0] == along[frames]).all()
+    assert (series["energy"][:, 3] == run.energy[frames]).all()
+    assert series["energy"][:, :3].sum(axis=1) == pytest.approx(run.energy[frames], abs=1e-12)
+    assert (series["momentum"] == run.momentum[frames]).all()
+    assert np.abs(series["drift"]).max() <= momentum_drift(run.momentum, run.impulse)
+    work = series["work"][-1]
+    totals = [run.work.sum(), run.positive_work.sum(), run.dissipated.sum()]
+    assert work[:3] == pytest.approx(totals, rel=1e-12)
+    largest = np.maximum.reduceat(run.iterations, np.arange(0, 200, 4))
+    assert (series["solver"][1:, 0] == largest).all()
+    assert series["solver"][:, 1].max() == pytest.approx(np.log10(run.residual.max()))
+    assert (series["torques"][:-1] == run.torques[frames]).all()
+    assert (series["joint_angles"] == np.diff(run.angles, axis=1)[frames]).all()
+    assert one.reward_time == pytest.approx(0.02 * np.arange(1, 51))
+    assert (series["reward"][:, 0] == REWARDS).all()
+    assert series["return"][-1, 0] == pytest.approx(REWARDS.sum())
+
+
+def test_every_series_has_a_name_and_a_unit(recording):
+    """A unit in brackets behind every name; a colour for each."""
+    one = recording[1].swimmers["the_wave"]
+    assert one.series.keys() == one.names.keys() == GROUPS.keys() | DETAILS.keys()
+    for group, names in one.names.items():
+        assert len(names) == one.series[group].shape[1]
+        assert all(name.endswith(")") and " (" in name for name in names)
+
+
+def test_flow_is_the_bodys(recording, run):
+    """Pressures to the picture's 127th part, velocities in single precision, at resting points."""
+    one = recording[1].swimmers["the_wave"]
+    assert one.flow_time == pytest.approx(0.1 * np.arange(11), abs=1e-9)
+    rows, columns = one.pressures.shape[1:]
+    instant, frame = 120, 6
+    y, x = np.mgrid[:rows, :columns]
+    middles = one.grid[frame] + (np.stack([x, y], axis=-1).reshape(-1, 2) + 0.5) * one.cell
+    flow, pressure = BodyFlow(SCENE).during(run, instant, middles)
+    found = one.pressures[frame].ravel()
+    scale = np.nanmax(np.abs(one.pressures))
+    seen = ~flow.inside & (np.abs(pressure) < scale)
+    assert np.abs(found - pressure)[seen].max() < 1.02 * scale / 127
+    assert np.isclose(np.abs(one.grid[frame] / one.cell % 4 - 2), 2, atol=1e-3).all()
+    shown = np.hypot(*one.velocities[frame].T)
+    assert 0.0 < shown.max() <= np.hypot(*flow.velocity.T).max() + 1e-6
+
+
+def test_pictures_of_pressure():
+    """What is read is what was drawn, but for the scale's steps; deep inside there is nothing."""
+    pressures = np.linspace(-3.0, 3.0, 120).reshape(10, 12).astype(np.float32)
+    pressures[3:6, 3:6] = np.nan
+    found = pressure_of(picture_of(pressures, 2.0), 2.0)
+    outside = np.isfinite(pressures)
+    clipped = np.clip(pressures, -2.0, 2.0)
+    assert np.abs(found - clipped)[outside].max() <= 1.01 * 2.0 / 127
+    assert np.isnan(found[4, 4]) and np.isnan(found).sum() == 1
+
+
+def test_energy_split(run):
+    """Elastic energy is that of the body at rest; the rest of the fluid is V^T A V / 2."""
+    instants = np.array([60, 100, 140])
+    split = Swimmer("x", run).series("energy", instants)
+    flow, simulator = BodyFlow(SCENE), Simulator(SCENE)
+    velocities = np.gradient(run.centres, 0.005, axis=0)
+    turning = np.gradient(run.angles, 0.005, axis=0)
+    for row, n in zip(split, instants, strict=True):
+        angles = run.angles[n]
+        simulator.reset_to(np.concatenate([[0, 0], angles[:1], np.diff(angles)]), np.zeros(11))
+        assert row[2] == pytest.approx(simulator.energy(), rel=1e-10)
+        fluid = flow.kinetic_energy(angles, velocities[n], turning[n])
+        assert row[1] == pytest.approx(fluid, abs=0.02 * row[3])
+
+
+@pytest.mark.parametrize("strain", ["averaged_directors", "joint_angle"])
+def test_moments_strain_as_the_scene_says(strain):
+    """Elastic energy of a bent body at rest, for both laws."""
+    scene = SCENE.replace("integrator.strain", strain)
+    simulator = Simulator(scene)
+    joint_angles = np.linspace(-0.3, 0.4, 8)
+    simulator.reset_to(np.concatenate([np.zeros(3), joint_angles]), np.zeros(11))
+    _, energies = elastic_moments(scene, joint_angles)
+    assert energies.sum() == pytest.approx(simulator.energy(), rel=1e-12)
+
+
+def test_two_swimmers_on_one_time_line(run, tmp_path):
+    """Equal names get numbers, and every swimmer keeps its own numbers."""
+    shorter = Simulator(SCENE).rollout(np.zeros((20, 8)))
+    path = tmp_path / "two.rrd"
+    write_recording(path, [Swimmer("a/b", run), Swimmer("a b", shorter)], flow_rate=None)
+    read = read_recording(path)
+    assert list(read.swimmers) == ["a_b", "a_b_2"]
+    assert read.swimmers["a_b"].time[-1] == pytest.approx(1.0)
+    assert read.swimmers["a_b_2"].time[-1] == pytest.approx(0.1)
+    assert read.swimmers["a_b"].names["progress"] == ["a_b, along the goal (BL)"]
+    assert not read.swimmers["a_b"].flow_time.size
+    assert label_of("\u00e9/ ", ["swimmer"]) == "swimmer_2"
+
+
+def test_sizes_of_twenty_seconds(tmp_path):
+    """Under 5 MB without flow, under 50 MB with it, at the default rates."""
+    simulator = Simulator(SCENE)
+    torques = np.random.default_rng(0).uniform(-1.0, 1.0, (1000, 8)).repeat(4, axis=0)
+    run = simulator.rollout(torques)
+    path = tmp_path / "long.rrd"
+    assert write_recording(path, [Swimmer("x", run)], flow_rate=None).size < 2e6
+    # The flow's size hangs on its frames: a fifth of them.
+    written = write_recording(path, [Swimmer("x", run)], flow_rate=5.0)
+    assert written.flow_frames == 101
+    assert 5 * written.size < 5e7
+
+
+def test_a_scene_without_fluid(tmp_path):
+    """Is recorded without flow, unasked."""
+    scene = SCENE.replace("fluid", None)
+    run = Simulator(scene).rollout(np.full((40, 8), 0.1))
+    path = tmp_path / "dry.rrd"
+    assert write_recording(path, [Swimmer("dry", run)]).flow_frames == 0
+    one = read_recording(path).swimmers["dry"]
+    assert one.series["energy"][20:30, 1] == pytest.approx(0.0, abs=0.02 * run.energy.max())
+
+
+def test_stored_recordings_stay_readable():
+    """One of every schema so far."""
+    read = read_recording(STORED)
+    assert read.schema == 1
+    one = read.swimmers["prescribed"]
+    simulator = Simulator(one.scene)
+    run = simulator.rollout(simulator.prescribed_torques(60))
+    assert one.nodes == pytest.approx(run.nodes[::4], abs=1e-5)
+    assert one.series["energy"][:, 3] == pytest.approx(run.energy[::4], rel=1e-6, abs=1e-12)
+    assert one.pressures.shape == (4, 48, 96) and one.flow_time[1] == pytest.approx(0.1)
+    assert STORED.stat().st_size < 200_000
+
+
+def test_later_schemas_are_refused(recording, monkeypatch):
+    """In one line that says what to do."""
+    monkeypatch.setattr("swim_env.viewer.recording.reader.SCHEMA_VERSION", 0)
+    with pytest.raises(RecordingError, match="has schema 1, this version of swim_env reads up to"):
+        read_recording(recording[0])
+
+
+def test_other_files_are_refused(tmp_path, recording):
+    """No file, no recording, somebody else's, half of one."""
+    import rerun as rr
+
+    with pytest.raises(RecordingError, match="No such file"):
+        read_recording(tmp_path / "none.rrd")
+    other = tmp_path / "other.rrd"
+    other.write_bytes(b"not a recording")
+    with pytest.raises(RecordingError, match="not a recording, or a damaged one"):
+        read_recording(other)
+    stream = rr.RecordingStream("else")
+    stream.save(other)
+    stream.log("x", rr.Scalars(1.0), static=True)
+    stream.disconnect()
+    with pytest.raises(RecordingError, match="says no schema"):
+        read_recording(other)
+    half = tmp_path / "half.rrd"
+    half.write_bytes(recording[0].read_bytes()[:20_000])
+    with pytest.raises(RecordingError):
+        read_recording(half)
+
+
+def test_a_file_is_written_whole_or_not_at_all(tmp_path, swimmer):
+    """A failure leaves what was there before and nothing half-written."""
+    before = tmp_path / "before.rrd"
+    before.write_bytes(b"kept")
+    with pytest.raises(OptionError, match="unknown colour"):
+        write_recording(before, [swimmer], colour="x")
+    assert before.read_bytes() == b"kept"
+    with pytest.raises(SwimError, match="cannot write the recording: No such file"):
+        write_recording(tmp_path / "none" / "x.rrd", [swimmer], flow_rate=None)
+    with pytest.raises(OptionError, match="at least one swimmer"):
+        write_recording(before, [])
+    assert [path.name for path in tmp_path.iterdir()] == ["before.rrd"]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs Linux")
+def test_a_full_disk_is_one_line(tmp_path, swimmer, monkeypatch):
+    """The system's own words, and the file."""
+
+    def full(path, write):
+        with open("/dev/full", "wb", buffering=0) as file:
+            write(file)
+
+    monkeypatch.setattr("swim_env.viewer.recording.writer.write_atomically", full)
+    with pytest.raises(SwimError, match="cannot write the recording: No space left on device"):
+        write_recording(tmp_path / "x.rrd", [swimmer], flow_rate=None)
+
+
+def test_frames(run):
+    """The first, every so many, and the last."""
+    assert frames_of(run, 50.0).tolist() == list(range(0, 201, 4))
+    assert frames_of(run, 60.0)[-1] == 200
+    assert len(frames_of(run, 1e4)) == 201
+    for rate in (0.0, -1.0, float("nan")):
+        with pytest.raises(OptionError, match="above 0"):
+            frames_of(run, rate)

@@ -1,0 +1,234 @@
+"""The visualise command, --record of the others, and rerun's viewer itself."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from swim_env import Simulator, SwimError, load_scene
+from swim_env.command_line import run
+from swim_env.viewer.recording import read_recording, take_picture
+
+ROOT = Path(__file__).parents[2]
+
+
+class Done(NamedTuple):
+    """What came of a command."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture
+def command(capsys, monkeypatch, tmp_path):
+    """Return a function that runs a script's main in this process, without a display."""
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.chdir(tmp_path)
+
+    def call(script: str, *arguments: str) -> Done:
+        capsys.readouterr()
+        main = importlib.import_module(f"scripts.{script}").main
+        try:
+            code = run(main, list(arguments))
+        except SystemExit as error:  # argparse
+            code = int(error.code or 0)
+        return Done(code, *capsys.readouterr())
+
+    return call
+
+
+def test_agent_beside_the_wave(command, tmp_path):
+    """Both on one time line, figures in the last line, what to do without a display."""
+    file = tmp_path / "new" / "both.rrd"
+    done = command(
+        "visualise", "--policy", "tuned_wave", "--compare-with", "paper_wave", "--duration",
+        "0.4", "--noise", "0", "--flow-rate", "10", "--output", str(file), "--view", "--json",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    figures = json.loads(done.stdout.splitlines()[-1])
+    assert figures.keys() == {
+        "file", "bytes", "frames", "flow_frames", "logging_seconds", "flow_seconds", "schema",
+    }  # fmt: skip
+    assert figures["bytes"] == file.stat().st_size and figures["frames"] == 42
+    assert f"rerun {file}" in done.stderr and "rerun --web-viewer" in done.stderr
+    read = read_recording(file)
+    assert list(read.swimmers) == ["tuned_wave", "paper_wave"]
+    for one in read.swimmers.values():
+        assert one.time[-1] == pytest.approx(0.4)
+        assert one.series["return"][-1] == pytest.approx(one.series["progress"][-1], abs=1e-12)
+
+
+def test_prescribed_torque_and_saved_trajectory(command, tmp_path):
+    """By default the scene's own torque, without rewards; a saved run gives the same numbers."""
+    done = command(
+        "visualise",
+        "--scene",
+        "paper_i",
+        "--duration",
+        "0.5",
+        "--no-flow",
+        "--json",
+    )
+    assert done.returncode == 0, done.stderr
+    file = tmp_path / "results" / "recordings" / "paper_i-prescribed.rrd"
+    one = read_recording(file).swimmers["prescribed"]
+    simulator = Simulator("paper_i")
+    played = simulator.rollout(simulator.prescribed_torques(50))
+    assert (one.series["energy"][:, 3] == played.energy[::2]).all()
+    assert "reward" not in one.series and not one.flow_time.size
+    played.save(tmp_path / "saved.npz")
+    output = str(tmp_path / "saved.rrd")
+    done = command(
+        "visualise", "--trajectory", str(tmp_path / "saved.npz"), "--output", output, "--colour",
+        "moment", "--flow-rate", "4",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "recording" in done.stdout and f"look at it with: rerun {output}" in done.stderr
+    other = read_recording(output).swimmers["saved"]
+    for group, values in one.series.items():
+        assert (other.series[group] == values).all(), group
+    assert other.flow_time.size == 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        (["--scene", "swimer"], "unknown scene 'swimer'"),
+        (["--policy", "papr_wave"], "unknown policy 'papr_wave'"),
+        (["--trajectory", "none.npz"], "cannot read the trajectory"),
+        (["--trajectory", "none.npz", "--policy", "zero"], "--policy has no meaning"),
+        (["--no-flow", "--flow-rate", "5"], "--flow-rate has no meaning with --no-flow"),
+        (["--flow-rate", "0"], "--flow-rate must be above 0"),
+        (["--frame-rate", "nan"], "--frame-rate must be above 0"),
+        (["--duration", "-1"], "must be a positive number"),
+        (["--at", "1"], "--at needs --picture"),
+        (["--picture", "none/x.png"], "no such folder for the picture"),
+        (["--task", "fly"], "unknown task 'fly'"),
+        (["--colour", "x"], "invalid choice: 'x'"),
+        (["--output", "."], "cannot"),
+    ],
+)
+def test_bad_input_is_one_line_and_code_2(command, tmp_path, arguments, part):
+    """Nothing is played and nothing is left."""
+    if arguments == ["--output", "."]:
+        (tmp_path / "x.rrd").mkdir()
+        arguments, part = ["--output", str(tmp_path / "x.rrd")], "this is a folder"
+    done = command("visualise", *arguments)
+    assert done.returncode == 2
+    assert part in done.stderr and "Traceback" not in done.stderr
+    assert not list(tmp_path.rglob("*.rrd")) or part == "this is a folder"
+
+
+def test_replay_records(command, tmp_path):
+    """--record writes a file beside the figures, into a folder or under its name."""
+    done = command(
+        "replay", "--scene", "swimmer", "--duration", "0.2", "--record", str(tmp_path), "--json"
+    )
+    assert done.returncode == 0, done.stderr
+    figures = json.loads(done.stdout.splitlines()[-1])
+    file = tmp_path / "swimmer.rrd"
+    assert figures["recording"]["file"] == str(file)
+    place = read_recording(file).swimmers["prescribed"].path
+    assert place[-1] - place[0] == pytest.approx(figures["displacement"], abs=1e-6)
+    named = tmp_path / "episode.rrd"
+    done = command(
+        "replay", "--scene", "swimmer", "--duration", "0.2", "--env", "--policy", "random",
+        "--record", str(named),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert str(named) in done.stdout
+    assert read_recording(named).swimmers["random"].series["reward"].shape == (10, 1)
+
+
+def test_compare_records(command, tmp_path):
+    """Everybody's first start in one recording, the references last."""
+    file = tmp_path / "contest.rrd"
+    done = command(
+        "compare", "--policies", "zero", "--duration", "0.2", "--seeds", "3", "--record",
+        str(file), "--json",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    record = json.loads(done.stdout.splitlines()[-1])
+    read = read_recording(file)
+    assert list(read.swimmers) == ["zero", "paper_wave", "tuned_wave"]
+    for name, one in read.swimmers.items():
+        gained = record["net_displacement"][name][0]
+        assert one.series["progress"][-1, 0] == pytest.approx(gained, abs=1e-12)
+
+
+def test_train_records_every_evaluation(command, tmp_path):
+    """A file an evaluation, under its number of steps."""
+    from agents.learning.logs import read_log
+
+    done = command(
+        "train", "demo", "--set", "steps=256", "evaluation.every=128", "evaluation.episodes=2",
+        "members=8", "ppo.minibatch=128", "ppo.rollout=16", "scene.episode.duration=0.2",
+        "--output", str(tmp_path / "run"),
+        "--record", str(tmp_path / "seen"),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    log = read_log(tmp_path / "run" / "seed_0" / "evaluations.csv")
+    files = sorted((tmp_path / "seen" / "seed_0").iterdir())
+    assert {path.name for path in files} == {f"evaluation-{int(n)}.rrd" for n in log["steps"]}
+    assert len(files) >= 2
+    (one,) = read_recording(files[0]).swimmers.values()
+    assert one.time[-1] == pytest.approx(0.2)
+
+
+def test_as_a_program(tmp_path):
+    """From another folder, with the figures as the last line."""
+    done = subprocess.run(
+        [sys.executable, str(ROOT / "scripts" / "visualise.py"), "--duration", "0.1", "--json"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        timeout=250,
+    )
+    assert done.returncode == 0, done.stderr
+    figures = json.loads(done.stdout.splitlines()[-1])
+    assert (tmp_path / figures["file"]).stat().st_size == figures["bytes"]
+
+
+@pytest.mark.slow
+@pytest.mark.ci_slice
+def test_reruns_viewer_shows_it(tmp_path):
+    """In the real viewer, without a window: no complaints, the body and its colours are there."""
+    from PIL import Image
+
+    from swim_env.viewer.recording import Swimmer, write_recording
+
+    scene = load_scene("swimmer")
+    torques = np.tile([[1.0] * 4 + [-1.0] * 4], (100, 1))
+    played = Simulator(scene).rollout(torques)
+    file, picture = tmp_path / "seen.rrd", tmp_path / "seen.png"
+    write_recording(file, [Swimmer("wave", played)], flow_rate=25.0)
+    try:
+        complaints = take_picture(file, picture, 0.3)
+    except SwimError as error:
+        if "cannot be started" in str(error):
+            pytest.skip(str(error))
+        raise
+    assert complaints == []
+    pixels = np.asarray(Image.open(picture).convert("RGB")).astype(int)
+    # The upper left part follows the body, whose middle is in its middle.
+    height, width = pixels.shape[:2]
+    view = pixels[int(0.07 * height) : int(0.52 * height), : int(0.58 * width)]
+    for colour in ((217, 72, 1), (8, 81, 156), (44, 58, 75)):
+        near = np.abs(view - colour).max(axis=-1) <= 12
+        assert near.sum() > 400, colour
+    rows, columns = np.nonzero(np.abs(view - (217, 72, 1)).max(axis=-1) <= 12)
+    assert abs(rows.mean() / view.shape[0] - 0.5) < 0.2
+    # Torque turns from + to - in the middle: the front half, on the left, is orange.
+    assert columns.mean() < 0.5 * view.shape[1]
+    assert np.unique(pixels.reshape(-1, 3), axis=0).shape[0] > 500
