@@ -46,8 +46,9 @@ Indices = NDArray[np.int64]
 
 #: Bytes.
 _CACHE_LINE = 64
-#: Time that an outer step may take before it ends unsolved (s), by rough figures of the costs.
-_LONGEST_STEP = 0.5
+#: Time that an outer step may take before it ends unsolved (s), by rough figures of the costs: a
+#: core that is shared takes twice as long, and has to be done within a second.
+_LONGEST_STEP = 0.4
 
 
 class Bodies:
@@ -358,7 +359,7 @@ def _fluid_terms(fluid: Fluid | None, geometry: FluidGeometry) -> Array:
 def _costs(scene: Scene) -> tuple[float, float, float]:
     """Return what a residual, an added mass and a matrix take of the effort of a step.
 
-    A step may take about half a second, or as long as one attempt to solve it where this is
+    A step may take `_LONGEST_STEP`, or as long as one attempt to solve it where this is
     longer. The times are rough (s on a core of 2023), and hang on sizes alone, so that results do
     not depend on the machine.
     """
@@ -371,8 +372,8 @@ def _costs(scene: Scene) -> tuple[float, float, float]:
         matrix *= 2.0
     if fluid is not None and fluid.model in ("panels", "centreline"):
         panels = elements * fluid.panels_per_element + 2 * fluid.panels_per_end(scene.beam)
-        evaluating += 2.5e-9 * panels**2 + 1e-11 * panels**3
-        weighing += 5e-9 * panels**2 + 6e-11 * panels**3
+        evaluating += 4e-6 + 2e-9 * panels**2 + 9e-12 * panels**3
+        weighing += 6e-6 + 1e-8 * panels**2 + 8e-11 * panels**3
     elif fluid is not None and fluid.model == "expansion":
         tensor = 1e-9 * elements**4
         evaluating, weighing = evaluating + tensor, weighing + tensor
