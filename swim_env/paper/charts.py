@@ -13,6 +13,7 @@ from swim_env.paper.bars import bar_of
 from swim_env.paper.constants import RESOLVED
 from swim_env.paper.figures import LINES
 from swim_env.paper.maps import is_verified
+from swim_env.paper.measures import heading_turn, way_ahead
 from swim_env.paper.onset import PAPER_TIMES, implied_rate
 from swim_env.paper.runs import NUMERALS
 from swim_env.paper.variants import VARIANTS
@@ -149,8 +150,8 @@ def draw_variants(data: Data) -> Figure:
         ahead, turn = [], []
         for x in known:
             run = of_scene[scenes[x]]
-            ahead.append(-run["displacement"][0] / run["length"])
-            turn.append(math.degrees(run["turn"]))
+            ahead.append(way_ahead(run))
+            turn.append(heading_turn(run))
         look = {"marker": mark, "color": colours[i], "linestyle": "", "markersize": 6}
         top.plot(np.array(known) + spread[i], ahead, label=words, **look)
         bottom.plot(np.array(known) + spread[i], turn, **look)
