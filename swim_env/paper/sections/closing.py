@@ -75,10 +75,9 @@ def discussion(data: Data, findings: Sequence[tuple[Statement, Finding]]) -> str
     )
     lines.append(
         f"**Straight and curved paths**: {held('paths')} {_curve_words(data)} With a "
-        "mirror-symmetric "
-        "fluid a wave turns the body only if the motion breaks the symmetry, which none of ours "
-        "does, so curves that a model shows in these scenes "
-        "measure how lopsided it is."
+        "mirror-symmetric fluid a wave turns the body only if the motion breaks the symmetry, "
+        "which none of ours does, so curves that a model shows in these scenes measure how "
+        "lopsided it is."
     )
     lines.append(
         f"**Times of onset**: {held('times')} {_rate_words(data)} The paper's times cannot be had "

@@ -20,16 +20,14 @@ def section(data: Data, pictures: Mapping[str, str]) -> str:
     lines = [
         "## A wider map than the paper's\n",
         "Net speed head first, with 1 ms of Kelvin-Voigt damping (scene `swimmer`; undamped, a "
-        "displacement at resonance has no limit to converge to). Computed with the straight "
-        "body's added "
-        "mass from fine panels and the second-order scheme. Every point is played with two "
-        "steps, and "
-        "some with panels at every step; a point is **verified** where all of them agree within "
-        f"{AGREEMENT:.0%} or {SMALLEST:g} BL/s, the energy adds up, and joints bend by less than "
-        f"{LARGEST_BEND:g} rad unless panels confirm it. Others are grey. Speeds are those of half "
-        "the step. Their bars count a third of the change that the step makes, as the scheme is of "
-        "second order, and the change that panels make, or the largest one where a point was not "
-        "played with them.\n",
+        "displacement at resonance has no limit to converge to). Computed with the straight body's "
+        "added mass from fine panels and the second-order scheme. Every point is played with two "
+        "steps, and some with panels at every step; a point is **verified** where all of them "
+        f"agree within {AGREEMENT:.0%} or {SMALLEST:g} BL/s, the energy adds up, and joints bend "
+        f"by less than {LARGEST_BEND:g} rad unless panels confirm it. Others are grey. Speeds are "
+        "those of half the step. Their bars count a third of the change that the step makes, as "
+        "the scheme is of second order, and the change that panels make, or the largest one where "
+        "a point was not played with them.\n",
     ]
     for name, words in (("drive", "frequency x wave number"), ("body", "stiffness x length")):
         rows = data["maps"].get(name, [])

@@ -56,15 +56,12 @@ def section(data: Data, pictures: Mapping[str, str]) -> str:
     )
     text = (
         "## Stability of the straight body\n\n"
-        "At 0.1 m/s along itself, first time that an end is 1 % of the length off its line, "
-        "at EI = "
-        f"{STIFFNESS[0]:g}; the last column has the extremes over all EI played up to "
-        f"{STIFFNESS[-1]:g} N m². Kirchhoff's rate and time are those of a rigid body with "
-        "the discrete "
-        "body's own masses: λ² = U² m11 (m22 - m11)/(m22 I - g²), and the linear equations "
-        "integrated "
-        "from the same start. Times lie between steps. Bars are those of the step: panels are "
-        "given, as the paper's times are compared at its panels.\n\n"
+        "At 0.1 m/s along itself, first time that an end is 1 % of the length off its line, at EI "
+        f"= {STIFFNESS[0]:g}; the last column has the extremes over all EI played up to "
+        f"{STIFFNESS[-1]:g} N m². Kirchhoff's rate and time are those of a rigid body with the "
+        "discrete body's own masses: λ² = U² m11 (m22 - m11)/(m22 I - g²), and the linear "
+        "equations integrated from the same start. Times lie between steps. Bars are those of the "
+        "step: panels are given, as the paper's times are compared at its panels.\n\n"
         + _print_of_slope(data)
         + table(heads, rows)
     )
@@ -143,9 +140,8 @@ def _findings_of_stability(data: Data) -> str:
         angle = max(one["largest_angle"] for one in straight)
         exact = "bit for bit straight" if angle == 0.0 else f"straight to {angle:.1e} rad"
         lines.append(
-            f"**[0.1, 0] is {'an exact' if angle == 0.0 else 'no exact'} relative equilibrium "
-            "of the "
-            f"discrete equations**: {len(straight)} bodies are {exact} after "
+            f"**[0.1, 0] is {'an exact' if angle == 0.0 else 'no exact'} relative equilibrium of "
+            f"the discrete equations**: {len(straight)} bodies are {exact} after "
             f"{straight[0]['duration']:g} s."
         )
     rated = [
@@ -154,18 +150,16 @@ def _findings_of_stability(data: Data) -> str:
     if rated:
         off = [one["rate"] / one["kirchhoff"] - 1.0 for one in rated]
         lines.append(
-            f"**The growth is Kirchhoff's**: the {len(rated)} runs from 2.2e-16 m/s, which "
-            "grow over "
-            f"many decades, have his rate to {min(off):+.1e} to {max(off):+.1e}."
+            f"**The growth is Kirchhoff's**: the {len(rated)} runs from 2.2e-16 m/s, which grow "
+            f"over many decades, have his rate to {min(off):+.1e} to {max(off):+.1e}."
         )
     pairs = []
     for n, panels in ((3, 12), (9, 4), (27, 4)):
         slow, quick = (PAPER_TIMES[n, panels, kind] for kind in ("epsilon", "small"))
         pairs.append(f"{implied_rate(slow, quick):.2f} (N = {n})")
     lines.append(
-        "**No single rate explains the paper's times.** A growth from 2.2e-16 and one from "
-        "1e-4 are "
-        f"ln(1e-4/2.2e-16)/λ apart; the paper's pairs need λ = {', '.join(pairs)} 1/s. "
+        "**No single rate explains the paper's times.** A growth from 2.2e-16 and one from 1e-4 "
+        f"are ln(1e-4/2.2e-16)/λ apart; the paper's pairs need λ = {', '.join(pairs)} 1/s. "
         + _alone_needs(data)
     )
     same = [
@@ -180,10 +174,9 @@ def _findings_of_stability(data: Data) -> str:
     ]
     if apart:
         lines.append(
-            "At N = 27 with 12 panels the start of 2.2e-16 m/s was played with panels at "
-            "every step "
-            f"for {len(apart)} stiffnesses and with the straight body's added mass for all; where "
-            f"both were, their times are {max(apart):.2f} s apart at most."
+            "At N = 27 with 12 panels the start of 2.2e-16 m/s was played with panels at every "
+            f"step for {len(apart)} stiffnesses and with the straight body's added mass for all; "
+            f"where both were, their times are {max(apart):.2f} s apart at most."
         )
     return "\n\n".join(lines) + "\n"
 

@@ -24,13 +24,13 @@ def head(data: Data, command: str, written: str | None) -> str:
         f"Made by `{command}`: figures computed at commit {commits(data)} on "
         f"{', '.join(data['dates']) or 'no day'}, page written by commit "
         f"{short_commit(written) if written else 'unknown'}. There are {data['units']} units of "
-        f"work, one data file each.{note} Numbers of ours are read from those files; "
-        "those of the paper are marked as such.\n\n"
+        f"work, one data file each.{note} Numbers of ours are read from those files; those of the "
+        "paper are marked as such.\n\n"
         "`±` is an error bar. Step and panels are both of first order, so the paper's settings are "
         "off by twice the change that half the time step makes, plus one and a half times the "
-        "change that three times the panels make, with ends to match. "
-        "The number of elements is the paper's, and not in the bar. A number without a bar is "
-        "exact, or an error itself, or a count.\n"
+        "change that three times the panels make, with ends to match. The number of elements is "
+        "the paper's, and not in the bar. A number without a bar is exact, or an error itself, or "
+        "a count.\n"
     )
 
 

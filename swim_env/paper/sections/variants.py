@@ -64,10 +64,9 @@ def section(data: Data, pictures: Mapping[str, str]) -> str:
     duration = ours["i"]["duration"]
     text = (
         "## Other readings of the print\n\n"
-        "The paper's (27) to (29), read to the letter, put sources on one side of the "
-        "centreline, and "
-        "(28) has a factor 1/2 and leaves open where its s begins. Each reading is played on the "
-        f"driven scenes for {duration:g} s, again with half the step: bars of the readings are "
+        "The paper's (27) to (29), read to the letter, put sources on one side of the centreline, "
+        "and (28) has a factor 1/2 and leaves open where its s begins. Each reading is played on "
+        f"the driven scenes for {duration:g} s, again with half the step: bars of the readings are "
         "those of the step, that of the closed outline counts its panels too. In brackets: the "
         "energy of one of the two runs does not add up to 5 %.\n\n"
         "Displacement head first (body lengths):\n\n"
@@ -125,8 +124,7 @@ def _step_words(data: Data, known: Sequence[str]) -> str:
     middle = sorted(change for change, *_ in changes)[len(changes) // 2]
     return (
         f"Half the step changes these displacements by {middle:.1%} in the median and by "
-        f"{most:.0%} at "
-        f"most (scene {scene}, {VARIANTS[name]}).\n"
+        f"{most:.0%} at most (scene {scene}, {VARIANTS[name]}).\n"
     )
 
 
@@ -150,10 +148,8 @@ def _judged_by_reading(data: Data, known: Sequence[str]) -> str:
     heads = ["statement", "closed outline, panels", *(VARIANTS[name] for name in known)]
     return (
         "The statements about driven scenes held against every reading, by the same criteria "
-        "(error "
-        "bars of the step alone, but for the first column). A reading that turns to a stated "
-        "side by less "
-        "than the criterion's degree differs here too:\n\n" + table(heads, rows)
+        "(error bars of the step alone, but for the first column). A reading that turns to a "
+        "stated side by less than the criterion's degree differs here too:\n\n" + table(heads, rows)
     )
 
 
@@ -199,8 +195,7 @@ def _mirror(data: Data) -> str:
 
     ours, theirs = sums(run, mirrored), sums(one_sided["base"], other["base"])
     return (
-        "Mirrored torques (scene i half a period later) should give the mirrored path. What "
-        "is left "
-        f"of the sum of both: closed outline {ours[0]:.1e} m across and {ours[1]:.1e}° of turn, "
-        f"centreline sources {theirs[0]:.1e} m and {theirs[1]:.2g}°.\n"
+        "Mirrored torques (scene i half a period later) should give the mirrored path. What is "
+        f"left of the sum of both: closed outline {ours[0]:.1e} m across and {ours[1]:.1e}° of "
+        f"turn, centreline sources {theirs[0]:.1e} m and {theirs[1]:.2g}°.\n"
     )
