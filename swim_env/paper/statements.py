@@ -318,7 +318,7 @@ STATEMENTS: tuple[Statement, ...] = (
         "delayed",
         f"{_S6}, Fig. 8",
         "proper discretisation may delay the onset",
-        "each threefold N is later by 5 % or more (start 1e-4)",
+        "the onset is later by 5 % or more with every threefold N (start 1e-4)",
         onset.delayed,
     ),
     Statement(

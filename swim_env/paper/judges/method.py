@@ -30,7 +30,7 @@ def momentum(data: Data) -> Finding:
     drift = max(run["momentum"]["drift"] for run in runs)
     share = max(run["momentum"]["share"] for run in runs)
     return Finding(
-        f"largest drift of all twelve {drift:.1e}; {share:.1e} of its bound",
+        f"largest drift of all twelve runs {drift:.1e}; {share:.1e} of its bound",
         yes(drift <= 1e-9 and share <= 1.0),
         "What a step leaves of its residual is carried into the next, so momentum is kept to "
         "round-off whatever the tolerance of Newton's method.",

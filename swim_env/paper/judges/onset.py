@@ -158,10 +158,10 @@ def _small_times(data: Data) -> dict[int, Value]:
 def coarse_unstable(data: Data) -> Finding:
     """Judge whether the coarse body leaves its line much sooner than the finer ones."""
     found = _small_times(data)
-    ratios = {f"N = {n}": found[3].over(found[n]) for n in (9, 27)}
+    ratios = {f"N = 3 over N = {n}": found[3].over(found[n]) for n in (9, 27)}
     return Finding(
         "; ".join(f"N = {n}: {one.text()} s" for n, one in found.items())
-        + "; that of N = 3 over that of "
+        + "; "
         + listed(ratios, "{}"),
         all_of(at_most(one, 0.5) for one in ratios.values()),
         "No body is more unstable for being coarse here: a straight row of any number of elements "
@@ -178,7 +178,7 @@ def delayed(data: Data) -> Finding:
     return Finding(
         "; ".join(f"N = {n}: {one.text()} s" for n, one in found.items()),
         all_of(above(found[b].over(found[a]), 1.05) for a, b in ((3, 9), (9, 27))),
-        f"The onset is the rigid body's, whose masses hardly hang on N: the times are "
+        f"The onset is the rigid body's, whose masses hardly depend on N: the times are "
         f"{high - low:.2f} s apart. The sloped start says nothing of N, as it counts x in elements "
         "and so is another motion for every N: "
         + ", ".join(f"{one.value:.1f}" for one in sloped)
@@ -195,8 +195,8 @@ def x_turns(data: Data) -> Finding:
     return Finding(
         f"turned by {turn.text()}° at t = 10 s; {shown}",
         within(Value(abs(turn.value), turn.bar), 180.0, TURN),
-        "The same fate, later: the growth is that of Kirchhoff's equations, several times slower "
-        "than the paper's.",
+        "It turns as far, but later: the growth is that of Kirchhoff's equations, several times "
+        "slower than the paper's.",
     )
 
 

@@ -1,4 +1,4 @@
-"""The page's end: what of the paper can be had and from what, and the settings of the runs."""
+"""The page's end: what of the paper can be reproduced, from what, and the settings of the runs."""
 
 from __future__ import annotations
 
@@ -59,9 +59,9 @@ GROUPS: dict[str, tuple[str, ...]] = {
 
 
 def discussion(data: Data, findings: Sequence[tuple[Statement, Finding]]) -> str:
-    """Return what of the paper can be had, group by group, counted by the verdicts."""
+    """Return what of the paper can be reproduced, group by group, counted by the verdicts."""
     by_key = {statement.key: finding for statement, finding in findings}
-    lines = ["## What can be had, and from what"]
+    lines = ["## What can be reproduced, and from what"]
 
     def held(group: str) -> str:
         found = [by_key[key] for key in GROUPS[group]]
@@ -70,8 +70,8 @@ def discussion(data: Data, findings: Sequence[tuple[Statement, Finding]]) -> str
 
     lines.append(
         f"**Directions, orders of speeds and bends** of Figs. 4 to 7: {held('orders')} Ours are "
-        "from the closed outline with the paper's parameters; by reading of the print they are "
-        "counted above. Distances are not stated in the text and so not compared."
+        "from the closed outline with the paper's parameters; counts for the other readings of the "
+        "print stand above. Distances are not stated in the text and so not compared."
     )
     lines.append(
         f"**Straight and curved paths**: {held('paths')} {_curve_words(data)} With a "
@@ -80,12 +80,12 @@ def discussion(data: Data, findings: Sequence[tuple[Statement, Finding]]) -> str
         "lopsided it is."
     )
     lines.append(
-        f"**Times of onset**: {held('times')} {_rate_words(data)} The paper's times cannot be had "
-        "from any reading tried."
+        f"**Times of onset**: {held('times')} {_rate_words(data)} No reading tried gives the "
+        "paper's times."
     )
     lines.append(
-        f"**What the onset does not hang on**, and the equilibrium itself: {held('onset')} An "
-        "unstable equilibrium that stiffness and panels do not change can be had."
+        f"**What the onset does not depend on**, and the equilibrium itself: {held('onset')} An "
+        "unstable equilibrium that stiffness and panels hardly change is reproduced."
     )
     lines.append(
         f"**The method and the principle**, from constants of motion to swimming by torques alone: "
@@ -146,8 +146,8 @@ def _semicircle_words(data: Data) -> str:
     most = max(known, key=lambda name: abs(known[name]["curvature"]))
     run = known[most]
     return (
-        f" At the largest curvature of iv among them ({VARIANTS[most]}) a semicircle takes "
-        f"{math.pi / abs(run['curvature']):.0f} m of way, and it covers {run['way']:.2f} m."
+        f" At the largest curvature of iv among them ({VARIANTS[most]}) a semicircle would take "
+        f"{math.pi / abs(run['curvature']):.0f} m of path, and iv covers {run['way']:.2f} m."
     )
 
 
@@ -199,8 +199,8 @@ def settings(data: Data, written: str | None) -> str:
     text = (
         "## Settings\n\n"
         "Table 1's scenes as they ship (`configs/scenes/paper_*.yaml`). Times of onset have "
-        "the bar of the step alone; at N = 27 with 12 panels the one of 2.2e-16 m/s is from runs "
-        "with the straight body's added mass.\n\n"
+        "the bar of the step alone; at N = 27 with 12 panels the bar for the start of 2.2e-16 "
+        "m/s is from runs with the straight body's added mass.\n\n"
     )
     if rows:
         text += table(heads, rows) + "\n"

@@ -55,9 +55,9 @@ def section(data: Data, pictures: Mapping[str, str]) -> str:
         "Newton's method plus 1e-15 n times the size of its terms. Energy: H - H(0) - work, as a "
         "share of the largest H. These are errors and so have no bar; that of the energy at half "
         "the step stands beside it. Positive work counts every swing of the modes that ring "
-        "undamped, which the steps do not resolve: its bar is often as large as itself. What the "
-        f"torques spend on the motion below {RESOLVED:g} Hz alone is known, and stands last, and "
-        "in the table of scenes as a power.\n\n" + table(heads, rows)
+        "undamped, which the steps do not resolve: its bar is often as large as itself. The "
+        f"steps resolve only what the torques spend on motion below {RESOLVED:g} Hz: the last "
+        "column, and the power in the table of scenes.\n\n" + table(heads, rows)
     )
     return (
         text

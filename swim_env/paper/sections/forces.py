@@ -55,11 +55,11 @@ def section(data: Data, pictures: Mapping[str, str]) -> str:
         "### Forces and moments along the beam\n\n"
         "The paper names stresses and strains, and the energy needed for locomotion, as what the "
         "model is for. Forces come from each element's momentum balance, the fluid's impulse on "
-        "its own panels included, so they hold for the discrete body whatever the multipliers are; "
-        "moments are those of torque and spring (all per metre of depth). The undamped beam rings, "
-        f"and steps of 10 ms resolve motions up to {RESOLVED:g} Hz (2π f dt = 0.5). What is stated "
-        "is the root mean square of each series below that frequency, at the joint where it is "
-        "largest; the share of the variance above it is what these runs cannot tell. "
+        "its own panels included, so they need no multipliers of the constraints; moments are "
+        "those of torque and spring (all per metre of depth). The undamped beam rings, and steps "
+        f"of 10 ms resolve motions up to {RESOLVED:g} Hz (2π f dt = 0.5). What is stated is the "
+        "root mean square of each series below that frequency, at the joint where it is largest; "
+        "the share of the variance above it is what these runs do not resolve. "
     )
     if peaks:
         text += (

@@ -56,14 +56,14 @@ def section(data: Data, pictures: Mapping[str, str]) -> str:
     )
     text = (
         "## Stability of the straight body\n\n"
-        "At 0.1 m/s along itself, first time that an end is 1 % of the length off its line, at EI "
-        f"= {STIFFNESS[0]:g}; the last column has the extremes over all EI played up to "
-        f"{STIFFNESS[-1]:g} N m². Kirchhoff's rate and time are those of a rigid body with the "
-        "discrete body's own masses: λ² = U² m11 (m22 - m11)/(m22 I - g²), and the linear "
-        "equations integrated from the same start. Times lie between steps. Bars are those of the "
-        "step: panels are given, as the paper's times are compared at its panels.\n\n"
-        + _print_of_slope(data)
-        + table(heads, rows)
+        "The body moves along itself at 0.1 m/s, and the times are the first at which an end is 1 "
+        f"% of the length off its line, at EI = {STIFFNESS[0]:g} N m²; they are interpolated "
+        "between steps. The last column has the shortest and the longest over all EI played, up to "
+        f"{STIFFNESS[-1]:g} N m². Kirchhoff's rate is that of a rigid body with the discrete "
+        "body's own masses, λ² = U² m11 (m22 - m11)/(m22 I - g²): m11 along the body, m22 across "
+        "it, I of rotation, and g between the last two. His time comes from the linear equations "
+        "integrated from the same start. Bars are those of the step alone, as times are compared "
+        "at the paper's number of panels.\n\n" + _print_of_slope(data) + table(heads, rows)
     )
     text += "\n" + picture(
         pictures,

@@ -26,11 +26,11 @@ def head(data: Data, command: str, written: str | None) -> str:
         f"{short_commit(written) if written else 'unknown'}. There are {data['units']} units of "
         f"work, one data file each.{note} Numbers of ours are read from those files; those of the "
         "paper are marked as such.\n\n"
-        "`±` is an error bar. Step and panels are both of first order, so the paper's settings are "
-        "off by twice the change that half the time step makes, plus one and a half times the "
-        "change that three times the panels make, with ends to match. The number of elements is "
-        "the paper's, and not in the bar. A number without a bar is exact, or an error itself, or "
-        "a count.\n"
+        "`±` is an error bar. Figures converge at first order in the time step and in the panels, "
+        "so at the paper's settings they are off by about twice the change that half the step "
+        "makes, plus one and a half times the change that three times as many panels make, those "
+        "of the ends included. The number of elements is the paper's and not in the bar. A number "
+        "without a bar is exact, or an error itself, or a count.\n"
     )
 
 
@@ -65,8 +65,8 @@ def statements(findings: Sequence[tuple[Statement, Finding]]) -> str:
     return (
         "## Statement by statement\n\nBL is a body length. Left and right of a turn or a curve are "
         "the swimmer's own, as seen by one who swims along; swimming *to the left*, towards -x, is "
-        "the left of the figures, and head first. A turn is that of the mean element angle between "
-        "the means of the first and of the last second, to the left where it is positive.\n\n"
+        "the left of the figures, and head first. A turn is the change of the mean element angle "
+        "from its mean over the first second to that over the last; it is positive to the left.\n\n"
         "One rule gives all verdicts: a figure **agrees** where its whole error bar meets the "
         "criterion, **differs** where none of it does, and is **undecided** where the bar spans "
         "the limit.\n\n" + table(heads, rows) + f"\nMirror symmetry: {SYMMETRY}\n"

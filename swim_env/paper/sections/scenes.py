@@ -23,7 +23,10 @@ _CAPTIONS = {
     "fig8": "Fig. 8: scenes x, xi and xii.",
 }
 #: Of Figs. 4 to 7.
-_SAME_PHASE = " All shapes are at the same phase of the drive, that of t = 0."
+_SAME_PHASE = (
+    " All shapes are at the same phase of the drive, that of t = 0; they differ as the undamped "
+    "body still rings from its start."
+)
 
 
 def section(data: Data, pictures: Mapping[str, str]) -> str:

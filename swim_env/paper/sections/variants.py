@@ -64,11 +64,11 @@ def section(data: Data, pictures: Mapping[str, str]) -> str:
     duration = ours["i"]["duration"]
     text = (
         "## Other readings of the print\n\n"
-        "The paper's (27) to (29), read to the letter, put sources on one side of the centreline, "
-        "and (28) has a factor 1/2 and leaves open where its s begins. Each reading is played on "
-        f"the driven scenes for {duration:g} s, again with half the step: bars of the readings are "
-        "those of the step, that of the closed outline counts its panels too. In brackets: the "
-        "energy of one of the two runs does not add up to 5 %.\n\n"
+        "The paper's equations (27) to (29), read to the letter, put sources on one side of the "
+        "centreline, and (28) has a factor 1/2 and leaves open where its s begins. Each reading is "
+        f"played on the driven scenes for {duration:g} s, and once more with half the step: bars "
+        "of the readings are those of the step, that of the closed outline counts its panels too. "
+        "Figures in brackets: in one of the two runs the energy does not add up within 5 %.\n\n"
         "Displacement head first (body lengths):\n\n"
         + table(heads, rows(way_ahead, "+"))
         + "\nSpeed, net (mm/s):\n\n"
@@ -79,7 +79,7 @@ def section(data: Data, pictures: Mapping[str, str]) -> str:
         + table(heads, rows(turn_per_way, "+"))
     )
     text += "\n" + picture(
-        pictures, "variants", "Direction, speed and turn of the driven scenes by reading."
+        pictures, "variants", "Displacement and turn of the driven scenes by reading."
     )
     text += "\n" + _step_words(data, known) + "\n" + _judged_by_reading(data, known)
     return text + "\n" + _variant_rates(data, known) + "\n" + _mirror(data)
