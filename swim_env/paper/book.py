@@ -12,11 +12,11 @@ from swim_env.files import write_atomically
 from swim_env.paper.charts import (
     draw_constants,
     draw_internal,
-    draw_maps,
     draw_onset,
     draw_variants,
 )
 from swim_env.paper.figures import PAPER_FIGURES, draw_configurations, draw_torques
+from swim_env.paper.map_charts import draw_maps
 from swim_env.paper.page import make_page
 from swim_env.paper.runs import NUMERALS
 from swim_env.paper.statements import find_all

@@ -1,9 +1,8 @@
-"""Pictures of what the paper has no figure of: onset, variants, what is kept, forces, maps."""
+"""Pictures of what the paper has no figure of: onset, variants, what is kept, forces."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from swim_env.paper.bars import bar_of
 from swim_env.paper.constants import RESOLVED
 from swim_env.paper.figures import LINES
-from swim_env.paper.maps import is_verified
+from swim_env.paper.measures import heading_turn, way_ahead
 from swim_env.paper.onset import PAPER_TIMES, implied_rate
 from swim_env.paper.runs import NUMERALS
 from swim_env.paper.variants import VARIANTS
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
 __all__ = [
     "draw_constants",
     "draw_internal",
-    "draw_maps",
     "draw_onset",
     "draw_variants",
 ]
@@ -42,6 +40,8 @@ STARTS = {
 _MARKS = {"epsilon": "o", "small": "s", "sloped": "^"}
 #: How far apart the rows of energy are, in thousandths of the largest.
 _ROW = 4.0
+#: The smallest drift of momentum that is drawn (kg m/s, kg m²/s).
+_FLOOR = 1e-18
 #: What is drawn along the beam, and as what.
 _MOMENTS = {"torque": "drive", "elastic": "spring", "total": "sum"}
 _FORCES = {"shear": "across", "axial": "along"}
@@ -149,8 +149,8 @@ def draw_variants(data: Data) -> Figure:
         ahead, turn = [], []
         for x in known:
             run = of_scene[scenes[x]]
-            ahead.append(-run["displacement"][0] / run["length"])
-            turn.append(math.degrees(run["turn"]))
+            ahead.append(way_ahead(run))
+            turn.append(heading_turn(run))
         look = {"marker": mark, "color": colours[i], "linestyle": "", "markersize": 6}
         top.plot(np.array(known) + spread[i], ahead, label=words, **look)
         bottom.plot(np.array(known) + spread[i], turn, **look)
@@ -193,7 +193,8 @@ def draw_constants(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
         left.axhline(-_ROW * i, color="#DDDDDD", linewidth=0.5)
         share = 1e3 * found["unexplained"] / scale
         left.plot(found["series_time"], share - _ROW * i, color=colours[i], linewidth=0.7)
-        drift = np.maximum(found["drift"], 1e-18)
+        # Round-off goes up and down by decades: the largest so far says what is kept.
+        drift = np.maximum.accumulate(np.maximum(found["drift"], _FLOOR))
         right.plot(found["series_time"], drift, label=name, **look)
     bound = max((data["runs"][name]["momentum"]["bound"] for name in names), default=1e-9)
     right.axhline(1e-9, color="black", linewidth=1.0)
@@ -201,7 +202,7 @@ def draw_constants(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
         "the paper's 1e-9", (0.02, 1.3e-9), xycoords=("axes fraction", "data"), fontsize=SMALL - 1
     )
     right.set_yscale("log")
-    right.set_ylim(1e-18, 10.0 * max(bound, 1e-9))
+    right.set_ylim(_FLOOR, 10.0 * max(bound, 1e-9))
     left.set_yticks([-_ROW * i for i in range(len(names))], names)
     left.set_title(
         f"energy that the work does not explain: rows are {_ROW:g}/1000\nof the largest "
@@ -209,7 +210,9 @@ def draw_constants(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
         fontsize=SMALL,
         loc="left",
     )
-    right.set_title("momentum: |J - J(0)| (kg m/s, kg m²/s)", fontsize=SMALL, loc="left")
+    right.set_title(
+        "momentum: largest |J - J(0)| so far (kg m/s, kg m²/s)", fontsize=SMALL, loc="left"
+    )
     style_axes(left, "time (s)", "scene")
     style_axes(right, "time (s)", "drift")
     figure.legend(loc="outside right center", fontsize=SMALL - 1, frameon=False)
@@ -267,7 +270,7 @@ def draw_internal(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
         grid[row, 0].set_title(
             f"{name}) moments at joints, below {RESOLVED:g} Hz", fontsize=SMALL, loc="left"
         )
-        grid[row, 1].set_title("forces across the joints", fontsize=SMALL, loc="left")
+        grid[row, 1].set_title("forces at joints", fontsize=SMALL, loc="left")
         grid[row, 2].set_title("sum, last second but one", fontsize=SMALL, loc="left")
         style_axes(grid[row, 0], "place s/l", "root mean square (N m)")
         style_axes(grid[row, 1], "place s/l", "root mean square (N)")
@@ -282,98 +285,3 @@ def _along(data: Data, name: str, key: str) -> tuple[list[float], list[float]]:
     finer = [one or [None] * len(values[0]) for one in values[1:]]
     bars = [bar_of(*three) or 0.0 for three in zip(values[0], *finer, strict=True)]
     return values[0], bars
-
-
-def draw_maps(data: Data) -> Figure:
-    """Draw net speed over frequency and wave number, and over stiffness and length.
-
-    Grey points are not verified; lines are the natural frequencies of the straight body.
-    """
-    from matplotlib.patheffects import withStroke
-
-    figure = new_figure(9.0, 4.6)
-    left, right = figure.subplots(1, 2)
-    drive = sorted(data["maps"].get("drive", []), key=lambda row: row["frequency"])
-    body = sorted(data["maps"].get("body", []), key=lambda row: row["stiffness"])
-    if drive:
-        frequencies = [row["frequency"] for row in drive]
-        across = np.array(drive[0]["columns"]) / math.pi
-        _draw_map(figure, left, across, np.array(frequencies), drive)
-        for frequency in drive[0]["resonances"][0]:
-            if frequency <= frequencies[-1]:
-                left.axhline(frequency, color="black", linewidth=0.9, linestyle="--")
-                left.annotate(
-                    f"{frequency:.1f} Hz",
-                    (across[0], frequency),
-                    xytext=(2, 2),
-                    textcoords="offset points",
-                    fontsize=SMALL - 1,
-                    path_effects=[withStroke(linewidth=2.5, foreground="white")],
-                )
-        left.plot(2.0, 1.0, "*", color="black", markerfacecolor="white", markersize=9)
-    left.set_title("drive: scene swimmer, 1 N m (star: the paper's)", fontsize=SMALL, loc="left")
-    style_axes(left, "wave number κ (π rad per body length)", "frequency (Hz)")
-    if body:
-        stiffness = np.array([row["stiffness"] for row in body])
-        lengths = np.array(body[0]["columns"])
-        _draw_map(figure, right, lengths, stiffness, body)
-        right.set_yscale("log")
-        usual = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
-        ticks = [one for one in usual if stiffness[0] <= one <= stiffness[-1]]
-        right.set_yticks(ticks, [f"{one:g}" for one in ticks])
-        right.set_yticks([], minor=True)
-        first = np.array([[modes[0] for modes in row["resonances"]] for row in body])
-        second = np.array([[modes[1] for modes in row["resonances"]] for row in body])
-        if min(first.shape) > 1:
-            for values, style in ((first, "--"), (second, ":")):
-                if values.min() < 1.0 < values.max():
-                    right.contour(
-                        lengths, stiffness, values, [1.0], colors="black", linestyles=style
-                    )
-        for length, name in ((1.0, "iii"), (2.0, "v")):
-            right.plot(length, 5.0, "*", color="black", markerfacecolor="white", markersize=9)
-            right.annotate(
-                name,
-                (length, 5.0),
-                xytext=(6, 4),
-                textcoords="offset points",
-                fontsize=SMALL,
-                path_effects=[withStroke(linewidth=2.5, foreground="white")],
-            )
-    right.set_title(
-        "body: the paper's wave, 0.5 N m (-- first, ··· second mode at 1 Hz)",
-        fontsize=SMALL,
-        loc="left",
-    )
-    style_axes(right, "length (m)", "stiffness EI (N m²)")
-    return figure
-
-
-def _draw_map(
-    figure: Figure, axes: Axes, x: NDArray[Any], y: NDArray[Any], rows: Sequence[Data]
-) -> None:
-    """Draw a row of points after another, in colour where they are verified and grey elsewhere."""
-    from matplotlib.colors import SymLogNorm
-
-    good = np.array([[is_verified(point) for point in row["points"]] for row in rows])
-    speed = np.array(
-        [[np.nan if p["speed"] is None else p["speed"] for p in row["points"]] for row in rows]
-    )
-    known = np.abs(speed[good & np.isfinite(speed)])
-    largest = float(known.max()) if known.size else 1.0
-    axes.set_facecolor("#BBBBBB")
-    image = axes.pcolormesh(
-        x,
-        y,
-        np.ma.masked_where(~good, speed),
-        cmap="PuOr_r",
-        norm=SymLogNorm(max(1e-3, 1e-2 * largest), vmin=-largest, vmax=largest),
-        shading="nearest",
-    )
-    bar = figure.colorbar(image, ax=axes, location="bottom", shrink=0.9, aspect=35)
-    bar.set_label(
-        "net speed (body lengths a second): orange head first, purple tail first;\n"
-        "grey: not verified",
-        fontsize=SMALL,
-    )
-    bar.ax.tick_params(labelsize=SMALL - 2)

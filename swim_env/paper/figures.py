@@ -174,6 +174,8 @@ def _draw_scene(axes: Axes, scene: str, run: Run, arrays: Arrays, between: int) 
         axes.set_yticks([])
     axes.set_title(f"{scene}) dot: head{note}", fontsize=SMALL, loc="left")
     style_axes(axes, "x (m)", "" if note else "y (m)")
+    # Where shapes are moved apart there is no scale to stand beside them.
+    axes.spines["left"].set_visible(not note)
 
 
 def _label_instants(

@@ -60,8 +60,9 @@ from swim_env.paper.onset import (
     onset_units,
     perturbed,
 )
-from swim_env.paper.page import GROUPS, make_page
+from swim_env.paper.page import make_page
 from swim_env.paper.runs import NUMERALS, first_crossing, played, run_figures
+from swim_env.paper.sections.closing import GROUPS
 from swim_env.paper.statements import STATEMENTS, find_all
 from swim_env.paper.suite import all_units, collect
 from swim_env.paper.units import Arrays, Figures, Store, Unit, do_units
@@ -702,7 +703,10 @@ def test_keys_know_the_code_that_makes_figures_and_no_other(tmp_path: Path) -> N
     assert changed("paper/modes.py", code) == {"modes", "map"}
     assert changed("paper/maps.py", code) == {"map"}
     assert changed("kirchhoff.py", code) == {"onset", "variant", "modes", "map"}
-    for module in ("page", "charts", "statements", "judges", "verdicts", "bars", "book", "units"):
+    for module in (
+        *("page", "charts", "statements", "measures", "verdicts", "bars", "book", "units"),
+        *("judges/criteria", "judges/onset", "sections/onset", "sections/constants"),
+    ):
         assert changed(f"paper/{module}.py", code) == set(), module
     assert changed("paper/runs.py", "\n# A comment.\n") == set()
 
