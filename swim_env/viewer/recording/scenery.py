@@ -82,7 +82,6 @@ def lanes_of(
     for number, (swimmer, instants) in enumerate(zip(swimmers, frames, strict=True)):
         length = swimmer.scene.beam.length
         offset = np.array([0.0, -number * _LANE * length])
-        # Nobody is further from its mean centre than half its length, but where it is bent.
         nodes = _shapes(swimmer, instants).nodes.reshape(-1, 2)
         low, high = nodes.min(axis=0) + offset, nodes.max(axis=0) + offset
         if swimmer.target_radius is not None:
@@ -92,7 +91,9 @@ def lanes_of(
         offsets.append(offset)
         corners.append((low, high))
     low, high = _rounded(
-        np.min([low for low, _ in corners], axis=0), np.max([high for _, high in corners], axis=0)
+        np.min([low for low, _ in corners], axis=0),
+        np.max([high for _, high in corners], axis=0),
+        swimmers[0].scene.beam.length,
     )
     begin = min([float(swimmer.trajectory.time[0]) for swimmer in swimmers])
     end = max([float(swimmer.trajectory.time[-1]) for swimmer in swimmers])
@@ -129,10 +130,9 @@ def _point(values: Array) -> tuple[float, float]:
     return float(values[0]), float(values[1])
 
 
-def _rounded(low: Array, high: Array) -> tuple[Array, Array]:
-    """Move corners outwards to steps of at most an eighth of the size: courses often share them."""
-    size = float((high - low).max())
-    step = 2.0 ** np.floor(np.log2(size / 8.0)) if np.isfinite(size) and size > 0.0 else 1.0
+def _rounded(low: Array, high: Array, length: float) -> tuple[Array, Array]:
+    """Move corners outwards to steps of about an eighth of the size, which many episodes share."""
+    step = 2.0 ** np.floor(np.log2(np.maximum(high - low, length) / 6.0))
     return step * np.floor(low / step), step * np.ceil(high / step)
 
 

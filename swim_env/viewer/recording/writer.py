@@ -233,7 +233,7 @@ def _content(
     return bytes(content)
 
 
-@functools.lru_cache(maxsize=16)
+@functools.lru_cache(maxsize=32)
 def _fixed_parts(layouts: tuple[Layout, ...]) -> tuple[bytes, list[Any]]:
     """Return the bytes of the blueprint, and chunks of all that stands in a recording.
 
