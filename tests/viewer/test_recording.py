@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -310,6 +312,28 @@ def test_a_full_disk_is_one_line(tmp_path, swimmer, monkeypatch):
     monkeypatch.setattr("swim_env.viewer.recording.writer.write_atomically", full)
     with pytest.raises(SwimError, match="cannot write the recording: No space left on device"):
         write_recording(tmp_path / "x.rrd", [swimmer], flow_rate=None)
+
+
+def test_without_rerun_and_pillow(tmp_path):
+    """Everything can be imported; what needs them says how to get them, in one line."""
+    code = (
+        "import sys\n"
+        "sys.modules.update(PIL=None, rerun=None)\n"
+        "from swim_env.viewer.recording import recording_file\n"
+        "import importlib.util\n"
+        "importlib.util.find_spec = lambda name: None\n"
+        "recording_file('x', 'y')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
+        timeout=120,
+    )
+    assert done.returncode == 1
+    assert "SwimError: recordings need rerun: install the extra 'view'" in done.stderr
 
 
 def test_frames(run):

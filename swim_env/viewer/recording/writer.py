@@ -21,8 +21,6 @@ from swim_env.errors import OptionError, SwimError
 from swim_env.files import write_atomically
 from swim_env.provenance import where_and_when
 from swim_env.scene import Scene
-from swim_env.viewer.recording.layout import Layout, still
-from swim_env.viewer.recording.palette import SERIES_COLOURS, joint_colours
 from swim_env.viewer.recording.schema import (
     APPLICATION,
     DETAILS,
@@ -38,7 +36,9 @@ from swim_env.viewer.recording.schema import (
 )
 from swim_env.viewer.recording.swimmer import Swimmer, frames_of
 
+# What needs Pillow is imported where it is used: without it, `require_rerun` says what to do.
 if TYPE_CHECKING:
+    from swim_env.viewer.recording.layout import Layout
     from swim_env.viewer.recording.scenery import Lane
     from swim_env.viewer.recording.water import Water
 
@@ -243,6 +243,7 @@ def _fixed_parts(layouts: tuple[Layout, ...]) -> tuple[bytes, list[Any]]:
     import rerun as rr
 
     from swim_env.viewer.recording.blueprint import blueprint_of
+    from swim_env.viewer.recording.layout import still
     from swim_env.viewer.recording.legend import legend_of
     from swim_env.viewer.recording.scenery import scenery_of
 
@@ -291,6 +292,9 @@ def _property(lanes: Sequence[Lane], about: dict[str, Any] | None) -> Any:
 def _looks_of_series(layout: Layout) -> list[Any]:
     """Return the chunks of names and colours of all series of a swimmer."""
     import rerun as rr
+
+    from swim_env.viewer.recording.layout import still
+    from swim_env.viewer.recording.palette import SERIES_COLOURS, joint_colours
 
     joints = layout.scene.beam.elements - 1
     chunks = []
