@@ -35,4 +35,5 @@ def swimmer_of(
         rollout.rewards,
         rollout.goal,
         target_radius if rollout.goal_is_point else None,
+        rollout.velocity,
     )

@@ -18,6 +18,7 @@ from swim_env.errors import SwimError
 from swim_env.physics.loading import load_kernels
 from swim_env.replay import check_result_folder, replay, steps_of, write_results
 from swim_env.scene import Scene
+from swim_env.simulator import Simulator
 from swim_env.task import TASKS
 from swim_env.viewer import require_matplotlib
 from swim_env.viewer.recording import Swimmer, recording_file, write_recording
@@ -163,7 +164,8 @@ def main(arguments: list[str] | None = None) -> int:
         load_kernels()
         with progress_bar(steps, "step", scene.name) as progress:
             trajectory, summary = replay(scene, options.duration, progress)
-        swimmer = Swimmer("prescribed", trajectory)
+        start = Simulator(scene).velocity()
+        swimmer = Swimmer("prescribed", trajectory, start_velocity=start)
     if record is not None:
         summary["recording"] = _record(swimmer, record)
     if summary["termination_reason"]:

@@ -13,9 +13,11 @@ from agents.recording import swimmer_of
 from agents.replay import replay_episode
 from swim_env.assessment import load_assessment
 from swim_env.command_line import add_scene_arguments, progress_bar, run, scene_of
+from swim_env.energy import velocity_of_start
 from swim_env.errors import SwimError
 from swim_env.replay import replay, steps_of
 from swim_env.scene import Scene
+from swim_env.simulator import Simulator
 from swim_env.task import TASKS, check_task
 from swim_env.trajectory import Trajectory
 from swim_env.viewer.recording import (
@@ -145,7 +147,9 @@ def _swimmers(options: argparse.Namespace) -> tuple[Path, list[Swimmer]]:
             scene = scene.replace("episode.duration", saved.duration)
         name = Path(options.trajectory).stem
         file = recording_file(place, f"{scene.name}-{name}")
-        return file, [Swimmer(name, saved), *_play(options, scene, others)]
+        start = velocity_of_start(saved) if saved.steps else None
+        kept = Swimmer(name, saved, start_velocity=start)
+        return file, [kept, *_play(options, scene, others)]
     scene = scene_of(options)
     steps = steps_of(scene, options.duration)
     if options.duration is not None:
@@ -157,7 +161,9 @@ def _swimmers(options: argparse.Namespace) -> tuple[Path, list[Swimmer]]:
     swimmers = []
     if not options.policy:
         with progress_bar(steps, "step", scene.name) as progress:
-            swimmers.append(Swimmer(_PRESCRIBED, replay(scene, options.duration, progress)[0]))
+            trajectory, _ = replay(scene, options.duration, progress)
+        start = Simulator(scene).velocity()
+        swimmers.append(Swimmer(_PRESCRIBED, trajectory, start_velocity=start))
     return file, [*swimmers, *_play(options, scene, policies)]
 
 

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swim_env.errors import SwimError
+from swim_env.scene import Scene
 from swim_env.simulator import Simulator
 from swim_env.trajectory import Trajectory
 
-__all__ = ["EnergySplit", "elastic_energy", "split_energy"]
+__all__ = ["EnergySplit", "elastic_energy", "elastic_moments", "split_energy", "velocity_of_start"]
 
 Array = NDArray[np.float64]
 
@@ -39,8 +40,32 @@ class EnergySplit:
     elastic: Array
 
 
+def elastic_moments(scene: Scene, joint_angles: Array) -> tuple[Array, Array]:
+    """Return bending moments and elastic energies of the joints.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene; its ``integrator.strain`` says how an angle strains.
+    joint_angles : (..., N - 1) array
+        Joint angles (rad).
+
+    Returns
+    -------
+    moments : (..., N - 1) array
+        EI K with the strain K of (16) (N m).
+    energies : (..., N - 1) array
+        dl EI K^2 / 2 (J), the parts of W (33).
+    """
+    beam = scene.beam
+    linear = scene.integrator.strain == "joint_angle"
+    bend = joint_angles if linear else np.sin(joint_angles)
+    moments: Array = beam.stiffness_at_joints() / beam.element_length * bend
+    return moments, 0.5 * moments * bend
+
+
 def elastic_energy(trajectory: Trajectory, instants: ArrayLike | None = None) -> Array:
-    """Return the energy of bending, (K,) (J): what the kernels find in the body alone, at rest.
+    """Return the energy of bending, (K,) (J).
 
     Parameters
     ----------
@@ -49,8 +74,9 @@ def elastic_energy(trajectory: Trajectory, instants: ArrayLike | None = None) ->
     instants : (K,) array_like of int, optional
         Numbers of the instants; all unless given.
     """
-    places = _places(trajectory)[_chosen(trajectory, instants)]
-    return _weighed_alone(trajectory, places, np.zeros_like(places))
+    joint_angles = np.diff(trajectory.angles[_chosen(trajectory, instants)], axis=1)
+    total: Array = elastic_moments(trajectory.scene, joint_angles)[1].sum(axis=1)
+    return total
 
 
 def split_energy(
@@ -77,26 +103,65 @@ def split_energy(
         If this velocity does not lead along the trajectory.
     """
     chosen = _chosen(trajectory, instants)
+    rates = _velocities(trajectory, velocity, chosen)
+    if trajectory.scene.stream is not None:
+        rates[:, :2] -= trajectory.scene.stream.velocity
+    elastic = elastic_energy(trajectory, chosen)
+    moving = _weighed_alone(trajectory, _places(trajectory)[chosen], rates)
+    rest = trajectory.energy[chosen] - moving
+    return EnergySplit(trajectory.time[chosen], moving - elastic, rest, elastic)
+
+
+def velocity_of_start(trajectory: Trajectory) -> Array | None:
+    """Return the velocity that a run started with, where it began as its scene says.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        A run, for example one that was saved: files hold no velocities. Its torques are played
+        again.
+
+    Returns
+    -------
+    (N + 2,) array or None
+        As `Simulator.velocity`; None where the scene's own start does not lead along the run.
+    """
+    try:
+        simulator = Simulator(trajectory.scene)
+        velocity = simulator.velocity()
+        off = np.abs(simulator.coordinates - _places(trajectory)[0]).max()
+        if not off <= _tolerance(trajectory):
+            return None
+        _velocities(trajectory, velocity, np.array([trajectory.steps]))
+    except SwimError:
+        return None
+    return velocity
+
+
+def _velocities(trajectory: Trajectory, velocity: ArrayLike, chosen: NDArray[np.int64]) -> Array:
+    """Return velocities at instants (K, N + 2) by playing the torques again from the start's."""
     places = _places(trajectory)
     again = Simulator(trajectory.scene)
     again.reset_to(places[0], velocity)
     rates = np.empty((len(chosen), places.shape[1]))
     for row, instant in enumerate(chosen.tolist()):
-        for torques in trajectory.torques[again.steps : instant]:
-            again.step(torques)
+        torques = trajectory.torques[again.steps : instant]
+        if len(torques):
+            # Unlike `step` it does not fail where the run's last step was the last that may be.
+            again.rollout(torques)
         rates[row] = again.velocity()
-    off = np.abs(again.coordinates - places[again.steps]).max()
-    if not off <= 1e-6 * trajectory.scene.beam.length:
-        raise SwimError(
-            "the velocity is not the one that the run started with: played again, it is "
-            f"{off:.2g} off after {again.time:g} s"
-        )
-    if trajectory.scene.stream is not None:
-        rates[:, :2] -= trajectory.scene.stream.velocity
-    elastic = elastic_energy(trajectory, chosen)
-    moving = _weighed_alone(trajectory, places[chosen], rates)
-    rest = trajectory.energy[chosen] - moving
-    return EnergySplit(trajectory.time[chosen], moving - elastic, rest, elastic)
+        off = np.abs(again.coordinates - places[again.steps]).max()
+        if again.steps != instant or not off <= _tolerance(trajectory):
+            raise SwimError(
+                "the velocity is not the one that the run started with: played again, it is "
+                f"{off:.2g} off after {again.time:g} s"
+            )
+    return rates
+
+
+def _tolerance(trajectory: Trajectory) -> float:
+    """Return by how much coordinates may be off and be the same (m, rad)."""
+    return 1e-6 * trajectory.scene.beam.length
 
 
 def _chosen(trajectory: Trajectory, instants: ArrayLike | None) -> NDArray[np.int64]:

@@ -15,7 +15,8 @@ from matplotlib.text import Text
 from numpy.typing import NDArray
 
 from swim_env import Simulator, SwimError, Trajectory, load_scene
-from swim_env.energy import elastic_energy, split_energy
+from swim_env.energy import elastic_energy, elastic_moments, split_energy, velocity_of_start
+from swim_env.scene_parts import STRAIN_NAMES
 from swim_env.viewer import (
     draw_energy,
     draw_gaits,
@@ -111,6 +112,44 @@ def test_the_parts_of_the_energy_follow_the_velocities(run: Trajectory) -> None:
         by_hand = 0.5 * mass * (speeds**2).sum() + 0.5 * inertia * (turning**2).sum()
         assert split.body[row] == pytest.approx(by_hand, rel=1e-9, abs=1e-15)
         assert split.fluid[row] >= 0.0
+
+
+@pytest.mark.parametrize("strain", STRAIN_NAMES)
+def test_elastic_energy_is_that_of_the_body_at_rest(strain: str) -> None:
+    """The formula says what the kernels weigh, for every law of strain and varying stiffness."""
+    scene = load_scene(
+        "swimmer",
+        {"integrator.strain": strain, "beam.bending_stiffness": list(np.linspace(1.0, 5.0, 8))},
+    )
+    simulator = Simulator(scene)
+    joint_angles = np.linspace(-0.3, 0.4, 8)
+    simulator.reset_to(np.concatenate([np.zeros(3), joint_angles]), np.zeros(11))
+    moments, energies = elastic_moments(scene, joint_angles)
+    assert energies.sum() == pytest.approx(simulator.energy(), rel=1e-12)
+    assert (np.sign(moments) == np.sign(joint_angles)).all()
+    assert elastic_energy(simulator.rollout(np.zeros((1, 8))))[0] == pytest.approx(energies.sum())
+
+
+def test_the_velocity_of_a_saved_start_is_the_scenes_or_unknown(run: Trajectory) -> None:
+    assert velocity_of_start(run) == pytest.approx(np.zeros(11))
+    simulator = Simulator(run.scene)
+    simulator.reset_to(simulator.coordinates, np.full(11, 0.1))
+    assert velocity_of_start(simulator.rollout(np.zeros((5, 8)))) is None
+    simulator.reset_to(np.full(11, 0.1), np.zeros(11))
+    assert velocity_of_start(simulator.rollout(np.zeros((5, 8)))) is None
+
+
+def test_a_run_that_was_ended_is_split_to_its_end() -> None:
+    """The last step was taken and is the last that may be."""
+    scene = load_scene(
+        "paper_i", {"integrator.energy_tolerance": 1e-9, "integrator.energy_excess": "end"}
+    )
+    simulator = Simulator(scene)
+    start = simulator.velocity()
+    run = simulator.rollout(simulator.prescribed_torques(50))
+    assert run.termination_reason == "energy_unexplained"
+    split = split_energy(run, start)
+    assert split.body + split.fluid + split.elastic == pytest.approx(run.energy, rel=1e-12)
 
 
 def test_without_fluid_all_energy_is_the_bodys() -> None:

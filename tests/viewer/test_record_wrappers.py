@@ -13,6 +13,7 @@ import pytest
 
 from swim_env import ActionError, OptionError, SwimEnv, SwimTargetVectorEnv, SwimVectorEnv
 from swim_env.viewer.recording import RecordEpisodes, RecordVectorEpisodes, read_recording
+from swim_env.viewer.recording.schema import GROUPS, UNSPLIT_ENERGY
 
 ROOT = Path(__file__).parents[2]
 SHORT = {"episode": {"duration": 0.2}}
@@ -166,8 +167,21 @@ def test_targets(tmp_path):
     for _ in range(10):
         env.step(np.zeros((1, 8)))
     read = read_recording(tmp_path / "swimmer-member-0-episode-0.rrd")
-    centre = read.columns[("/world/swimmer-member-0-episode-0/target", "Ellipses2D:centers")]
+    centre = read.columns[("/world/swimmer-member-0/target", "Ellipses2D:centers")]
     assert centre.values[0][0] == pytest.approx(target, rel=1e-6)
+
+
+def test_energy_is_split_where_asked(tmp_path):
+    """Of a start with noise; for nothing unless asked."""
+    for split, names in ((False, UNSPLIT_ENERGY), (True, GROUPS["energy"])):
+        folder = tmp_path / str(split)
+        env = record(folder, split_energy=split)
+        play(env, 3)
+        env.close()
+        one = only(folder / "swimmer-episode-0.rrd")
+        assert one.names["energy"] == list(names)
+        energy = one.series["energy"]
+        assert energy[:, :-1].sum(axis=1) == pytest.approx(energy[:, -1], rel=1e-12)
 
 
 def test_a_scene_that_records_by_itself(tmp_path):

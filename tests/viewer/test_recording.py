@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from swim_env import OptionError, Simulator, SwimError, load_scene
+from swim_env.energy import elastic_energy, split_energy
 from swim_env.flow import BodyFlow
 from swim_env.physics.invariants import momentum_drift
 from swim_env.viewer.recording import (
@@ -19,13 +22,14 @@ from swim_env.viewer.recording import (
     write_recording,
 )
 from swim_env.viewer.recording.reader import ReadRecording
-from swim_env.viewer.recording.schema import DETAILS, GROUPS, label_of
+from swim_env.viewer.recording.schema import DETAILS, GROUPS, UNSPLIT_ENERGY, label_of
 from swim_env.viewer.recording.show import rerun_command
-from swim_env.viewer.recording.swimmer import elastic_moments, frames_of
+from swim_env.viewer.recording.swimmer import frames_of
 from swim_env.viewer.recording.water import picture_of, pressure_of
+from swim_env.viewer.recording.writer import _fixed_parts
 
 #: Three tenths of a second of the prescribed wave, with flow, written by schema 1; without its
-#: blueprint, which is not read.
+#: blueprint and legend, which are not read.
 STORED = Path(__file__).with_name("recording_schema_1.rrd")
 SCENE = load_scene("swimmer")
 REWARDS = 0.01 * np.arange(1, 51)
@@ -39,7 +43,7 @@ def run():
 
 @pytest.fixture(scope="module")
 def swimmer(run) -> Swimmer:
-    return Swimmer("the wave", run, REWARDS)
+    return Swimmer("the wave", run, REWARDS, start_velocity=np.zeros(11))
 
 
 @pytest.fixture(scope="module")
@@ -143,30 +147,62 @@ def test_pictures_of_pressure():
     assert np.isnan(found[4, 4]) and np.isnan(found).sum() == 1
 
 
-def test_energy_split(run):
-    """Elastic energy is that of the body at rest; the rest of the fluid is V^T A V / 2."""
-    instants = np.array([60, 100, 140])
-    split = Swimmer("x", run).series("energy", instants)
-    flow, simulator = BodyFlow(SCENE), Simulator(SCENE)
-    velocities = np.gradient(run.centres, 0.005, axis=0)
-    turning = np.gradient(run.angles, 0.005, axis=0)
-    for row, n in zip(split, instants, strict=True):
-        angles = run.angles[n]
-        simulator.reset_to(np.concatenate([[0, 0], angles[:1], np.diff(angles)]), np.zeros(11))
-        assert row[2] == pytest.approx(simulator.energy(), rel=1e-10)
-        fluid = flow.kinetic_energy(angles, velocities[n], turning[n])
-        assert row[1] == pytest.approx(fluid, abs=0.02 * row[3])
-
-
-@pytest.mark.parametrize("strain", ["averaged_directors", "joint_angle"])
-def test_moments_strain_as_the_scene_says(strain):
-    """Elastic energy of a bent body at rest, for both laws."""
-    scene = SCENE.replace("integrator.strain", strain)
+def test_energy_is_split_exactly(tmp_path):
+    """Of a run without damping, whose modes ring faster than the step follows."""
+    scene = load_scene("paper_i")
     simulator = Simulator(scene)
-    joint_angles = np.linspace(-0.3, 0.4, 8)
-    simulator.reset_to(np.concatenate([np.zeros(3), joint_angles]), np.zeros(11))
-    _, energies = elastic_moments(scene, joint_angles)
-    assert energies.sum() == pytest.approx(simulator.energy(), rel=1e-12)
+    start = simulator.velocity()
+    run = simulator.rollout(simulator.prescribed_torques(400))
+    path = tmp_path / "split.rrd"
+    write_recording(
+        path, [Swimmer("x", run, start_velocity=start)], flow_rate=None, frame_rate=25.0
+    )
+    one = read_recording(path).swimmers["x"]
+    assert one.names["energy"] == list(GROUPS["energy"])
+    body, fluid, elastic, total = one.series["energy"].T
+    assert (total == run.energy[:: 400 // (len(total) - 1)]).all()
+    assert body + fluid + elastic == pytest.approx(total, rel=1e-12)
+    alongside = Simulator(scene)
+    alone = Simulator(scene.replace("fluid", None))
+    for row, instant in enumerate(np.rint(one.time / alongside.time_step).astype(int)):
+        while alongside.steps < instant:
+            alongside.step(run.torques[alongside.steps])
+        alone.reset_to(alongside.coordinates, alongside.velocity())
+        moving = alone.energy()
+        alone.reset_to(alongside.coordinates, np.zeros(scene.beam.elements + 2))
+        assert body[row] == pytest.approx(moving - alone.energy(), rel=1e-9, abs=1e-12 * moving)
+
+
+def test_energy_without_the_starts_velocity(run, tmp_path):
+    """Kinetic energy is given whole; a velocity that the run did not start with is refused."""
+    path = tmp_path / "whole.rrd"
+    write_recording(path, [Swimmer("x", run)], flow_rate=None)
+    one = read_recording(path).swimmers["x"]
+    assert one.names["energy"] == list(UNSPLIT_ENERGY)
+    kinetic, elastic, total = one.series["energy"].T
+    assert (total == run.energy[::4]).all()
+    assert kinetic == pytest.approx(total - elastic_energy(run)[::4], abs=1e-15)
+    with pytest.raises(SwimError, match="not the one that the run started with"):
+        write_recording(path, [Swimmer("x", run, start_velocity=np.ones(11))], flow_rate=None)
+
+
+def test_files_of_equal_layout_share_it(run, tmp_path):
+    """The layout is made once, and every file has it whole, with a recording of its own."""
+    import rerun as rr
+
+    _fixed_parts.cache_clear()
+    stores, blueprints = set(), set()
+    for number in range(4):
+        path = tmp_path / f"{number}.rrd"
+        write_recording(path, [Swimmer("x", run)], flow_rate=None, title=f"number {number}")
+        reader = rr.chunk.RrdReader(str(path))
+        (store,), (blueprint,) = reader.recordings(), reader.blueprints()
+        stores.add(store.recording_id)
+        chunks = list(reader.stream(store=blueprint))
+        blueprints.add(frozenset((chunk.entity_path, chunk.num_rows) for chunk in chunks))
+    assert len(stores) == 4
+    assert len(blueprints) == 1 and len(next(iter(blueprints))) > 40
+    assert _fixed_parts.cache_info().misses == 1
 
 
 def test_two_swimmers_on_one_time_line(run, tmp_path):
@@ -203,7 +239,7 @@ def test_a_scene_without_fluid(tmp_path):
     path = tmp_path / "dry.rrd"
     assert write_recording(path, [Swimmer("dry", run)]).flow_frames == 0
     one = read_recording(path).swimmers["dry"]
-    assert one.series["energy"][20:30, 1] == pytest.approx(0.0, abs=0.02 * run.energy.max())
+    assert one.series["energy"][:, 2] == pytest.approx(run.energy[::4])
 
 
 def test_stored_recordings_stay_readable():
@@ -212,9 +248,12 @@ def test_stored_recordings_stay_readable():
     assert read.schema == 1
     one = read.swimmers["prescribed"]
     simulator = Simulator(one.scene)
+    start = simulator.velocity()
     run = simulator.rollout(simulator.prescribed_torques(60))
     assert one.nodes == pytest.approx(run.nodes[::4], abs=1e-5)
     assert one.series["energy"][:, 3] == pytest.approx(run.energy[::4], rel=1e-6, abs=1e-12)
+    split = split_energy(run, start, np.arange(0, 61, 4))
+    assert one.series["energy"][:, 0] == pytest.approx(split.body, rel=1e-6, abs=1e-12)
     assert one.pressures.shape == (4, 48, 96) and one.flow_time[1] == pytest.approx(0.1)
     assert STORED.stat().st_size < 200_000
 
@@ -273,6 +312,28 @@ def test_a_full_disk_is_one_line(tmp_path, swimmer, monkeypatch):
     monkeypatch.setattr("swim_env.viewer.recording.writer.write_atomically", full)
     with pytest.raises(SwimError, match="cannot write the recording: No space left on device"):
         write_recording(tmp_path / "x.rrd", [swimmer], flow_rate=None)
+
+
+def test_without_rerun_and_pillow(tmp_path):
+    """Everything can be imported; what needs them says how to get them, in one line."""
+    code = (
+        "import sys\n"
+        "sys.modules.update(PIL=None, rerun=None)\n"
+        "from swim_env.viewer.recording import recording_file\n"
+        "import importlib.util\n"
+        "importlib.util.find_spec = lambda name: None\n"
+        "recording_file('x', 'y')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
+        timeout=120,
+    )
+    assert done.returncode == 1
+    assert "SwimError: recordings need rerun: install the extra 'view'" in done.stderr
 
 
 def test_frames(run):

@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from swim_env.viewer.recording.layout import Layout
 from swim_env.viewer.recording.legend import LEGEND, LEGEND_HEIGHT, LEGEND_WIDTH
 from swim_env.viewer.recording.palette import WATER_COLOUR
-from swim_env.viewer.recording.scenery import Lane
 from swim_env.viewer.recording.schema import REWARDS, TIMELINE, group_path
 
 __all__ = ["blueprint_of"]
 
 #: What a view that follows a body shows around its mean centre (BL), and of two swimmers.
 _VIEW, _VIEW_OF_TWO = (1.0, 0.5), (1.2, 0.4)
+#: Room around the whole course (BL).
+_MARGIN = 0.35
 #: Room behind the end of the run that is left to the legend, as a share of the run.
 _ROOM = 0.45
 #: What plots of oscillations show before the present, and the room behind it (s).
@@ -25,7 +27,7 @@ _NAMED_JOINTS = 10
 _ON_COURSE = ("body", "outline", "path", "centre", "heading", "target", "grid")
 
 
-def blueprint_of(lanes: Sequence[Lane]) -> Any:
+def blueprint_of(lanes: Sequence[Layout]) -> Any:
     """Return the blueprint of a recording."""
     import rerun.blueprint as rrb
 
@@ -67,16 +69,16 @@ def _growing() -> Any:
     )
 
 
-def _following(lane: Lane) -> Any:
+def _following(lane: Layout) -> Any:
     """Return the view that follows one body."""
     import rerun.blueprint as rrb
 
-    length = lane.swimmer.scene.beam.length
+    length = lane.scene.beam.length
     width, height = _VIEW_OF_TWO if lane.count == 2 else _VIEW
     return rrb.Spatial2DView(
         origin=f"{lane.place}/camera/screen",
         contents=[f"{lane.place}/**"],
-        name=f"{lane.swimmer.name} on {lane.swimmer.scene.name} (grid {0.5 * length:g} m)",
+        name=f"{lane.name} on {lane.scene.name} (grid {0.5 * length:g} m)",
         background=[*WATER_COLOUR],
         visual_bounds=rrb.VisualBounds2D(
             x_range=[-width * length, width * length],
@@ -86,12 +88,13 @@ def _following(lane: Lane) -> Any:
     )
 
 
-def _course(lanes: Sequence[Lane]) -> Any:
+def _course(lanes: Sequence[Layout]) -> Any:
     """Return the view in which nothing but the bodies moves."""
     import rerun.blueprint as rrb
 
-    length = lanes[0].swimmer.scene.beam.length
-    low, high = lanes[0].low - 0.35 * length, lanes[0].high + 0.35 * length
+    length = lanes[0].scene.beam.length
+    (left, low), (right, high) = lanes[0].low, lanes[0].high
+    room = _MARGIN * length
     name = f"Whole course (grid {0.5 * length:g} m)"
     if len(lanes) > 1:
         name += ", each swimmer in its own lane"
@@ -101,19 +104,21 @@ def _course(lanes: Sequence[Lane]) -> Any:
         name=name,
         background=[*WATER_COLOUR],
         # The plane's y points upwards, the view's downwards.
-        visual_bounds=rrb.VisualBounds2D(x_range=[low[0], high[0]], y_range=[-high[1], -low[1]]),
+        visual_bounds=rrb.VisualBounds2D(
+            x_range=[left - room, right + room], y_range=[-high - room, -low + room]
+        ),
         overrides={f"{lane.place}/path": _growing() for lane in lanes},
     )
 
 
-def _plots(lanes: Sequence[Lane]) -> Any:
+def _plots(lanes: Sequence[Layout]) -> Any:
     """Return the plots: progress, energy, torques at once, and the others behind tabs."""
     import rerun.blueprint as rrb
 
     def everyone(group: str) -> list[str]:
         return [group_path(lane.label, group) for lane in lanes]
 
-    paid = [lane for lane in lanes if lane.swimmer.rewards is not None]
+    paid = [lane for lane in lanes if lane.rewarded]
     first = [_plot(lanes, "Progress (BL)", everyone("progress"))]
     if paid:
         first += [
@@ -148,13 +153,12 @@ def _tabs(views: list[Any]) -> Any:
     return rrb.Tabs(*views, active_tab=0)
 
 
-def _plot(lanes: Sequence[Lane], name: str, paths: list[str], window: bool = False) -> Any:
+def _plot(lanes: Sequence[Layout], name: str, paths: list[str], window: bool = False) -> Any:
     """Return one plot, with room for its legend behind the end of the run or the present."""
     import rerun.blueprint as rrb
 
-    begin = min(float(lane.swimmer.trajectory.time[0]) for lane in lanes)
-    end = max(float(lane.swimmer.trajectory.time[-1]) for lane in lanes)
-    joints = max(lane.swimmer.scene.beam.elements for lane in lanes) - 1
+    begin, end = lanes[0].begin, lanes[0].end
+    joints = max(lane.scene.beam.elements for lane in lanes) - 1
     of_joints = "Joint" in name
     at = rrb.TimeRangeBoundary
     if window:

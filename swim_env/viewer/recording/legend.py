@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from swim_env.viewer.recording.layout import Layout, still
 from swim_env.viewer.recording.palette import (
     ARROW_COLOUR,
     pressure_palette,
     shades_of_torque,
 )
-from swim_env.viewer.recording.scenery import Lane
 
-__all__ = ["LEGEND", "LEGEND_HEIGHT", "LEGEND_WIDTH", "log_legend"]
+__all__ = ["LEGEND", "LEGEND_HEIGHT", "LEGEND_WIDTH", "legend_of"]
 
 LEGEND = "legend"
 #: Size of the view (its own units).
@@ -24,11 +24,11 @@ _BAR, _THICK, _NEXT = 30.0, 1.4, 42.0
 _WORDS = (255, 255, 255)
 
 
-def log_legend(stream: Any, lanes: Sequence[Lane]) -> None:
-    """Log colour bars with the ends of their scales, and the arrow's."""
+def legend_of(layouts: Sequence[Layout]) -> list[Any]:
+    """Return the chunks of colour bars with the ends of their scales, and of the arrow's."""
     import rerun as rr
 
-    lane = lanes[0]
+    lane, chunks = layouts[0], []
     what = "joint torque" if lane.colour == "torque" else "bending moment"
     bars = [(what, lane.limit, "N m", shades_of_torque(np.linspace(-1.0, 1.0, 64)))]
     if lane.pressure is not None:
@@ -44,45 +44,50 @@ def log_legend(stream: Any, lanes: Sequence[Lane]) -> None:
             axis=1,
         )
         place = f"{LEGEND}/{name.replace(' ', '_')}"
-        stream.log(
-            f"{place}/bar",
-            rr.LineStrips2D(strips, colors=shades, radii=0.5 * _THICK, draw_order=1.0),
-            static=True,
+        chunks.append(
+            still(
+                f"{place}/bar",
+                rr.LineStrips2D(strips, colors=shades, radii=0.5 * _THICK, draw_order=1.0),
+            )
         )
         text = (f"-{limit:.3g} {unit}", name, f"+{limit:.3g} {unit}")
-        stream.log(
-            f"{place}/scale",
-            rr.Points2D(
-                [(left, 2.2), (left + 0.5 * _BAR, 2.2), (left + _BAR, 2.2)],
-                labels=text,
-                show_labels=True,
-                colors=[_WORDS] * 3,
-                radii=rr.Radius.ui_points(0.0),
-            ),
-            static=True,
+        chunks.append(
+            still(
+                f"{place}/scale",
+                rr.Points2D(
+                    [(left, 2.2), (left + 0.5 * _BAR, 2.2), (left + _BAR, 2.2)],
+                    labels=text,
+                    show_labels=True,
+                    colors=[_WORDS] * 3,
+                    radii=rr.Radius.ui_points(0.0),
+                ),
+            )
         )
     seconds = lane.arrow_seconds
     if seconds is not None:
-        cell = 0.1 * lane.swimmer.scene.beam.length
+        cell = 0.1 * lane.scene.beam.length
         left = 5.0 + len(bars) * _NEXT
-        stream.log(
-            f"{LEGEND}/velocity",
-            rr.Arrows2D(
-                origins=[(left, 1.2)],
-                vectors=[(20.0, 0.0)],
-                colors=[ARROW_COLOUR],
-                radii=rr.Radius.ui_points(1.2),
-            ),
-            static=True,
+        chunks.append(
+            still(
+                f"{LEGEND}/velocity",
+                rr.Arrows2D(
+                    origins=[(left, 1.2)],
+                    vectors=[(20.0, 0.0)],
+                    colors=[ARROW_COLOUR],
+                    radii=rr.Radius.ui_points(1.2),
+                ),
+            )
         )
-        stream.log(
-            f"{LEGEND}/velocity/scale",
-            rr.Points2D(
-                [(left + 10.0, 2.2)],
-                labels=[f"velocity, {cell:g} m long: {cell / seconds:.2g} m/s"],
-                show_labels=True,
-                colors=[_WORDS],
-                radii=rr.Radius.ui_points(0.0),
-            ),
-            static=True,
+        chunks.append(
+            still(
+                f"{LEGEND}/velocity/scale",
+                rr.Points2D(
+                    [(left + 10.0, 2.2)],
+                    labels=[f"velocity, {cell:g} m long: {cell / seconds:.2g} m/s"],
+                    show_labels=True,
+                    colors=[_WORDS],
+                    radii=rr.Radius.ui_points(0.0),
+                ),
+            )
         )
+    return chunks

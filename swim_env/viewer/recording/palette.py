@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -87,6 +89,11 @@ def shades_of_torque(shares: NDArray[np.float64]) -> Bytes:
     (..., 3) array of uint8
         The colours, from a table of 256.
     """
-    table = np.array(torque_colours(np.linspace(-1.0, 1.0, 256)), dtype=np.uint8)
     index = np.rint(127.5 * (np.clip(shares, -1.0, 1.0) + 1.0)).astype(np.int64)
-    return table[index]
+    colours: Bytes = _torque_table()[index]
+    return colours
+
+
+@functools.cache
+def _torque_table() -> Bytes:
+    return np.array(torque_colours(np.linspace(-1.0, 1.0, 256)), dtype=np.uint8)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -9,21 +10,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swim_env.trajectory import Trajectory
+from swim_env.viewer.recording.layout import Layout, still
 from swim_env.viewer.recording.palette import (
     ARROW_COLOUR,
     BODY_COLOUR,
     GOAL_COLOUR,
     GRID_COLOUR,
-    SERIES_COLOURS,
-    TRAIL_COLOURS,
     shades_of_torque,
 )
-from swim_env.viewer.recording.schema import TIMELINE, place_of
+from swim_env.viewer.recording.schema import TIMELINE
 from swim_env.viewer.recording.swimmer import Swimmer
 from swim_env.viewer.recording.water import ARROW_EVERY, CELLS_IN_LENGTH, PIXELS, Water, picture_of
 from swim_env.viewer.recording.work import side_by_side
 
-__all__ = ["Lane", "lanes_of", "log_swimmer"]
+__all__ = ["Lane", "lanes_of", "log_swimmer", "scenery_of"]
 
 Array = NDArray[np.float64]
 
@@ -53,59 +54,15 @@ class Lane:
     ----------
     swimmer : Swimmer
         Who.
-    label : str
-        What it is called in entity paths.
-    number, count : int
-        Which lane of how many.
     instants : (F,) array of int
         Frames.
-    offset : (2,) array
-        Where its lane's origin is drawn in the plane that all share (m).
-    pressure, speed : float or None
-        Pressure (Pa) and speed (m/s) that all lanes' scales reach to, None without flow.
-    limit : float
-        Torque or moment that the colours reach to (N m).
-    colour : str
-        What the colours show.
-    low, high : (2,) arrays
-        Corners of what all bodies pass through, in the plane that they share (m).
+    layout : Layout
+        How it is shown.
     """
 
     swimmer: Swimmer
-    label: str
-    number: int
-    count: int
     instants: NDArray[np.int64]
-    offset: Array
-    pressure: float | None
-    speed: float | None
-    limit: float
-    colour: str
-    low: Array
-    high: Array
-
-    @property
-    def place(self) -> str:
-        """The entity of the swimmer in the plane."""
-        return place_of(self.label)
-
-    @property
-    def shade(self) -> tuple[int, int, int]:
-        """The swimmer's own colour on water."""
-        return TRAIL_COLOURS[self.number % len(TRAIL_COLOURS)]
-
-    @property
-    def bright(self) -> tuple[int, int, int]:
-        """The swimmer's own colour in plots."""
-        return SERIES_COLOURS[self.number % len(SERIES_COLOURS)]
-
-    @property
-    def arrow_seconds(self) -> float | None:
-        """Seconds of its velocity that an arrow is long."""
-        if self.speed is None:
-            return None
-        length = self.swimmer.scene.beam.length
-        return _ARROW_REACH * ARROW_EVERY * length / CELLS_IN_LENGTH / self.speed
+    layout: Layout
 
 
 def lanes_of(
@@ -117,67 +74,142 @@ def lanes_of(
     colour: str,
 ) -> list[Lane]:
     """Give every swimmer its lane, one below the other where they start."""
-    moments = [np.abs(swimmer.moments).max(initial=0.0) for swimmer in swimmers]
-    largest = float(max(moments)) or 1.0
-    lanes = []
-    for number, (swimmer, label, instants) in enumerate(zip(swimmers, labels, frames, strict=True)):
+    largest = 1.0
+    if colour == "moment":
+        moments = [np.abs(swimmer.moments).max(initial=0.0) for swimmer in swimmers]
+        largest = float(max(moments)) or 1.0
+    offsets, corners = [], []
+    for number, (swimmer, instants) in enumerate(zip(swimmers, frames, strict=True)):
         length = swimmer.scene.beam.length
-        nodes = swimmer.trajectory.nodes[instants].reshape(-1, 2)
         offset = np.array([0.0, -number * _LANE * length])
+        nodes = _shapes(swimmer, instants).nodes.reshape(-1, 2)
         low, high = nodes.min(axis=0) + offset, nodes.max(axis=0) + offset
         if swimmer.target_radius is not None:
             reach = swimmer.target_radius * length
             low = np.minimum(low, swimmer.aim + offset - reach)
             high = np.maximum(high, swimmer.aim + offset + reach)
-        limit = swimmer.scene.torque_limit if colour == "torque" else largest
-        lanes.append(
-            Lane(
-                swimmer, label, number, len(swimmers), instants, offset, pressure, speed,
-                limit, colour, low, high,
-            )
-        )  # fmt: skip
-    low = np.min([lane.low for lane in lanes], axis=0)
-    high = np.max([lane.high for lane in lanes], axis=0)
-    return [replace(lane, low=low, high=high) for lane in lanes]
+        offsets.append(offset)
+        corners.append((low, high))
+    low, high = _rounded(
+        np.min([low for low, _ in corners], axis=0),
+        np.max([high for _, high in corners], axis=0),
+        swimmers[0].scene.beam.length,
+    )
+    begin = min([float(swimmer.trajectory.time[0]) for swimmer in swimmers])
+    end = max([float(swimmer.trajectory.time[-1]) for swimmer in swimmers])
+    return [
+        Lane(
+            swimmer,
+            instants,
+            Layout(
+                swimmer.name,
+                label,
+                swimmer.scene,
+                number,
+                len(swimmers),
+                _point(offset),
+                _point(low),
+                _point(high),
+                begin,
+                end,
+                swimmer.rewards is not None,
+                swimmer.start_velocity is not None,
+                colour,
+                swimmer.scene.torque_limit if colour == "torque" else largest,
+                pressure,
+                None if speed is None else _arrow_seconds(swimmer.scene.beam.length, speed),
+            ),
+        )
+        for number, (swimmer, label, instants, offset) in enumerate(
+            zip(swimmers, labels, frames, offsets, strict=True)
+        )
+    ]
+
+
+def _point(values: Array) -> tuple[float, float]:
+    return float(values[0]), float(values[1])
+
+
+def _rounded(low: Array, high: Array, length: float) -> tuple[Array, Array]:
+    """Move corners outwards to steps of about an eighth of the size, which many episodes share."""
+    step = 2.0 ** np.floor(np.log2(np.maximum(high - low, length) / 6.0))
+    return step * np.floor(low / step), step * np.ceil(high / step)
+
+
+def _arrow_seconds(length: float, speed: float) -> float:
+    return _ARROW_REACH * ARROW_EVERY * length / CELLS_IN_LENGTH / speed
+
+
+def _shapes(swimmer: Swimmer, instants: NDArray[np.int64]) -> Trajectory:
+    """Return the run's positions at some instants alone; nothing else of it is of use."""
+    run = swimmer.trajectory
+    return replace(
+        run,
+        time=run.time[instants],
+        centres=run.centres[instants],
+        angles=run.angles[instants],
+    )
+
+
+def scenery_of(lane: Layout) -> list[Any]:
+    """Return the chunks of what stands for a swimmer: its marks' looks, the grid and its lane."""
+    import rerun as rr
+
+    place, beam = lane.place, lane.scene.beam
+
+    def look(kind: Any, radius: Any, colour: tuple[int, int, int] | None, layer: float) -> Any:
+        colours = {} if colour is None else {"colors": [colour]}
+        return kind.from_fields(radii=[radius], draw_order=layer, **colours)
+
+    points = rr.Radius.ui_points
+    half = _drawn_half_thickness(beam)
+    lines = rr.LineStrips2D
+    looks = {
+        "body": look(lines, half, None, _BODY),
+        "outline": look(lines, 1.35 * half, BODY_COLOUR, _OUTLINE),
+        "directors": look(lines, points(0.7), BODY_COLOUR, _OUTLINE),
+        "heading": look(rr.Arrows2D, points(1.8), lane.shade, _FRONT),
+        "path": look(lines, points(1.2), lane.shade, _TRAIL),
+        "centre": look(rr.Points2D, points(3.0), lane.shade, _FRONT),
+    }
+    return [
+        still(place, rr.Transform3D(translation=[*lane.offset, 0.0])),
+        # A view whose origin is the inner one of these follows the body; its y points downwards as
+        # a screen's. Where it is and how it is turned are two entities: rerun takes no part of a
+        # transform from what is there once, and another from a frame.
+        still(f"{place}/camera/screen", rr.Transform3D(scale=[1.0, -1.0, 1.0])),
+        _grid(lane),
+        *[still(f"{place}/{mark}", shown) for mark, shown in looks.items()],
+    ]
 
 
 def log_swimmer(stream: Any, lane: Lane, water: Water | None) -> None:
-    """Log everything of a swimmer that lies in the plane."""
+    """Log everything of a swimmer that moves in the plane."""
     import rerun as rr
 
-    swimmer, place = lane.swimmer, lane.place
+    swimmer, place = lane.swimmer, lane.layout.place
     run, beam = swimmer.trajectory, swimmer.scene.beam
     length = beam.length
     count = len(lane.instants)
     time = [rr.TimeColumn(TIMELINE, duration=run.time[lane.instants])]
-    nodes = run.nodes[lane.instants].astype(np.float32)
-    centres = run.centres[lane.instants].astype(np.float32)
-    path = run.path[lane.instants]
-    angles = run.angles[lane.instants]
+    shapes = _shapes(swimmer, lane.instants)
+    nodes = shapes.nodes.astype(np.float32)
+    centres = shapes.centres.astype(np.float32)
+    path = swimmer.path[lane.instants]
+    angles = shapes.angles
 
-    stream.log(place, rr.Transform3D(translation=[*lane.offset, 0.0]), static=True)
-    # A view whose origin is the inner one of these follows the body; its y points downwards as a
-    # screen's. Where it is and how it is turned are two entities: rerun takes no part of a
-    # transform from what is there once, and another from a frame.
-    stream.log(f"{place}/camera/screen", rr.Transform3D(scale=[1.0, -1.0, 1.0]), static=True)
     stream.send_columns(
         f"{place}/camera",
         time,
         rr.Transform3D.columns(translation=np.column_stack([path, np.zeros(count)])),
     )
-    _log_grid(stream, lane)
-
     # The body: from the middle of one element to that of the next, in the colour of their joint.
     joints = beam.elements - 1
-    stream.log(
-        f"{place}/body",
-        rr.LineStrips2D.from_fields(radii=[_drawn_half_thickness(beam)], draw_order=_BODY),
-        static=True,
-    )
     if joints:
         bones = np.stack([centres[:, :-1], nodes[:, 1:-1], centres[:, 1:]], axis=2)
-        shown = swimmer.held_torques if lane.colour == "torque" else swimmer.moments
-        shades = shades_of_torque(shown[lane.instants] / lane.limit)
+        colour = lane.layout.colour
+        shown = swimmer.held_torques if colour == "torque" else swimmer.moments
+        shades = shades_of_torque(shown[lane.instants] / lane.layout.limit)
         stream.send_columns(
             f"{place}/body",
             time,
@@ -185,24 +217,10 @@ def log_swimmer(stream: Any, lane: Lane, water: Water | None) -> None:
                 strips=_strips(bones.reshape(-1, 3, 2)), colors=shades.reshape(-1, 3)
             ).partition(np.full(count, joints)),
         )
-    stream.log(
-        f"{place}/outline",
-        rr.LineStrips2D.from_fields(
-            radii=[1.35 * _drawn_half_thickness(beam)], colors=[BODY_COLOUR], draw_order=_OUTLINE
-        ),
-        static=True,
-    )
     stream.send_columns(f"{place}/outline", time, rr.LineStrips2D.columns(strips=_strips(nodes)))
 
     director = _DIRECTOR * beam.element_length
     normals = np.stack([-np.sin(angles), np.cos(angles)], axis=-1).astype(np.float32)
-    stream.log(
-        f"{place}/directors",
-        rr.LineStrips2D.from_fields(
-            radii=[rr.Radius.ui_points(0.7)], colors=[BODY_COLOUR], draw_order=_OUTLINE
-        ),
-        static=True,
-    )
     ends = np.stack([centres, centres + np.float32(director) * normals], axis=2)
     stream.send_columns(
         f"{place}/directors",
@@ -214,13 +232,6 @@ def log_swimmer(stream: Any, lane: Lane, water: Water | None) -> None:
 
     mean = angles.mean(axis=1)
     ahead = -_HEADING * length * np.stack([np.cos(mean), np.sin(mean)], axis=-1)
-    stream.log(
-        f"{place}/heading",
-        rr.Arrows2D.from_fields(
-            radii=[rr.Radius.ui_points(1.8)], colors=[lane.shade], draw_order=_FRONT
-        ),
-        static=True,
-    )
     stream.send_columns(
         f"{place}/heading",
         time,
@@ -228,25 +239,11 @@ def log_swimmer(stream: Any, lane: Lane, water: Water | None) -> None:
     )
 
     # One piece of the path per frame: the view shows all pieces up to the present.
-    stream.log(
-        f"{place}/path",
-        rr.LineStrips2D.from_fields(
-            radii=[rr.Radius.ui_points(1.2)], colors=[lane.shade], draw_order=_TRAIL
-        ),
-        static=True,
-    )
     pieces = np.stack([path[:-1], path[1:]], axis=1).astype(np.float32)
     stream.send_columns(
         f"{place}/path",
         [rr.TimeColumn(TIMELINE, duration=run.time[lane.instants[1:]])],
         rr.LineStrips2D.columns(strips=_strips(pieces)),
-    )
-    stream.log(
-        f"{place}/centre",
-        rr.Points2D.from_fields(
-            radii=[rr.Radius.ui_points(3.0)], colors=[lane.shade], draw_order=_FRONT
-        ),
-        static=True,
     )
     stream.send_columns(f"{place}/centre", time, rr.Points2D.columns(positions=path))
 
@@ -264,13 +261,12 @@ def log_swimmer(stream: Any, lane: Lane, water: Water | None) -> None:
             static=True,
         )
     if water is not None:
-        _log_water(stream, lane, water)
+        _log_water(stream, lane.layout, water)
 
 
 def _strips(points: NDArray[np.float32]) -> Any:
     """Return lines (n, k, 2) as rerun keeps them; it would take arrays one line after the other."""
     import pyarrow as pa
-    import rerun as rr
 
     count, length = points.shape[:2]
     pairs = pa.FixedSizeListArray.from_arrays(
@@ -278,8 +274,14 @@ def _strips(points: NDArray[np.float32]) -> Any:
         type=pa.list_(pa.field("item", pa.float32(), nullable=False), 2),
     )
     offsets = pa.array(np.arange(0, (count + 1) * length, length, dtype=np.int32))
-    kept = rr.components.LineStrip2DBatch([]).as_arrow_array().type
-    return pa.ListArray.from_arrays(offsets, pairs, type=kept)
+    return pa.ListArray.from_arrays(offsets, pairs, type=_strip_type())
+
+
+@functools.cache
+def _strip_type() -> Any:
+    import rerun as rr
+
+    return rr.components.LineStrip2DBatch([]).as_arrow_array().type
 
 
 def _drawn_half_thickness(beam: Any) -> float:
@@ -287,13 +289,14 @@ def _drawn_half_thickness(beam: Any) -> float:
     return float(max(beam.half_thickness, 0.008 * beam.length))
 
 
-def _log_grid(stream: Any, lane: Lane) -> None:
-    """Log lines that rest in the fluid, by which motion is seen."""
+def _grid(lane: Layout) -> Any:
+    """Return lines that rest in the fluid, by which motion is seen."""
     import rerun as rr
 
-    step = _GRID * lane.swimmer.scene.beam.length
-    low = np.floor((lane.low - lane.offset) / step - 2.0)
-    high = np.ceil((lane.high - lane.offset) / step + 2.0)
+    step = _GRID * lane.scene.beam.length
+    offset = np.array(lane.offset)
+    low = np.floor((np.array(lane.low) - offset) / step - 2.0)
+    high = np.ceil((np.array(lane.high) - offset) / step + 2.0)
     # A body that went far would take more lines than anyone can see.
     high = np.minimum(high, low + 400.0)
     lines = [
@@ -304,16 +307,15 @@ def _log_grid(stream: Any, lane: Lane) -> None:
         [(low[0] * step, k * step), (high[0] * step, k * step)]
         for k in np.arange(low[1], high[1] + 1)
     ]
-    stream.log(
+    return still(
         f"{lane.place}/grid",
         rr.LineStrips2D(
             lines, radii=rr.Radius.ui_points(0.5), colors=[GRID_COLOUR], draw_order=_LINES
         ),
-        static=True,
     )
 
 
-def _log_water(stream: Any, lane: Lane, water: Water) -> None:
+def _log_water(stream: Any, lane: Layout, water: Water) -> None:
     """Log pressure and velocity: scales and places of arrows once, numbers per frame."""
     import rerun as rr
 

@@ -13,9 +13,11 @@ __all__ = [
     "REWARDS",
     "SCHEMA_VERSION",
     "TIMELINE",
+    "UNSPLIT_ENERGY",
     "WORLD",
     "group_path",
     "label_of",
+    "names_of",
     "place_of",
 ]
 
@@ -45,6 +47,9 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "solver": ("Newton corrections in a step (1)", "log10 of the residual (1)"),
 }
 
+#: The group energy of a run of which nobody knows the velocity that it started with.
+UNSPLIT_ENERGY = ("kinetic, body and fluid (J)", "elastic (J)", "total (J)")
+
 #: Groups that stand at the ends of an episode's actions, and not at all without rewards.
 REWARDS = ("reward", "return")
 
@@ -60,6 +65,23 @@ def place_of(label: str) -> str:
 def group_path(label: str, group: str) -> str:
     """Return the entity of a group of series of a swimmer."""
     return f"scalars/{label}/{group}"
+
+
+def names_of(group: str, joints: int, split: bool) -> tuple[str, ...]:
+    """Return the names of a group's series, with their units.
+
+    Parameters
+    ----------
+    group : str
+        A key of GROUPS or DETAILS.
+    joints : int
+        Of the beam.
+    split : bool
+        Whether the kinetic energy is split between body and fluid.
+    """
+    if group in DETAILS:
+        return tuple([f"joint {joint} ({DETAILS[group]})" for joint in range(1, joints + 1)])
+    return UNSPLIT_ENERGY if group == "energy" and not split else GROUPS[group]
 
 
 def label_of(name: str, taken: Collection[str] = ()) -> str:

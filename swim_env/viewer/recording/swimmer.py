@@ -9,41 +9,18 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from swim_env.energy import elastic_energy, elastic_moments, split_energy
 from swim_env.errors import OptionError
 from swim_env.scene import Scene
 from swim_env.trajectory import Trajectory
 
-__all__ = ["Swimmer", "elastic_moments", "frames_of"]
+__all__ = ["Swimmer", "frames_of"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 #: Residuals below this count as this (1): their logarithm is shown.
 _LEAST_RESIDUAL = 1e-20
-
-
-def elastic_moments(scene: Scene, joint_angles: Array) -> tuple[Array, Array]:
-    """Return bending moments and elastic energies of the joints.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene; its ``integrator.strain`` says how an angle strains.
-    joint_angles : (..., N - 1) array
-        Joint angles (rad).
-
-    Returns
-    -------
-    moments : (..., N - 1) array
-        EI K with the strain K of (16) (N m).
-    energies : (..., N - 1) array
-        dl EI K^2 / 2 (J), the parts of W (33).
-    """
-    beam = scene.beam
-    linear = scene.integrator.strain == "joint_angle"
-    bend = joint_angles if linear else np.sin(joint_angles)
-    moments: Array = beam.stiffness_at_joints() / beam.element_length * bend
-    return moments, 0.5 * moments * bend
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +39,9 @@ class Swimmer:
         Direction in which displacement counts, or the target (m); the scene's heading unless given.
     target_radius : float, optional
         How close the target has to be reached (BL); None where the goal is a direction.
+    start_velocity : (N + 2,) array_like, optional
+        With which the run started, as `Simulator.velocity`. With it the kinetic energy is split
+        between body and fluid, for which the torques are played again; without, it is given whole.
     """
 
     name: str
@@ -69,6 +49,7 @@ class Swimmer:
     rewards: Sequence[float] | Array | None = None
     goal: Array | Sequence[float] | None = None
     target_radius: float | None = None
+    start_velocity: Array | Sequence[float] | None = None
 
     @property
     def scene(self) -> Scene:
@@ -80,6 +61,11 @@ class Swimmer:
         """The goal, (2,): a direction (unit vector), or the target (m)."""
         given = self.scene.episode.heading if self.goal is None else self.goal
         return np.asarray(given, dtype=np.float64)
+
+    @cached_property
+    def path(self) -> Array:
+        """Path of the mean element centre, (T + 1, 2) (m)."""
+        return self.trajectory.path
 
     @cached_property
     def joint_angles(self) -> Array:
@@ -108,28 +94,33 @@ class Swimmer:
         return times
 
     def series(self, group: str, instants: Indices) -> Array:
-        """Return a group of series at some instants, a column for each name in the schema.
+        """Return a group of series at some instants, a column for each of its names.
+
+        The names are those of `swim_env.viewer.recording.schema.names_of`.
 
         Work and drift are sums up to an instant, Newton corrections and residual the largest since
-        the instant before it in the list. Velocities, of which the body's kinetic energy is made,
-        are differences of positions over two steps, right to second order in the step; the
-        fluid's is what remains of the total. Rewards are at `reward_times` instead.
+        the instant before it in the list. Rewards are at `reward_times` instead.
+
+        Raises
+        ------
+        SwimError
+            If the start's velocity does not lead along the run.
         """
         series: Array = getattr(self, f"_{group}")(instants)
         return series
 
     def _progress(self, instants: Indices) -> Array:
-        path, length = self.trajectory.path, self.scene.beam.length
+        path, length = self.path, self.scene.beam.length
         if self.target_radius is None:
             along = (path[instants] - path[0]) @ self.aim
         else:
-            far = np.hypot(*(self.aim - path).T)
-            along = far[0] - far[instants]
+            far = np.hypot(*(self.aim - path[[0, *instants]]).T)
+            along = far[0] - far[1:]
         column: Array = along[:, None] / length
         return column
 
     def _position(self, instants: Indices) -> Array:
-        return self.trajectory.path[instants] / self.scene.beam.length
+        return self.path[instants] / self.scene.beam.length
 
     def _reward(self, instants: Indices) -> Array:
         return np.asarray([] if self.rewards is None else self.rewards, dtype=np.float64)[:, None]
@@ -138,21 +129,12 @@ class Swimmer:
         return np.cumsum(self._reward(instants), axis=0)
 
     def _energy(self, instants: Indices) -> Array:
-        run, beam = self.trajectory, self.scene.beam
-        if run.steps < 2:
-            body = np.full(len(instants), np.nan)
-        else:
-            step = self.scene.integrator.time_step
-            moving: Array = np.gradient(run.centres, step, axis=0, edge_order=2)[instants]
-            if self.scene.stream is not None:
-                moving -= np.asarray(self.scene.stream.velocity)
-            turning: Array = np.gradient(run.angles, step, axis=0, edge_order=2)[instants]
-            element = beam.element_length
-            body = 0.5 * element * beam.line_density * (moving**2).sum(axis=(1, 2))
-            body += 0.5 * element * beam.rotary_inertia * (turning**2).sum(axis=1)
-        elastic = elastic_moments(self.scene, self.joint_angles[instants])[1].sum(axis=1)
-        total = run.energy[instants]
-        return np.column_stack([body, total - body - elastic, elastic, total])
+        total = self.trajectory.energy[instants]
+        if self.start_velocity is None:
+            elastic = elastic_energy(self.trajectory, instants)
+            return np.column_stack([total - elastic, elastic, total])
+        split = split_energy(self.trajectory, self.start_velocity, instants)
+        return np.column_stack([split.body, split.fluid, split.elastic, total])
 
     def _work(self, instants: Indices) -> Array:
         run = self.trajectory

@@ -74,17 +74,25 @@ class _Tape:
     """What is kept of episodes that are being played, and the files that become of it."""
 
     def __init__(
-        self, episodes: Episodes, folder: Path, flow_rate: float | None, frame_rate: float
+        self,
+        episodes: Episodes,
+        folder: Path,
+        flow_rate: float | None,
+        frame_rate: float,
+        split_energy: bool,
     ) -> None:
         self.written: list[WrittenRecording] = []
         self._episodes = episodes
         self._folder = folder
         self._flow_rate, self._frame_rate = flow_rate, frame_rate
+        self._split_energy = split_energy
         self._always = episodes.task.scene.recording is not None
         self._recorder = _ChosenRecorder(episodes.task.scene, len(episodes.everyone))
         self._rewards: dict[int, list[float]] = {}
         self._goals: dict[int, NDArray[np.float64]] = {}
-        self._names: dict[int, str] = {}
+        self._velocities: dict[int, NDArray[np.float64]] = {}
+        #: What the member is called in all its files, and the file of this episode.
+        self._names: dict[int, tuple[str, str]] = {}
 
     @property
     def running(self) -> Collection[int]:
@@ -100,13 +108,15 @@ class _Tape:
         if self._episodes.bodies.recorder is self._recorder and not self._always:
             self._episodes.bodies.recorder = None
 
-    def begin(self, member: int, name: str) -> None:
+    def begin(self, member: int, name: str, episode: int) -> None:
         """Record a member's episode, which has just started."""
         self._recorder.chosen.add(member)
         self._recorder.over.pop(member, None)
         self._rewards[member] = []
         self._goals[member] = self._episodes.goals[member].copy()
-        self._names[member] = name
+        if self._split_energy:
+            self._velocities[member] = self._episodes.bodies.weigh(member)[1]
+        self._names[member] = name, f"{name}-episode-{episode}"
 
     def drop(self, member: int) -> None:
         """Keep nothing more of a member."""
@@ -132,22 +142,24 @@ class _Tape:
             trajectory = self._recorder.over[member].trajectory(0, physical)
         else:
             trajectory = self._episodes.recorded(member)
-        name = self._names[member]
+        name, file = self._names[member]
         swimmer = Swimmer(
             name,
             trajectory,
             self._rewards[member],
             self._goals[member],
             task.radius if task.goal_is_point else None,
+            self._velocities.pop(member, None),
         )
         self.drop(member)
         if trajectory.steps:
             self.written.append(
                 write_recording(
-                    self._folder / f"{name}.rrd",
+                    self._folder / f"{file}.rrd",
                     [swimmer],
                     flow_rate=self._flow_rate,
                     frame_rate=self._frame_rate,
+                    title=f"{file} on {trajectory.scene.name}",
                 )
             )
 
@@ -204,6 +216,9 @@ class RecordEpisodes(
         given.
     frame_rate : float
         Frames of everything else.
+    split_energy : bool
+        Whether to split the kinetic energy between body and fluid. The torques are played again for
+        it when the file is written, which takes as long as the episode's physics.
 
     Attributes
     ----------
@@ -226,6 +241,7 @@ class RecordEpisodes(
         name_prefix: str = "swimmer",
         flow_rate: float | None = None,
         frame_rate: float = FRAME_RATE,
+        split_energy: bool = False,
     ) -> None:
         gymnasium.utils.RecordConstructorArgs.__init__(
             self,
@@ -234,6 +250,7 @@ class RecordEpisodes(
             name_prefix=name_prefix,
             flow_rate=flow_rate,
             frame_rate=frame_rate,
+            split_energy=split_energy,
         )
         gymnasium.Wrapper.__init__(self, env)
         swimmer = env.unwrapped
@@ -241,7 +258,9 @@ class RecordEpisodes(
             raise OptionError(f"RecordEpisodes needs a SwimEnv, got {type(swimmer).__name__}")
         self._trigger = _chosen_by_default if episode_trigger is None else episode_trigger
         self._prefix = name_prefix
-        self._tape = _Tape(swimmer.episodes, _folder_for(folder), flow_rate, frame_rate)
+        self._tape = _Tape(
+            swimmer.episodes, _folder_for(folder), flow_rate, frame_rate, split_energy
+        )
         self._episode = -1
         weakref.finalize(self, _finish, self._tape)
 
@@ -264,7 +283,7 @@ class RecordEpisodes(
         result = self.env.reset(seed=seed, options=options)
         self._episode += 1
         if wanted:
-            tape.begin(0, f"{self._prefix}-episode-{self._episode}")
+            tape.begin(0, self._prefix, self._episode)
         return result
 
     def step(self, action: NDArray[Any]) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
@@ -308,7 +327,7 @@ class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
         Where the files go.
     members : collection of int
         Which members; the first unless given.
-    episode_trigger, name_prefix, flow_rate, frame_rate
+    episode_trigger, name_prefix, flow_rate, frame_rate, split_energy
         As for `RecordEpisodes`; each member counts its own episodes.
 
     Attributes
@@ -333,6 +352,7 @@ class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
         name_prefix: str = "swimmer",
         flow_rate: float | None = None,
         frame_rate: float = FRAME_RATE,
+        split_energy: bool = False,
     ) -> None:
         super().__init__(env)
         batch = env.unwrapped
@@ -349,7 +369,7 @@ class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
         self._members = sorted(set(members))
         self._trigger = _chosen_by_default if episode_trigger is None else episode_trigger
         self._prefix = name_prefix
-        self._tape = _Tape(batch.episodes, _folder_for(folder), flow_rate, frame_rate)
+        self._tape = _Tape(batch.episodes, _folder_for(folder), flow_rate, frame_rate, split_energy)
         self._counts = dict.fromkeys(self._members, 0)
         self._ended: set[int] = set()
         self._tape.attach()
@@ -408,7 +428,7 @@ class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
             number = self._counts[member]
             self._counts[member] += 1
             if self._trigger(number):
-                self._tape.begin(member, f"{self._prefix}-member-{member}-episode-{number}")
+                self._tape.begin(member, f"{self._prefix}-member-{member}", number)
 
     def close(self, **kwargs: Any) -> None:
         """Write what there is and close the environment."""

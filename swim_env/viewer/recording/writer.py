@@ -6,6 +6,7 @@ import functools
 import importlib.util
 import json
 import os
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -31,10 +32,13 @@ from swim_env.viewer.recording.schema import (
     WORLD,
     group_path,
     label_of,
+    names_of,
 )
 from swim_env.viewer.recording.swimmer import Swimmer, frames_of
 
+# What needs Pillow is imported where it is used: without it, `require_rerun` says what to do.
 if TYPE_CHECKING:
+    from swim_env.viewer.recording.layout import Layout
     from swim_env.viewer.recording.scenery import Lane
     from swim_env.viewer.recording.water import Water
 
@@ -123,6 +127,7 @@ def write_recording(
     frame_rate: float = FRAME_RATE,
     colour: str = "torque",
     about: dict[str, Any] | None = None,
+    title: str | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> WrittenRecording:
     """Write a recording that rerun opens, whole or not at all.
@@ -142,6 +147,8 @@ def write_recording(
     about : dict, optional
         More to write into the recording's property, in JSON's terms; by default where and when it
         was made.
+    title : str, optional
+        What rerun calls the recording; the swimmers and the first one's scene unless given.
     progress : callable, optional
         Called with the simulated seconds whose flow was computed since the last call.
 
@@ -171,7 +178,7 @@ def write_recording(
             waters.append(compute_water(swimmer, flow_rate, reach, progress))
     known = [water for water in waters if water is not None]
     flow_seconds = float(sum([water.seconds for water in known]))
-    content = _content(swimmers, frames, waters, colour, about)
+    content = _content(swimmers, frames, waters, colour, about, title)
     try:
         write_atomically(path, lambda file: file.write(content))
     except (OSError, ValueError) as error:
@@ -194,12 +201,11 @@ def _content(
     waters: Sequence[Water | None],
     colour: str,
     about: dict[str, Any] | None,
+    title: str | None,
 ) -> bytes:
     """Return the bytes of a recording."""
     import rerun as rr
 
-    from swim_env.viewer.recording.blueprint import blueprint_of
-    from swim_env.viewer.recording.legend import log_legend
     from swim_env.viewer.recording.scenery import lanes_of, log_swimmer
 
     labels: list[str] = []
@@ -209,23 +215,48 @@ def _content(
     pressure = max((water.largest_pressure for water in known), default=None)
     speed = max((water.largest_speed for water in known), default=None)
     lanes = lanes_of(swimmers, labels, frames, pressure, speed, colour)
+    blueprint, standing = _fixed_parts(tuple([lane.layout for lane in lanes]))
     stream = rr.RecordingStream(APPLICATION)
     kept = stream.binary_stream()
-    stream.send_blueprint(blueprint_of(lanes))
-    stream.send_recording_name(", ".join(labels) + f" on {swimmers[0].scene.name}")
+    stream.log_file_from_contents("layout.rbl", blueprint)
+    stream.send_chunks(standing)
+    stream.send_recording_name(title or ", ".join(labels) + f" on {swimmers[0].scene.name}")
     stream.send_property(PROPERTY, _property(lanes, about))
-    # The plane's y points upwards, the screen's downwards.
-    stream.log(WORLD, rr.Transform3D(scale=[1.0, -1.0, 1.0]), static=True)
-    log_legend(stream, lanes)
     for lane, water in zip(lanes, waters, strict=True):
         log_swimmer(stream, lane, water)
         _log_series(stream, lane)
-    stream.flush()
+    # This waits for the blueprint, which rerun takes in a thread of its own.
     stream.disconnect()
     content = kept.read()
     if not content:
         raise SwimError("rerun has given no recording")
     return bytes(content)
+
+
+@functools.lru_cache(maxsize=32)
+def _fixed_parts(layouts: tuple[Layout, ...]) -> tuple[bytes, list[Any]]:
+    """Return the bytes of the blueprint, and chunks of all that stands in a recording.
+
+    Building these takes several times as long as the rest of a file, and episodes of one
+    environment mostly share them.
+    """
+    import rerun as rr
+
+    from swim_env.viewer.recording.blueprint import blueprint_of
+    from swim_env.viewer.recording.layout import still
+    from swim_env.viewer.recording.legend import legend_of
+    from swim_env.viewer.recording.scenery import scenery_of
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "layout.rbl"
+        blueprint_of(layouts).save(APPLICATION, file)
+        blueprint = file.read_bytes()
+    # The plane's y points upwards, the screen's downwards.
+    standing = [still(WORLD, rr.Transform3D(scale=[1.0, -1.0, 1.0])), *legend_of(layouts)]
+    for layout in layouts:
+        standing += scenery_of(layout)
+        standing += _looks_of_series(layout)
+    return blueprint, standing
 
 
 @functools.lru_cache(maxsize=32)
@@ -244,59 +275,71 @@ def _property(lanes: Sequence[Lane], about: dict[str, Any] | None) -> Any:
     import rerun as rr
 
     made = _where_and_when() if about is None else about
-    scale = lanes[0]
+    scale = lanes[0].layout
     return rr.AnyValues(
         schema=SCHEMA_VERSION,
-        swimmers=[lane.label for lane in lanes],
+        swimmers=[lane.layout.label for lane in lanes],
         names=[lane.swimmer.name for lane in lanes],
         scenes=[_text_of(lane.swimmer.scene) for lane in lanes],
         termination_reasons=[lane.swimmer.trajectory.termination_reason for lane in lanes],
         colour=scale.colour,
-        torque_limits=[lane.limit for lane in lanes],
+        torque_limits=[lane.layout.limit for lane in lanes],
         pressure_scale=0.0 if scale.pressure is None else scale.pressure,
         about=json.dumps(made, allow_nan=False),
     )
 
 
-def _log_series(stream: Any, lane: Lane) -> None:
-    """Log all series of a swimmer, and once their names and colours."""
+def _looks_of_series(layout: Layout) -> list[Any]:
+    """Return the chunks of names and colours of all series of a swimmer."""
     import rerun as rr
 
+    from swim_env.viewer.recording.layout import still
     from swim_env.viewer.recording.palette import SERIES_COLOURS, joint_colours
 
-    swimmer: Swimmer = lane.swimmer
-    joints = swimmer.scene.beam.elements - 1
-    times = swimmer.trajectory.time
+    joints = layout.scene.beam.elements - 1
+    chunks = []
     for group in (*GROUPS, *DETAILS):
-        if group in REWARDS and swimmer.rewards is None:
+        if group in REWARDS and not layout.rewarded:
             continue
-        at = swimmer.reward_times if group in REWARDS else times[lane.instants]
-        values = swimmer.series(group, lane.instants)
-        if not values.size:
+        names = list(names_of(group, joints, layout.split))
+        if not names:
             continue
-        if group in GROUPS:
-            names = list(GROUPS[group])
-            colours = np.array(SERIES_COLOURS, dtype=np.uint8)[: len(names)]
-            if len(names) == 1 and lane.count > 1:
-                # These of all swimmers share a plot.
-                names = [f"{lane.label}, {name}" for name in names]
-                colours = np.array([lane.bright], dtype=np.uint8)
-        else:
-            names = [f"joint {joint + 1} ({DETAILS[group]})" for joint in range(joints)]
+        if group in DETAILS:
             colours = joint_colours(joints)
-        path = group_path(lane.label, group)
-        stream.log(
-            path,
-            rr.SeriesLines(names=names, colors=colours, widths=[1.6] * len(names)),
-            static=True,
-        )
-        stream.send_columns(
-            path,
-            [rr.TimeColumn(TIMELINE, duration=at)],
-            rr.Scalars.columns(scalars=values.ravel()).partition(
-                np.full(len(values), values.shape[1])
-            ),
-        )
+        elif len(names) == 1 and layout.count > 1:
+            # These of all swimmers share a plot.
+            names = [f"{layout.label}, {name}" for name in names]
+            colours = np.array([layout.bright], dtype=np.uint8)
+        else:
+            # What has the same name has the same colour, with and without the split.
+            places = [GROUPS[group].index(n) if n in GROUPS[group] else 0 for n in names]
+            colours = np.array(SERIES_COLOURS, dtype=np.uint8)[places]
+        lines = rr.SeriesLines(names=names, colors=colours, widths=[1.6] * len(names))
+        chunks.append(still(group_path(layout.label, group), lines))
+    return chunks
+
+
+def _log_series(stream: Any, lane: Lane) -> None:
+    """Log all series of a swimmer."""
+    import rerun as rr
+
+    swimmer: Swimmer = lane.swimmer
+    frames = [rr.TimeColumn(TIMELINE, duration=swimmer.trajectory.time[lane.instants])]
+    for group in (*GROUPS, *DETAILS):
+        at = frames
+        if group in REWARDS:
+            if swimmer.rewards is None:
+                continue
+            at = [rr.TimeColumn(TIMELINE, duration=swimmer.reward_times)]
+        values = swimmer.series(group, lane.instants)
+        if values.size:
+            stream.send_columns(
+                group_path(lane.layout.label, group),
+                at,
+                rr.Scalars.columns(scalars=values.ravel()).partition(
+                    np.full(len(values), values.shape[1])
+                ),
+            )
 
 
 def recording_file(place: str | os.PathLike[str], name: str) -> Path:
