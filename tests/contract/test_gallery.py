@@ -77,6 +77,7 @@ def test_the_page_shows_every_picture_and_says_what_it_was_made_of(made: Made) -
     for name in PICTURES:
         assert text.count(f"](gallery/{name})") == 1
     assert "python scripts/gallery.py --quick --seed 7 --output docs/gallery" in text
+    assert "These runs are short" in text
     assert str(record["date"]) in text
     assert str(record["commit"] or "unknown")[:10] in text
     assert "`swimmer`, 1.2 s" in text
