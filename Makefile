@@ -59,7 +59,7 @@ accuracy: $(STAMP_DEV) ## set up and run the study of accuracy and cost into doc
 stability: $(STAMP_DEV) ## set up and play all hard cases into docs/stability (an hour)
 	$(BIN)/python scripts/stability.py --output docs/stability
 
-paper: $(STAMP_DEV) ## set up and put the paper's statements beside our figures into docs/paper (ten minutes on two cores)
+paper: $(STAMP_DEV) ## set up and put the paper's statements beside our figures into docs/paper (a quarter of an hour on two cores)
 	$(BIN)/python scripts/reproduce_paper.py --output docs/paper
 
 gallery: $(STAMP_TRAIN) ## set up, play policies and scenes and draw them into docs/gallery (some minutes)
