@@ -19,6 +19,7 @@ from swim_env.viewer.recording import (
     RecordingError,
     Swimmer,
     read_recording,
+    recording_file,
     write_recording,
 )
 from swim_env.viewer.recording.reader import ReadRecording
@@ -298,6 +299,8 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path, swimmer):
         write_recording(tmp_path / "none" / "x.rrd", [swimmer], flow_rate=None)
     with pytest.raises(OptionError, match="at least one swimmer"):
         write_recording(before, [])
+    with pytest.raises(OptionError, match="about must be a dict in JSON's terms"):
+        write_recording(before, [swimmer], about={"when": object()})
     assert [path.name for path in tmp_path.iterdir()] == ["before.rrd"]
 
 
@@ -334,6 +337,42 @@ def test_without_rerun_and_pillow(tmp_path):
     )
     assert done.returncode == 1
     assert "SwimError: recordings need rerun: install the extra 'view'" in done.stderr
+
+
+def test_rewards_fit_the_run(run, tmp_path):
+    """One for each action, the last of which may have been cut short."""
+    path = tmp_path / "x.rrd"
+    for rewards in (REWARDS[:-1], np.zeros(51), np.zeros((50, 1)), [*REWARDS[:-1], np.nan]):
+        with pytest.raises(OptionError, match="rewards"):
+            write_recording(path, [Swimmer("x", run, rewards)], flow_rate=None)
+    assert not path.exists()
+    simulator = Simulator(SCENE)
+    cut = simulator.rollout(simulator.prescribed_torques(10))
+    write_recording(path, [Swimmer("x", cut, [0.1, 0.2, 0.3])], flow_rate=None)
+    times = read_recording(path).swimmers["x"].reward_time
+    assert times == pytest.approx([0.02, 0.04, 0.05])
+
+
+def test_places_of_recordings(tmp_path, monkeypatch):
+    """Files and folders; what cannot be one is refused before anything is played."""
+    assert recording_file(tmp_path / "a.rrd", "n") == tmp_path / "a.rrd"
+    assert recording_file(tmp_path / "v1.2", "n") == tmp_path / "v1.2" / "n.rrd"
+    (tmp_path / "old.txt").mkdir()
+    assert recording_file(tmp_path / "old.txt", "n") == tmp_path / "old.txt" / "n.rrd"
+    for name in ("x.RRD", "a.txt"):
+        with pytest.raises(SwimError, match="ends with .rrd"):
+            recording_file(tmp_path / name, "n")
+    (tmp_path / "file").touch()
+    with pytest.raises(SwimError, match="cannot make the folder"):
+        recording_file(tmp_path / "file" / "x.rrd", "n")
+
+    def denied(**options):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("tempfile.TemporaryFile", denied)
+    with pytest.raises(SwimError, match="cannot write into the folder .*: Permission denied"):
+        recording_file(tmp_path / "a.rrd", "n")
+    assert not list(tmp_path.rglob("*.rrd"))
 
 
 def test_frames(run):

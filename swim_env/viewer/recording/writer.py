@@ -6,6 +6,7 @@ import functools
 import importlib.util
 import json
 import os
+import re
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -155,7 +156,8 @@ def write_recording(
     Raises
     ------
     OptionError
-        If there is no swimmer, or an argument cannot be used.
+        If there is no swimmer, if an argument cannot be used, or if the number of a swimmer's
+        rewards does not fit its run.
     SwimError
         If rerun is not installed or the file cannot be written.
     """
@@ -166,6 +168,9 @@ def write_recording(
         raise OptionError("a recording takes at least one swimmer")
     if colour not in COLOURS:
         raise OptionError(f"unknown colour {colour!r}; colours: {', '.join(COLOURS)}")
+    made = _text_of_about(about)
+    for swimmer in swimmers:
+        swimmer.check_rewards()
     begin = time.perf_counter()
     frames = [frames_of(swimmer.trajectory, frame_rate) for swimmer in swimmers]
     reach = REACH_OF_TWO if len(swimmers) == 2 else REACH
@@ -178,7 +183,7 @@ def write_recording(
             waters.append(compute_water(swimmer, flow_rate, reach, progress))
     known = [water for water in waters if water is not None]
     flow_seconds = float(sum([water.seconds for water in known]))
-    content = _content(swimmers, frames, waters, colour, about, title)
+    content = _content(swimmers, frames, waters, colour, made, title)
     try:
         write_atomically(path, lambda file: file.write(content))
     except (OSError, ValueError) as error:
@@ -200,7 +205,7 @@ def _content(
     frames: Sequence[NDArray[np.int64]],
     waters: Sequence[Water | None],
     colour: str,
-    about: dict[str, Any] | None,
+    about: str,
     title: str | None,
 ) -> bytes:
     """Return the bytes of a recording."""
@@ -270,11 +275,18 @@ def _where_and_when() -> dict[str, Any]:
     return {**where_and_when(), "rerun-sdk": version("rerun-sdk")}
 
 
-def _property(lanes: Sequence[Lane], about: dict[str, Any] | None) -> Any:
+def _text_of_about(about: dict[str, Any] | None) -> str:
+    """Return what a recording says of where it was made, before anything is made of it."""
+    try:
+        return json.dumps(_where_and_when() if about is None else about, allow_nan=False)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise OptionError(f"about must be a dict in JSON's terms: {error}") from None
+
+
+def _property(lanes: Sequence[Lane], about: str) -> Any:
     """Return what a recording says of itself."""
     import rerun as rr
 
-    made = _where_and_when() if about is None else about
     scale = lanes[0].layout
     return rr.AnyValues(
         schema=SCHEMA_VERSION,
@@ -285,7 +297,7 @@ def _property(lanes: Sequence[Lane], about: dict[str, Any] | None) -> Any:
         colour=scale.colour,
         torque_limits=[lane.layout.limit for lane in lanes],
         pressure_scale=0.0 if scale.pressure is None else scale.pressure,
-        about=json.dumps(made, allow_nan=False),
+        about=about,
     )
 
 
@@ -355,12 +367,16 @@ def recording_file(place: str | os.PathLike[str], name: str) -> Path:
     Raises
     ------
     SwimError
-        If rerun is not installed, if there is a folder of the file's name, or if the folder cannot
-        be made.
+        If rerun is not installed, if the ending is that of another kind of file, if there is a
+        folder of the file's name, or if the folder cannot be made or written to.
     """
     require_rerun()
     given = Path(place)
-    file = given if given.suffix == ".rrd" else given / f"{label_of(name)}.rrd"
+    # A number behind a dot is part of a folder's name, as in v1.2.
+    is_file = given.suffix == ".rrd"
+    if not is_file and re.fullmatch(r"\.[A-Za-z]\w*", given.suffix) and not given.is_dir():
+        raise SwimError(f"a recording's name ends with .rrd, or is a folder's ({given})")
+    file = given if is_file else given / f"{label_of(name)}.rrd"
     if file.is_dir():
         raise SwimError(f"a recording is a file, this is a folder ({file})")
     try:
@@ -368,5 +384,13 @@ def recording_file(place: str | os.PathLike[str], name: str) -> Path:
     except OSError as error:
         raise SwimError(
             f"cannot make the folder for the recording: {error.strerror or error} ({file.parent})"
+        ) from error
+    try:
+        with tempfile.TemporaryFile(dir=file.parent):
+            pass
+    except OSError as error:
+        raise SwimError(
+            f"cannot write into the folder for the recording: {error.strerror or error} "
+            f"({file.parent})"
         ) from error
     return file
