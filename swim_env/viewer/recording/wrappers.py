@@ -153,7 +153,7 @@ class _Tape:
                 self._goals[member] = self._episodes.goals[member].copy()
         self._rewards[member].append(reward)
 
-    def pay_played(self, before: NDArray[np.int64]) -> None:
+    def pay_played(self, before: NDArray[np.float64]) -> None:
         """Keep the rewards of actions that were played in a step that has failed afterwards.
 
         Steps that the members had taken before it are given.
@@ -374,7 +374,8 @@ class RecordEpisodes(
         frame_rate: float = FRAME_RATE,
         split_energy: bool = False,
     ) -> None:
-        swimmer = env.unwrapped if isinstance(env, gymnasium.Env) else env
+        given: Any = env
+        swimmer = given.unwrapped if isinstance(given, gymnasium.Env) else given
         if not isinstance(swimmer, SwimEnv):
             hint = "; RecordVectorEpisodes records a batch"
             raise OptionError(
@@ -496,9 +497,10 @@ class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
         frame_rate: float = FRAME_RATE,
         split_energy: bool = False,
     ) -> None:
-        batch = env.unwrapped if isinstance(env, gymnasium.vector.VectorEnv) else env
+        given: Any = env
+        batch = given.unwrapped if isinstance(given, gymnasium.vector.VectorEnv) else given
         if not isinstance(batch, SwimVectorEnv):
-            single = isinstance(env, gymnasium.Env) and isinstance(env.unwrapped, SwimEnv)
+            single = isinstance(given, gymnasium.Env) and isinstance(given.unwrapped, SwimEnv)
             raise OptionError(
                 f"RecordVectorEpisodes needs a SwimVectorEnv, got {type(batch).__name__}"
                 f"{'; RecordEpisodes records a single environment' if single else ''}"
