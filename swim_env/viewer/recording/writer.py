@@ -48,6 +48,7 @@ __all__ = [
     "FLOW_RATE",
     "FRAME_RATE",
     "WrittenRecording",
+    "has_flow",
     "recording_file",
     "require_rerun",
     "write_recording",
@@ -120,6 +121,12 @@ def require_rerun() -> None:
             )
 
 
+def has_flow(scene: Scene) -> bool:
+    """Tell whether there is a fluid in a scene, whose flow can be recorded."""
+    fluid = scene.fluid
+    return fluid is not None and fluid.model != "none" and bool(fluid.density)
+
+
 def write_recording(
     path: str | os.PathLike[str],
     swimmers: Sequence[Swimmer],
@@ -176,8 +183,7 @@ def write_recording(
     reach = REACH_OF_TWO if len(swimmers) == 2 else REACH
     waters: list[Water | None] = []
     for swimmer in swimmers:
-        flows = swimmer.scene.fluid is not None and swimmer.scene.fluid.model != "none"
-        if flow_rate is None or not flows or swimmer.trajectory.steps < 2:
+        if flow_rate is None or not has_flow(swimmer.scene) or swimmer.trajectory.steps < 2:
             waters.append(None)
         else:
             waters.append(compute_water(swimmer, flow_rate, reach, progress))
