@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rerun
 
 from swim_env import OptionError, Simulator, SwimError, load_scene
 from swim_env.energy import elastic_energy, split_energy
@@ -93,8 +94,10 @@ def test_numbers_are_the_runs(recording, run):
     assert (series["position"] == run.path[frames]).all()
     along = (run.path - run.path[0]) @ SCENE.episode.heading
     assert (series["progress"][:, 0] == along[frames]).all()
-    assert (series["energy"][:, 3] == run.energy[frames]).all()
-    assert series["energy"][:, :3].sum(axis=1) == pytest.approx(run.energy[frames], abs=1e-12)
+    # The energy has peaks between frames.
+    assert one.energy_time == pytest.approx(run.time[::2], abs=1e-9)
+    assert (series["energy"][:, 3] == run.energy[::2]).all()
+    assert series["energy"][:, :3].sum(axis=1) == pytest.approx(run.energy[::2], abs=1e-12)
     assert (series["momentum"] == run.momentum[frames]).all()
     assert np.abs(series["drift"]).max() <= momentum_drift(run.momentum, run.impulse)
     work = series["work"][-1]
@@ -117,6 +120,19 @@ def test_every_series_has_a_name_and_a_unit(recording):
     for group, names in one.names.items():
         assert len(names) == one.series[group].shape[1]
         assert all(name.endswith(")") and " (" in name for name in names)
+
+
+def test_held_values_are_steps(recording):
+    """Torques from their instant on, rewards up to it; the rest are lines."""
+    columns = recording[1].columns
+    found = {}
+    for group in GROUPS.keys() | DETAILS.keys():
+        mode = columns[f"/scalars/the_wave/{group}", "SeriesLines:interpolation_mode"].values[0]
+        found[group] = int(np.ravel(mode)[0])
+    modes = rerun.components.InterpolationMode
+    assert found.pop("torques") == modes.StepAfter.value
+    assert found.pop("reward") == modes.StepBefore.value
+    assert set(found.values()) == {modes.Linear.value}
 
 
 def test_flow_is_the_bodys(recording, run):
@@ -165,7 +181,7 @@ def test_energy_is_split_exactly(tmp_path):
     assert body + fluid + elastic == pytest.approx(total, rel=1e-12)
     alongside = Simulator(scene)
     alone = Simulator(scene.replace("fluid", None))
-    for row, instant in enumerate(np.rint(one.time / alongside.time_step).astype(int)):
+    for row, instant in enumerate(np.rint(one.energy_time / alongside.time_step).astype(int)):
         while alongside.steps < instant:
             alongside.step(run.torques[alongside.steps])
         alone.reset_to(alongside.coordinates, alongside.velocity())
@@ -181,8 +197,8 @@ def test_energy_without_the_starts_velocity(run, tmp_path):
     one = read_recording(path).swimmers["x"]
     assert one.names["energy"] == list(UNSPLIT_ENERGY)
     kinetic, elastic, total = one.series["energy"].T
-    assert (total == run.energy[::4]).all()
-    assert kinetic == pytest.approx(total - elastic_energy(run)[::4], abs=1e-15)
+    assert (total == run.energy[::2]).all()
+    assert kinetic == pytest.approx(total - elastic_energy(run)[::2], abs=1e-15)
     with pytest.raises(SwimError, match="not the one that the run started with"):
         write_recording(path, [Swimmer("x", run, start_velocity=np.ones(11))], flow_rate=None)
 
@@ -240,7 +256,7 @@ def test_a_scene_without_fluid(tmp_path):
     path = tmp_path / "dry.rrd"
     assert write_recording(path, [Swimmer("dry", run)]).flow_frames == 0
     one = read_recording(path).swimmers["dry"]
-    assert one.series["energy"][:, 2] == pytest.approx(run.energy[::4])
+    assert one.series["energy"][:, 2] == pytest.approx(run.energy[::2])
 
 
 def test_stored_recordings_stay_readable():

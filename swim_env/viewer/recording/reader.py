@@ -70,10 +70,12 @@ class RecordedSwimmer:
     path : (F, 2) array
         Mean element centre (m), in single precision.
     series : dict of str to (F, n) array
-        By group, see `swim_env.viewer.recording.schema.GROUPS` and DETAILS; rewards at their own
-        times.
+        By group, see `swim_env.viewer.recording.schema.GROUPS` and DETAILS; energy and rewards at
+        their own times.
     names : dict of str to list of str
         Names of the groups' columns, with their units.
+    energy_time : (E,) array
+        Instants of the energy (s).
     reward_time : (A,) array
         Ends of the actions (s), empty without rewards.
     flow_time : (W,) array
@@ -98,6 +100,7 @@ class RecordedSwimmer:
     path: Array
     series: dict[str, Array]
     names: dict[str, list[str]]
+    energy_time: Array
     reward_time: Array
     flow_time: Array
     pressures: Array
@@ -255,7 +258,7 @@ def _swimmer(
     place = f"/{place_of(label)}"
     outline = columns[(f"{place}/outline", "LineStrips2D:strips")]
     centre = columns[(f"{place}/centre", "Points2D:positions")]
-    series, names, reward_time = {}, {}, np.zeros(0)
+    series, names, energy_time, reward_time = {}, {}, outline.time, np.zeros(0)
     for group in (*GROUPS, *DETAILS):
         entity = f"/{group_path(label, group)}"
         column = columns.get((entity, "Scalars:scalars"))
@@ -263,6 +266,8 @@ def _swimmer(
             continue
         series[group] = np.stack(column.values)
         names[group] = [str(one) for one in columns[(entity, "SeriesLines:names")].values[0]]
+        if group == "energy":
+            energy_time = column.time
         if group == "reward":
             reward_time = column.time
     flow_time, cell = np.zeros(0), 0.0
@@ -288,6 +293,7 @@ def _swimmer(
         np.stack(centre.values)[:, 0],
         series,
         names,
+        energy_time,
         reward_time,
         flow_time,
         pressures,

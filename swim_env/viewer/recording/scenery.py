@@ -54,14 +54,15 @@ class Lane:
     ----------
     swimmer : Swimmer
         Who.
-    instants : (F,) array of int
-        Frames.
+    instants, energy_instants : (F,), (E,) arrays of int
+        Frames, and those of the energy.
     layout : Layout
         How it is shown.
     """
 
     swimmer: Swimmer
     instants: NDArray[np.int64]
+    energy_instants: NDArray[np.int64]
     layout: Layout
 
 
@@ -69,6 +70,7 @@ def lanes_of(
     swimmers: Sequence[Swimmer],
     labels: Sequence[str],
     frames: Sequence[NDArray[np.int64]],
+    energy_frames: Sequence[NDArray[np.int64]],
     pressure: float | None,
     speed: float | None,
     colour: str,
@@ -101,6 +103,7 @@ def lanes_of(
         Lane(
             swimmer,
             instants,
+            finer,
             Layout(
                 swimmer.name,
                 label,
@@ -120,8 +123,8 @@ def lanes_of(
                 None if speed is None else _arrow_seconds(swimmer.scene.beam.length, speed),
             ),
         )
-        for number, (swimmer, label, instants, offset) in enumerate(
-            zip(swimmers, labels, frames, offsets, strict=True)
+        for number, (swimmer, label, instants, finer, offset) in enumerate(
+            zip(swimmers, labels, frames, energy_frames, offsets, strict=True)
         )
     ]
 

@@ -26,6 +26,7 @@ from swim_env.viewer.recording.schema import (
     APPLICATION,
     DETAILS,
     GROUPS,
+    HELD,
     PROPERTY,
     REWARDS,
     SCHEMA_VERSION,
@@ -58,6 +59,9 @@ Array = NDArray[np.float64]
 
 #: Frames in a simulated second: of the body and all series, and of the flow.
 FRAME_RATE, FLOW_RATE = 50.0, 25.0
+
+#: Instants of the energy for each frame: it has peaks that last two frames.
+ENERGIES_IN_FRAME = 2.0
 
 #: What a body's colours may show, and the property of a swimmer with it (N m).
 COLOURS = {"torque": "held_torques", "moment": "moments"}
@@ -149,7 +153,7 @@ def write_recording(
     flow_rate : float, optional
         Frames of the flow in a simulated second; None for no flow. Scenes without fluid have none.
     frame_rate : float
-        Frames of everything else.
+        Frames of everything else; of the energy there are twice as many.
     colour : str
         What the bodies' colours show: ``torque`` or ``moment``, the elastic bending moment.
     about : dict, optional
@@ -180,6 +184,7 @@ def write_recording(
         swimmer.check_rewards()
     begin = time.perf_counter()
     frames = [frames_of(swimmer.trajectory, frame_rate) for swimmer in swimmers]
+    finer = [frames_of(one.trajectory, ENERGIES_IN_FRAME * frame_rate) for one in swimmers]
     reach = REACH_OF_TWO if len(swimmers) == 2 else REACH
     waters: list[Water | None] = []
     for swimmer in swimmers:
@@ -189,7 +194,7 @@ def write_recording(
             waters.append(compute_water(swimmer, flow_rate, reach, progress))
     known = [water for water in waters if water is not None]
     flow_seconds = float(sum([water.seconds for water in known]))
-    content = _content(swimmers, frames, waters, colour, made, title)
+    content = _content(swimmers, frames, finer, waters, colour, made, title)
     try:
         write_atomically(path, lambda file: file.write(content))
     except (OSError, ValueError) as error:
@@ -209,6 +214,7 @@ def write_recording(
 def _content(
     swimmers: Sequence[Swimmer],
     frames: Sequence[NDArray[np.int64]],
+    energy_frames: Sequence[NDArray[np.int64]],
     waters: Sequence[Water | None],
     colour: str,
     about: str,
@@ -225,7 +231,7 @@ def _content(
     known = [water for water in waters if water is not None]
     pressure = max((water.largest_pressure for water in known), default=None)
     speed = max((water.largest_speed for water in known), default=None)
-    lanes = lanes_of(swimmers, labels, frames, pressure, speed, colour)
+    lanes = lanes_of(swimmers, labels, frames, energy_frames, pressure, speed, colour)
     blueprint, standing = _fixed_parts(tuple([lane.layout for lane in lanes]))
     stream = rr.RecordingStream(APPLICATION)
     kept = stream.binary_stream()
@@ -332,7 +338,12 @@ def _looks_of_series(layout: Layout) -> list[Any]:
             # What has the same name has the same colour, with and without the split.
             places = [GROUPS[group].index(n) if n in GROUPS[group] else 0 for n in names]
             colours = np.array(SERIES_COLOURS, dtype=np.uint8)[places]
-        lines = rr.SeriesLines(names=names, colors=colours, widths=[1.6] * len(names))
+        lines = rr.SeriesLines(
+            names=names,
+            colors=colours,
+            widths=[1.6] * len(names),
+            interpolation_mode=HELD.get(group, "Linear"),
+        )
         chunks.append(still(group_path(layout.label, group), lines))
     return chunks
 
@@ -342,14 +353,18 @@ def _log_series(stream: Any, lane: Lane) -> None:
     import rerun as rr
 
     swimmer: Swimmer = lane.swimmer
-    frames = [rr.TimeColumn(TIMELINE, duration=swimmer.trajectory.time[lane.instants])]
+    run = swimmer.trajectory
+    frames = [rr.TimeColumn(TIMELINE, duration=run.time[lane.instants])]
     for group in (*GROUPS, *DETAILS):
-        at = frames
-        if group in REWARDS:
+        at, instants = frames, lane.instants
+        if group == "energy":
+            instants = lane.energy_instants
+            at = [rr.TimeColumn(TIMELINE, duration=run.time[instants])]
+        elif group in REWARDS:
             if swimmer.rewards is None:
                 continue
             at = [rr.TimeColumn(TIMELINE, duration=swimmer.reward_times)]
-        values = swimmer.series(group, lane.instants)
+        values = swimmer.series(group, instants)
         if values.size:
             stream.send_columns(
                 group_path(lane.layout.label, group),
