@@ -236,6 +236,21 @@ def test_two_swimmers_on_one_time_line(run, tmp_path):
     assert label_of("\u00e9/ ", ["swimmer"]) == "swimmer_2"
 
 
+def test_lanes_share_their_scales(run, tmp_path):
+    """One legend stands for all: the largest torque limit, the longest beam's arrows."""
+    other = SCENE.replace("actuation.torque_limit", 2.0 * SCENE.torque_limit)
+    wider = Simulator(other).rollout(np.zeros((20, 8)))
+    path = tmp_path / "two.rrd"
+    write_recording(path, [Swimmer("a", run), Swimmer("b", wider)], flow_rate=2.0)
+    columns = read_recording(path).columns
+    limits = columns["/__properties/swim_env", "torque_limits"].values[0]
+    assert np.allclose(limits, 2.0 * SCENE.torque_limit)
+    scales = [
+        columns[f"/world/{name}/flow/velocity", "Transform3D:scale"].values[0] for name in "ab"
+    ]
+    assert np.allclose(scales[0], scales[1])
+
+
 def test_sizes_of_twenty_seconds(tmp_path):
     """Under 5 MB without flow, under 50 MB with it, at the default rates."""
     simulator = Simulator(SCENE)
@@ -300,7 +315,7 @@ def test_other_files_are_refused(tmp_path, recording):
         read_recording(other)
     half = tmp_path / "half.rrd"
     half.write_bytes(recording[0].read_bytes()[:20_000])
-    with pytest.raises(RecordingError):
+    with pytest.raises(RecordingError, match="the recording was cut off"):
         read_recording(half)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -188,13 +189,11 @@ def _scene_of(text: str, name: str) -> Scene:
 
 def _columns(name: str) -> dict[tuple[str, str], Column]:
     """Read every component of every entity of the first recording in a file."""
-    import rerun as rr
-
     found: dict[tuple[str, str], list[tuple[Array, list[Any]]]] = {}
     try:
         with open(name, "rb"):
             pass
-        for chunk in rr.chunk.RrdReader(name).stream():
+        for chunk in _opened(name).stream():
             batch = chunk.to_record_batch()
             times = np.zeros(0)
             if not chunk.is_static:
@@ -207,6 +206,8 @@ def _columns(name: str) -> dict[tuple[str, str], Column]:
                     continue
                 values = [_plain(value) for value in batch.column(field.name)]
                 found.setdefault((chunk.entity_path, field.name), []).append((times, values))
+    except _CutOffError:
+        raise RecordingError(f"the recording was cut off: it has no end ({name})") from None
     except OSError as error:
         raise RecordingError(
             f"cannot read the recording: {error.strerror or error} ({name})"
@@ -223,6 +224,22 @@ def _columns(name: str) -> dict[tuple[str, str], Column]:
             times, values = times[order], [values[i] for i in order]
         columns[key] = Column(times, values)
     return columns
+
+
+class _CutOffError(Exception):
+    """A file lacks its end."""
+
+
+def _opened(name: str) -> Any:
+    """Return rerun's reader of a file; of one without an end it says so in a warning alone."""
+    import rerun as rr
+
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", message="RRD file has no footer")
+        try:
+            return rr.chunk.RrdReader(name)
+        except Warning:
+            raise _CutOffError from None
 
 
 def _plain(value: Any) -> Any:

@@ -76,10 +76,12 @@ def lanes_of(
     colour: str,
 ) -> list[Lane]:
     """Give every swimmer its lane, one below the other where they start."""
-    largest = 1.0
+    # One legend stands for all lanes, so they share their scales.
+    largest = max([swimmer.scene.torque_limit for swimmer in swimmers])
     if colour == "moment":
         moments = [np.abs(swimmer.moments).max(initial=0.0) for swimmer in swimmers]
         largest = float(max(moments)) or 1.0
+    longest = max([swimmer.scene.beam.length for swimmer in swimmers])
     offsets, corners = [], []
     for number, (swimmer, instants) in enumerate(zip(swimmers, frames, strict=True)):
         length = swimmer.scene.beam.length
@@ -118,9 +120,9 @@ def lanes_of(
                 swimmer.rewards is not None,
                 swimmer.start_velocity is not None,
                 colour,
-                swimmer.scene.torque_limit if colour == "torque" else largest,
+                largest,
                 pressure,
-                None if speed is None else _arrow_seconds(swimmer.scene.beam.length, speed),
+                None if speed is None else _arrow_seconds(longest, speed),
             ),
         )
         for number, (swimmer, label, instants, finer, offset) in enumerate(
