@@ -222,6 +222,22 @@ def test_a_snapshot_restored_while_recording(tmp_path):
     assert one.names["energy"] == list(UNSPLIT_ENERGY)
 
 
+def test_an_episode_that_the_physics_ends(tmp_path):
+    """In the middle of an action, whose reward stands at the last instant."""
+    scene = {"actuation.torque_limit": 20.0, "episode.duration": 2.0}
+    env = RecordEpisodes(SwimEnv(overrides=scene), tmp_path)
+    env.reset(seed=1)
+    rewards, terminated = [], False
+    while not terminated:
+        _, reward, terminated, _, info = env.step(np.ones(8))
+        rewards.append(reward)
+    one = only(tmp_path / "swimmer-episode-0.rrd")
+    assert one.termination_reason == info["termination_reason"] != ""
+    assert env.unwrapped.steps % env.unwrapped.scene.steps_per_action > 0
+    assert one.series["reward"][:, 0].tolist() == rewards
+    assert one.reward_time[-1] == pytest.approx(one.time[-1])
+
+
 def test_a_failure_behind_the_physics(tmp_path):
     """The action that was played has its reward, in batches too."""
 
