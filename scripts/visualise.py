@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from pathlib import Path
 
@@ -26,19 +27,24 @@ from swim_env.viewer.recording import (
     FRAME_RATE,
     Swimmer,
     WrittenRecording,
+    check_picture,
+    has_flow,
     open_viewer,
     recording_file,
     take_picture,
     write_recording,
 )
 
+#: What is swum unless somebody says what.
+_SCENE = "swimmer"
 #: What the scene's own torque is called where no policy was named.
 _PRESCRIBED = "prescribed"
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__)
-    add_scene_arguments(parser, default="swimmer")
+    add_scene_arguments(parser, default=_SCENE)
+    parser.set_defaults(scene=None)
     parser.add_argument(
         "--policy",
         action="append",
@@ -59,11 +65,15 @@ def _parser() -> argparse.ArgumentParser:
         "--duration", type=float, metavar="S", help="simulated time (s); the scene's unless given"
     )
     parser.add_argument(
-        "--task", default="forward", help=f"{' or '.join(TASKS)}; forward unless given"
+        "--task", help=f"of the policies: {' or '.join(TASKS)}; forward unless given"
     )
-    parser.add_argument("--seed", type=int, default=0, help="of the starts; 0 unless given")
+    parser.add_argument("--seed", type=int, help="of the policies' starts; 0 unless given")
     parser.add_argument(
-        "--noise", type=float, default=1.0, metavar="X", help="factor on the start's noise"
+        "--noise",
+        type=float,
+        metavar="X",
+        help="factor on the noise of the policies' starts; 1 unless given, and 0 beside the "
+        "prescribed torque or a saved run",
     )
     parser.add_argument(
         "--output",
@@ -103,9 +113,24 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _task_of(options: argparse.Namespace) -> str:
+    return options.task or "forward"
+
+
 def _check(options: argparse.Namespace) -> None:
     """Refuse what has no meaning before anything is played."""
-    check_task(options.task)
+    if options.trajectory is not None:
+        for name, value in (
+            ("scene", options.scene),
+            ("set", options.overrides or None),
+            ("duration", options.duration),
+        ):
+            if value is not None:
+                raise SwimError(f"--{name} has no meaning with --trajectory")
+    for name in ("task", "seed", "noise"):
+        if getattr(options, name) is not None and not (options.policy or options.compare_with):
+            raise SwimError(f"--{name} needs --policy or --compare-with")
+    check_task(_task_of(options))
     if options.no_flow and options.flow_rate is not None:
         raise SwimError("--flow-rate has no meaning with --no-flow")
     for name in ("flow_rate", "frame_rate"):
@@ -116,21 +141,38 @@ def _check(options: argparse.Namespace) -> None:
             )
     if options.at is not None and options.picture is None:
         raise SwimError("--at needs --picture")
-    if options.picture is not None and not Path(options.picture).absolute().parent.is_dir():
-        raise SwimError(f"no such folder for the picture ({Path(options.picture).parent})")
+    if options.picture is not None:
+        check_picture(options.picture)
+    if options.at is not None and not 0.0 <= options.at < math.inf:
+        raise SwimError(f"--at must be a time of at least 0, got {options.at:g}")
     if options.trajectory is not None and options.policy:
         raise SwimError("--policy has no meaning with --trajectory; --compare-with adds a policy")
 
 
+def _check_scene(options: argparse.Namespace, scene: Scene, end: float) -> None:
+    """Refuse what has no meaning with a scene, or a run up to some time (s)."""
+    if options.flow_rate is not None and not has_flow(scene):
+        raise SwimError(
+            f"--flow-rate has no meaning: scene {scene.name} has no fluid, so there is no flow to "
+            "record"
+        )
+    if options.at is not None and options.at > end:
+        raise SwimError(f"--at must be at most the run's end, {end:g} s, got {options.at:g}")
+
+
 def _play(options: argparse.Namespace, scene: Scene, policies: list[str]) -> list[Swimmer]:
-    """Play policies as episodes from the same start."""
+    """Play policies as episodes from the same start: the scene's own beside what has no noise."""
+    task, seed = _task_of(options), options.seed or 0
+    noise = options.noise
+    if noise is None:
+        noise = 1.0 if options.policy else 0.0
     for policy in policies:
-        load_policy(policy, scene, options.seed, options.task)
+        load_policy(policy, scene, seed, task)
     swimmers = []
     for policy in policies:
         with progress_bar(scene.actions_per_episode, "action", policy) as progress:
             rollout, trajectory, _ = replay_episode(
-                scene, policy, options.task, options.seed, options.noise, progress=progress
+                scene, policy, task, seed, noise, progress=progress
             )
         swimmers.append(swimmer_of(Path(policy).name, rollout, trajectory))
     return swimmers
@@ -145,13 +187,16 @@ def _swimmers(options: argparse.Namespace) -> tuple[Path, list[Swimmer]]:
         scene = saved.scene
         if saved.steps:
             scene = scene.replace("episode.duration", saved.duration)
+        _check_scene(options, scene, float(saved.time[-1]))
         name = Path(options.trajectory).stem
         file = recording_file(place, f"{scene.name}-{name}")
         start = velocity_of_start(saved) if saved.steps else None
         kept = Swimmer(name, saved, start_velocity=start)
         return file, [kept, *_play(options, scene, others)]
+    options.scene = options.scene or _SCENE
     scene = scene_of(options)
     steps = steps_of(scene, options.duration)
+    _check_scene(options, scene, steps * scene.integrator.time_step)
     if options.duration is not None:
         scene = scene.replace("episode.duration", options.duration)
     policies = [*options.policy, *others]

@@ -4,11 +4,18 @@ The panels' source strengths that the added mass is made of give the potential o
 
 .. math:: \phi(x) = \sum_j P_j(x)\, \sigma_j, \qquad G \sigma = B V,
 
-and the unsteady Bernoulli equation its pressure (Pa; far away it is zero),
+and the unsteady Bernoulli equation its pressure (Pa),
 
 .. math:: p = -\rho \left( \partial_t \phi + \tfrac{1}{2} |\nabla \phi|^2 \right),
 
-with the derivative by time at a point that rests in the fluid far away. Influences are those of
+with the derivative by time at a point that rests in the fluid far away.
+
+The sources have a sum Q (m^2/s): the elements' motions are imposed on panels of which, at a bent
+joint, those of one side are shorter than those of the other, so they push out more on one side than
+they take in on the other, although the outline keeps its area. Far away the potential is
+:math:`Q / (2 \pi) \ln(r / L)` with the beam's length L, and the pressure is not zero but
+:math:`-\rho \dot Q / (2 \pi) \ln(r / L)`: its level hangs on L. It is left in, since the added
+mass that moves the body is made of the same sources. A rigid body has none. Influences are those of
 `swim_env.physics.panels`, shapes those of `swim_env.physics.outline`.
 """
 
@@ -168,7 +175,8 @@ def pressure_between(before: Flow, after: Flow, interval: float, density: float)
     Returns
     -------
     (P,) array
-        Pressure against that far away (Pa), right to second order in the interval.
+        Pressure (Pa), right to second order in the interval; zero far away where the sources sum to
+        zero, else as the module says.
     """
     rate = (after.potential - before.potential) / interval
     velocity = 0.5 * (before.velocity + after.velocity)

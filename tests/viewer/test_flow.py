@@ -221,3 +221,26 @@ def test_a_scene_without_fluid_has_no_flow():
     """It is refused in one line."""
     with pytest.raises(OptionError, match="has no fluid"):
         BodyFlow(SCENE.replace("fluid", None))
+
+
+def test_far_pressure_is_that_of_the_net_source():
+    """Which a bending body has, the same from everywhere, and a rigid one not."""
+    scene = load_scene("swimmer")
+    flow, length = BodyFlow(scene), scene.beam.length
+    turns = 2.0 * np.pi * np.arange(64) / 64
+    ring = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+
+    def source(angles: Array, turning: Array, radius: float) -> float:
+        at = radius * length * ring
+        arms = scene.beam.element_length * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        rates = turning[:, None] * np.stack([-arms[:, 1], arms[:, 0]], axis=-1)
+        velocities = np.cumsum(rates, axis=0) - 0.5 * rates
+        velocities -= velocities.mean(axis=0)
+        found = flow.at(at, np.zeros(2), angles, velocities, turning)
+        assert found is not None
+        return float((found.velocity * ring).sum(axis=1).mean() * 2.0 * np.pi * radius * length)
+
+    bent, bending = np.linspace(0.0, 1.2, 9), np.linspace(-3.0, 3.0, 9)
+    near, far = source(bent, bending, 20.0), source(bent, bending, 100.0)
+    assert abs(near) > 1e-2 and far == pytest.approx(near, rel=1e-3)
+    assert abs(source(np.zeros(9), np.full(9, 2.0), 20.0)) < 1e-9

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
@@ -11,7 +12,14 @@ import gymnasium
 import numpy as np
 import pytest
 
-from swim_env import ActionError, OptionError, SwimEnv, SwimTargetVectorEnv, SwimVectorEnv
+from swim_env import (
+    ActionError,
+    OptionError,
+    SwimEnv,
+    SwimError,
+    SwimTargetVectorEnv,
+    SwimVectorEnv,
+)
 from swim_env.viewer.recording import RecordEpisodes, RecordVectorEpisodes, read_recording
 from swim_env.viewer.recording.schema import GROUPS, UNSPLIT_ENERGY
 
@@ -194,12 +202,186 @@ def test_a_scene_that_records_by_itself(tmp_path):
     assert only(tmp_path / "swimmer-episode-0.rrd").time[-1] == pytest.approx(0.2)
 
 
-def test_bad_arguments(tmp_path):
-    """Other environments, members that are not there, a file for a folder."""
+def test_a_snapshot_restored_while_recording(tmp_path):
+    """The recording begins there, with the rewards since then and no others."""
+    env = record(tmp_path, split_energy=True)
+    env.reset(seed=0)
+    for action in np.ones((3, 8)):
+        env.step(action)
+    snapshot = env.unwrapped.snapshot()
+    for action in -np.ones((5, 8)):
+        env.step(action)
+    env.unwrapped.restore(snapshot)
+    rewards = [env.step(action)[1] for action in np.zeros((4, 8))]
+    env.close()
+    one = only(tmp_path / "swimmer-episode-0.rrd")
+    assert one.time[[0, -1]] == pytest.approx([0.06, 0.14])
+    assert one.series["reward"][:, 0].tolist() == rewards
+    assert one.reward_time == pytest.approx([0.08, 0.10, 0.12, 0.14])
+    assert one.series["progress"][-1, 0] == pytest.approx(sum(rewards), abs=1e-12)
+    assert one.names["energy"] == list(UNSPLIT_ENERGY)
+
+
+def test_an_episode_that_the_physics_ends(tmp_path):
+    """In the middle of an action, whose reward stands at the last instant."""
+    scene = {"actuation.torque_limit": 20.0, "episode.duration": 2.0}
+    env = RecordEpisodes(SwimEnv(overrides=scene), tmp_path)
+    env.reset(seed=1)
+    rewards, terminated = [], False
+    while not terminated:
+        _, reward, terminated, _, info = env.step(np.ones(8))
+        rewards.append(reward)
+    one = only(tmp_path / "swimmer-episode-0.rrd")
+    assert one.termination_reason == info["termination_reason"] != ""
+    assert env.unwrapped.steps % env.unwrapped.scene.steps_per_action > 0
+    assert one.series["reward"][:, 0].tolist() == rewards
+    assert one.reward_time[-1] == pytest.approx(one.time[-1])
+
+
+def test_a_failure_behind_the_physics(tmp_path):
+    """The action that was played has its reward, in batches too."""
+
+    class Failing(gymnasium.Wrapper):
+        def step(self, action):
+            self.env.step(action)
+            raise RuntimeError("the battery is empty")
+
+    class FailingBatch(gymnasium.vector.VectorWrapper):
+        def step(self, actions):
+            self.env.step(actions)
+            raise RuntimeError("the battery is empty")
+
+    for env, action in (
+        (RecordEpisodes(Failing(SwimEnv(overrides=SHORT)), tmp_path), np.ones(8)),
+        (
+            RecordVectorEpisodes(FailingBatch(SwimVectorEnv(2, overrides=SHORT)), tmp_path, [1]),
+            np.ones((2, 8)),
+        ),
+    ):
+        env.reset(seed=0)
+        with pytest.raises(RuntimeError, match="battery"):
+            env.step(action)
+        one = only(Path(env.written[-1].file))
+        assert one.series["reward"].shape == (1, 1)
+        assert one.series["reward"][0, 0] == pytest.approx(one.series["progress"][-1, 0])
+
+
+def test_one_wrapper_at_a_time(tmp_path):
+    """A second one would take the first one's steps; after close there may be another."""
+    env = record(tmp_path)
+    with pytest.raises(OptionError, match="is being recorded already: use one recording wrapper"):
+        RecordEpisodes(env, tmp_path)
+    env.close()
+    with pytest.warns(UserWarning) as told:
+        play(env, 0, 1)
+        env.close()
+        play(RecordEpisodes(env.unwrapped, tmp_path), 0)
+    assert ["will be overwritten" in str(one.message) for one in told] == [True]
+    batch = RecordVectorEpisodes(SwimVectorEnv(2, overrides=SHORT), tmp_path, [0])
+    with pytest.raises(OptionError, match="is being recorded already"):
+        RecordVectorEpisodes(batch, tmp_path, [1])
+    del env, batch
+
+
+def test_recordings_of_before_are_told_of(tmp_path):
+    """Of the same names alone."""
+    (tmp_path / "a-episode-0.rrd").touch()
+    (tmp_path / "a-member-1-episode-7.rrd").touch()
+    record(tmp_path, name_prefix="b").close()
+    with pytest.warns(UserWarning, match="will be overwritten .a-episode-"):
+        record(tmp_path, name_prefix="a")
+    with pytest.warns(UserWarning, match="a-member-1-episode-"):
+        RecordVectorEpisodes(SwimVectorEnv(2, overrides=SHORT), tmp_path, [0, 1], name_prefix="a")
+
+
+def test_a_failing_disk_costs_no_episode(tmp_path, monkeypatch):
+    """Steps and resets warn and give what they have; close raises."""
+
+    def full(path, write):
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    monkeypatch.setattr("swim_env.viewer.recording.writer.write_atomically", full)
+    env = record(tmp_path)
+    why = "an episode was not recorded: cannot write the recording: No space left"
+    with pytest.warns(UserWarning, match=why):
+        last = play(env, 0)[-1]
+    assert last[3]
+    env.reset(seed=1)
+    env.step(np.zeros(8))
+    with pytest.warns(UserWarning, match=why):
+        observation, _ = env.reset(seed=2)
+    assert env.observation_space.contains(observation)
+    env.step(np.zeros(8))
+    with pytest.raises(SwimError, match="No space left"):
+        env.close()
+    batch = RecordVectorEpisodes(
+        SwimVectorEnv(2, overrides=SHORT), tmp_path, [0, 1], lambda number: True
+    )
+    batch.reset(seed=0)
+    with pytest.warns(UserWarning, match=why) as told:
+        for _ in range(10):
+            truncated = batch.step(np.zeros((2, 8)))[3]
+    assert truncated.all() and len(told) == 2
+    assert not batch.written
+
+
+def test_bad_environments(tmp_path):
+    """Others, and a batch where one is wanted or the other way round."""
     with pytest.raises(OptionError, match="needs a SwimEnv"):
         RecordEpisodes(gymnasium.make("CartPole-v1"), tmp_path)
-    with pytest.raises(OptionError, match="some of 0 to 1"):
-        RecordVectorEpisodes(SwimVectorEnv(2, overrides=SHORT), tmp_path, [2])
+    batch = SwimVectorEnv(2, overrides=SHORT)
+    with pytest.raises(OptionError, match="RecordVectorEpisodes records a batch"):
+        RecordEpisodes(batch, tmp_path)
+    with pytest.raises(OptionError, match="RecordEpisodes records a single"):
+        RecordVectorEpisodes(SwimEnv(overrides=SHORT), tmp_path)
+    with pytest.raises(OptionError, match="needs a SwimVectorEnv, got str"):
+        RecordVectorEpisodes("swimmer", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("options", "part"),
+    [
+        ({"frame_rate": 0.0}, "frame_rate must be a finite number above 0, got 0"),
+        ({"frame_rate": None}, "frame_rate must be"),
+        ({"frame_rate": "50"}, "frame_rate must be"),
+        ({"flow_rate": float("nan")}, "flow_rate must be a finite number above 0, got nan"),
+        ({"flow_rate": float("inf")}, "flow_rate must be"),
+        ({"flow_rate": True}, "flow_rate must be"),
+        ({"name_prefix": "a/b"}, "name_prefix must be the beginning of a file's name"),
+        ({"name_prefix": ".."}, "name_prefix must be"),
+        ({"name_prefix": ""}, "name_prefix must be"),
+        ({"name_prefix": 3}, "name_prefix must be"),
+        ({"members": [2]}, "whole numbers of 0 to 1, at least one of them, got 2"),
+        ({"members": [-1]}, "members must be"),
+        ({"members": []}, "got none"),
+        ({"members": [0, 0]}, "got 0 twice"),
+        ({"members": [0.0]}, "members must be"),
+        ({"members": [True]}, "members must be"),
+        ({"members": 1}, "members must be"),
+        ({"members": "01"}, "members must be"),
+    ],
+)
+def test_bad_arguments(tmp_path, options, part):
+    """Told of before anything is played, and nothing is left."""
+    folder = tmp_path / "new"
+    with pytest.raises(OptionError, match=part):
+        RecordVectorEpisodes(SwimVectorEnv(2, overrides=SHORT), folder, **options)
+    if "members" not in options:
+        with pytest.raises(OptionError, match=part):
+            record(folder, **options)
+    assert not folder.exists()
+
+
+def test_members_may_be_an_array(tmp_path):
+    """Of whole numbers of any width."""
+    env = RecordVectorEpisodes(
+        SwimVectorEnv(3, overrides=SHORT), tmp_path, np.array([2, 0], dtype=np.int16)
+    )
+    env.reset(seed=0)
+    env.step(np.zeros((3, 8)))
+    env.close()
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["swimmer-member-0-episode-0.rrd", "swimmer-member-2-episode-0.rrd"]
 
 
 def test_cost_is_measured():

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rerun
 
 from swim_env import OptionError, Simulator, SwimError, load_scene
 from swim_env.energy import elastic_energy, split_energy
@@ -19,6 +20,7 @@ from swim_env.viewer.recording import (
     RecordingError,
     Swimmer,
     read_recording,
+    recording_file,
     write_recording,
 )
 from swim_env.viewer.recording.reader import ReadRecording
@@ -92,8 +94,10 @@ def test_numbers_are_the_runs(recording, run):
     assert (series["position"] == run.path[frames]).all()
     along = (run.path - run.path[0]) @ SCENE.episode.heading
     assert (series["progress"][:, 0] == along[frames]).all()
-    assert (series["energy"][:, 3] == run.energy[frames]).all()
-    assert series["energy"][:, :3].sum(axis=1) == pytest.approx(run.energy[frames], abs=1e-12)
+    # The energy has peaks between frames.
+    assert one.energy_time == pytest.approx(run.time[::2], abs=1e-9)
+    assert (series["energy"][:, 3] == run.energy[::2]).all()
+    assert series["energy"][:, :3].sum(axis=1) == pytest.approx(run.energy[::2], abs=1e-12)
     assert (series["momentum"] == run.momentum[frames]).all()
     assert np.abs(series["drift"]).max() <= momentum_drift(run.momentum, run.impulse)
     work = series["work"][-1]
@@ -116,6 +120,19 @@ def test_every_series_has_a_name_and_a_unit(recording):
     for group, names in one.names.items():
         assert len(names) == one.series[group].shape[1]
         assert all(name.endswith(")") and " (" in name for name in names)
+
+
+def test_held_values_are_steps(recording):
+    """Torques from their instant on, rewards up to it; the rest are lines."""
+    columns = recording[1].columns
+    found = {}
+    for group in GROUPS.keys() | DETAILS.keys():
+        mode = columns[f"/scalars/the_wave/{group}", "SeriesLines:interpolation_mode"].values[0]
+        found[group] = int(np.ravel(mode)[0])
+    modes = rerun.components.InterpolationMode
+    assert found.pop("torques") == modes.StepAfter.value
+    assert found.pop("reward") == modes.StepBefore.value
+    assert set(found.values()) == {modes.Linear.value}
 
 
 def test_flow_is_the_bodys(recording, run):
@@ -164,7 +181,7 @@ def test_energy_is_split_exactly(tmp_path):
     assert body + fluid + elastic == pytest.approx(total, rel=1e-12)
     alongside = Simulator(scene)
     alone = Simulator(scene.replace("fluid", None))
-    for row, instant in enumerate(np.rint(one.time / alongside.time_step).astype(int)):
+    for row, instant in enumerate(np.rint(one.energy_time / alongside.time_step).astype(int)):
         while alongside.steps < instant:
             alongside.step(run.torques[alongside.steps])
         alone.reset_to(alongside.coordinates, alongside.velocity())
@@ -180,8 +197,8 @@ def test_energy_without_the_starts_velocity(run, tmp_path):
     one = read_recording(path).swimmers["x"]
     assert one.names["energy"] == list(UNSPLIT_ENERGY)
     kinetic, elastic, total = one.series["energy"].T
-    assert (total == run.energy[::4]).all()
-    assert kinetic == pytest.approx(total - elastic_energy(run)[::4], abs=1e-15)
+    assert (total == run.energy[::2]).all()
+    assert kinetic == pytest.approx(total - elastic_energy(run)[::2], abs=1e-15)
     with pytest.raises(SwimError, match="not the one that the run started with"):
         write_recording(path, [Swimmer("x", run, start_velocity=np.ones(11))], flow_rate=None)
 
@@ -219,6 +236,21 @@ def test_two_swimmers_on_one_time_line(run, tmp_path):
     assert label_of("\u00e9/ ", ["swimmer"]) == "swimmer_2"
 
 
+def test_lanes_share_their_scales(run, tmp_path):
+    """One legend stands for all: the largest torque limit, the longest beam's arrows."""
+    other = SCENE.replace("actuation.torque_limit", 2.0 * SCENE.torque_limit)
+    wider = Simulator(other).rollout(np.zeros((20, 8)))
+    path = tmp_path / "two.rrd"
+    write_recording(path, [Swimmer("a", run), Swimmer("b", wider)], flow_rate=2.0)
+    columns = read_recording(path).columns
+    limits = columns["/__properties/swim_env", "torque_limits"].values[0]
+    assert np.allclose(limits, 2.0 * SCENE.torque_limit)
+    scales = [
+        columns[f"/world/{name}/flow/velocity", "Transform3D:scale"].values[0] for name in "ab"
+    ]
+    assert np.allclose(scales[0], scales[1])
+
+
 def test_sizes_of_twenty_seconds(tmp_path):
     """Under 5 MB without flow, under 50 MB with it, at the default rates."""
     simulator = Simulator(SCENE)
@@ -239,7 +271,7 @@ def test_a_scene_without_fluid(tmp_path):
     path = tmp_path / "dry.rrd"
     assert write_recording(path, [Swimmer("dry", run)]).flow_frames == 0
     one = read_recording(path).swimmers["dry"]
-    assert one.series["energy"][:, 2] == pytest.approx(run.energy[::4])
+    assert one.series["energy"][:, 2] == pytest.approx(run.energy[::2])
 
 
 def test_stored_recordings_stay_readable():
@@ -283,7 +315,7 @@ def test_other_files_are_refused(tmp_path, recording):
         read_recording(other)
     half = tmp_path / "half.rrd"
     half.write_bytes(recording[0].read_bytes()[:20_000])
-    with pytest.raises(RecordingError):
+    with pytest.raises(RecordingError, match="the recording was cut off"):
         read_recording(half)
 
 
@@ -298,6 +330,8 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path, swimmer):
         write_recording(tmp_path / "none" / "x.rrd", [swimmer], flow_rate=None)
     with pytest.raises(OptionError, match="at least one swimmer"):
         write_recording(before, [])
+    with pytest.raises(OptionError, match="about must be a dict in JSON's terms"):
+        write_recording(before, [swimmer], about={"when": object()})
     assert [path.name for path in tmp_path.iterdir()] == ["before.rrd"]
 
 
@@ -334,6 +368,42 @@ def test_without_rerun_and_pillow(tmp_path):
     )
     assert done.returncode == 1
     assert "SwimError: recordings need rerun: install the extra 'view'" in done.stderr
+
+
+def test_rewards_fit_the_run(run, tmp_path):
+    """One for each action, the last of which may have been cut short."""
+    path = tmp_path / "x.rrd"
+    for rewards in (REWARDS[:-1], np.zeros(51), np.zeros((50, 1)), [*REWARDS[:-1], np.nan]):
+        with pytest.raises(OptionError, match="rewards"):
+            write_recording(path, [Swimmer("x", run, rewards)], flow_rate=None)
+    assert not path.exists()
+    simulator = Simulator(SCENE)
+    cut = simulator.rollout(simulator.prescribed_torques(10))
+    write_recording(path, [Swimmer("x", cut, [0.1, 0.2, 0.3])], flow_rate=None)
+    times = read_recording(path).swimmers["x"].reward_time
+    assert times == pytest.approx([0.02, 0.04, 0.05])
+
+
+def test_places_of_recordings(tmp_path, monkeypatch):
+    """Files and folders; what cannot be one is refused before anything is played."""
+    assert recording_file(tmp_path / "a.rrd", "n") == tmp_path / "a.rrd"
+    assert recording_file(tmp_path / "v1.2", "n") == tmp_path / "v1.2" / "n.rrd"
+    (tmp_path / "old.txt").mkdir()
+    assert recording_file(tmp_path / "old.txt", "n") == tmp_path / "old.txt" / "n.rrd"
+    for name in ("x.RRD", "a.txt"):
+        with pytest.raises(SwimError, match="ends with .rrd"):
+            recording_file(tmp_path / name, "n")
+    (tmp_path / "file").touch()
+    with pytest.raises(SwimError, match="cannot make the folder"):
+        recording_file(tmp_path / "file" / "x.rrd", "n")
+
+    def denied(**options):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("tempfile.TemporaryFile", denied)
+    with pytest.raises(SwimError, match="cannot write into the folder .*: Permission denied"):
+        recording_file(tmp_path / "a.rrd", "n")
+    assert not list(tmp_path.rglob("*.rrd"))
 
 
 def test_frames(run):

@@ -15,7 +15,8 @@ import pytest
 
 from swim_env import Simulator, SwimError, load_scene
 from swim_env.command_line import run
-from swim_env.viewer.recording import read_recording, take_picture
+from swim_env.viewer.recording import open_viewer, read_recording, take_picture
+from swim_env.viewer.recording.show import _runtime_folder
 
 ROOT = Path(__file__).parents[2]
 
@@ -84,7 +85,7 @@ def test_prescribed_torque_and_saved_trajectory(command, tmp_path):
     one = read_recording(file).swimmers["prescribed"]
     simulator = Simulator("paper_i")
     played = simulator.rollout(simulator.prescribed_torques(50))
-    assert (one.series["energy"][:, 3] == played.energy[::2]).all()
+    assert (one.series["energy"][:, 3] == played.energy).all()
     assert "reward" not in one.series and not one.flow_time.size
     played.save(tmp_path / "saved.npz")
     output = str(tmp_path / "saved.rrd")
@@ -113,13 +114,27 @@ def test_prescribed_torque_and_saved_trajectory(command, tmp_path):
         (["--duration", "-1"], "must be a positive number"),
         (["--at", "1"], "--at needs --picture"),
         (["--picture", "none/x.png"], "no such folder for the picture"),
-        (["--task", "fly"], "unknown task 'fly'"),
+        (["--picture", "x.gif"], "a picture's name ends with .png, .jpg, .jpeg"),
+        (["--picture", "folder.png"], "a picture is a file"),
+        (["--picture", "x.png", "--at", "nan"], "--at must be a time of at least 0"),
+        (["--picture", "x.png", "--at", "-1"], "--at must be a time of at least 0"),
+        (["--picture", "x.png", "--at", "3", "--duration", "2"], "at most the run's end, 2 s"),
+        (["--noise", "0"], "--noise needs --policy or --compare-with"),
+        (["--seed", "0"], "--seed needs --policy or --compare-with"),
+        (["--trajectory", "x.npz", "--scene", "swimmer"], "--scene has no meaning"),
+        (["--trajectory", "x.npz", "--set", "beam.elements=5"], "--set has no meaning"),
+        (["--trajectory", "x.npz", "--duration", "1"], "--duration has no meaning"),
+        (["--trajectory", "x.npz", "--task", "forward"], "--task needs --policy"),
+        (["--set", "fluid=null", "--flow-rate", "5"], "there is no flow to record"),
+        (["--output", "x.txt"], "ends with .rrd"),
+        (["--task", "fly", "--policy", "zero"], "unknown task 'fly'"),
         (["--colour", "x"], "invalid choice: 'x'"),
         (["--output", "."], "cannot"),
     ],
 )
 def test_bad_input_is_one_line_and_code_2(command, tmp_path, arguments, part):
     """Nothing is played and nothing is left."""
+    (tmp_path / "folder.png").mkdir()
     if arguments == ["--output", "."]:
         (tmp_path / "x.rrd").mkdir()
         arguments, part = ["--output", str(tmp_path / "x.rrd")], "this is a folder"
@@ -127,6 +142,45 @@ def test_bad_input_is_one_line_and_code_2(command, tmp_path, arguments, part):
     assert done.returncode == 2
     assert part in done.stderr and "Traceback" not in done.stderr
     assert not list(tmp_path.rglob("*.rrd")) or part == "this is a folder"
+
+
+def test_a_policy_beside_the_prescribed_torque(command, tmp_path):
+    """Starts as that does, without noise."""
+    file = tmp_path / "x.rrd"
+    done = command(
+        "visualise", "--compare-with", "zero", "--duration", "0.1", "--no-flow", "--output",
+        str(file),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    one, other = read_recording(file).swimmers.values()
+    assert (one.nodes[0] == other.nodes[0]).all()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="the stand-in is a shell script")
+@pytest.mark.parametrize(("code", "told"), [(0, False), (1, True)])
+def test_a_display_that_does_not_answer(tmp_path, monkeypatch, code, told):
+    """The viewer ends with an error: what to type instead. Where it hands over, nothing."""
+    program = tmp_path / "rerun"
+    program.write_text(f"#!/bin/sh\nexit {code}\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("DISPLAY", ":99")
+    monkeypatch.setattr("swim_env.viewer.recording.show.rerun_command", lambda: str(program))
+    line = open_viewer("some.rrd")
+    assert (line is not None) == told
+    if line is not None:
+        assert "no display answers" in line and "rerun --web-viewer some.rrd" in line
+
+
+def test_viewers_have_a_runtime_folder(monkeypatch):
+    """The system's, or one that goes with them."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", "/given")
+    with _runtime_folder():
+        assert os.environ["XDG_RUNTIME_DIR"] == "/given"
+    monkeypatch.delenv("XDG_RUNTIME_DIR")
+    with _runtime_folder():
+        folder = Path(os.environ["XDG_RUNTIME_DIR"])
+        assert folder.is_dir()
+    assert "XDG_RUNTIME_DIR" not in os.environ and not folder.exists()
 
 
 def test_replay_records(command, tmp_path):

@@ -2,7 +2,7 @@
 
 from swim_env.viewer.recording.reader import ReadRecording, RecordingError, read_recording
 from swim_env.viewer.recording.schema import SCHEMA_VERSION
-from swim_env.viewer.recording.show import open_viewer, take_picture
+from swim_env.viewer.recording.show import check_picture, open_viewer, take_picture
 from swim_env.viewer.recording.swimmer import Swimmer
 from swim_env.viewer.recording.wrappers import RecordEpisodes, RecordVectorEpisodes
 from swim_env.viewer.recording.writer import (
@@ -10,6 +10,7 @@ from swim_env.viewer.recording.writer import (
     FLOW_RATE,
     FRAME_RATE,
     WrittenRecording,
+    has_flow,
     recording_file,
     require_rerun,
     write_recording,
@@ -26,6 +27,8 @@ __all__ = [
     "RecordingError",
     "Swimmer",
     "WrittenRecording",
+    "check_picture",
+    "has_flow",
     "open_viewer",
     "read_recording",
     "recording_file",

@@ -39,11 +39,11 @@ class Layout:
     colour : str
         What its colours show.
     limit : float
-        Torque or moment that the colours reach to (N m).
+        Torque or moment that all swimmers' colours reach to (N m).
     pressure : float or None
         Pressure that all swimmers' colours reach to (Pa), None without flow.
     arrow_seconds : float or None
-        Seconds of its velocity that an arrow is long, None without flow.
+        Seconds of the velocity that all swimmers' arrows are long, None without flow.
     """
 
     name: str

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -70,10 +71,12 @@ class RecordedSwimmer:
     path : (F, 2) array
         Mean element centre (m), in single precision.
     series : dict of str to (F, n) array
-        By group, see `swim_env.viewer.recording.schema.GROUPS` and DETAILS; rewards at their own
-        times.
+        By group, see `swim_env.viewer.recording.schema.GROUPS` and DETAILS; energy and rewards at
+        their own times.
     names : dict of str to list of str
         Names of the groups' columns, with their units.
+    energy_time : (E,) array
+        Instants of the energy (s).
     reward_time : (A,) array
         Ends of the actions (s), empty without rewards.
     flow_time : (W,) array
@@ -98,6 +101,7 @@ class RecordedSwimmer:
     path: Array
     series: dict[str, Array]
     names: dict[str, list[str]]
+    energy_time: Array
     reward_time: Array
     flow_time: Array
     pressures: Array
@@ -185,13 +189,11 @@ def _scene_of(text: str, name: str) -> Scene:
 
 def _columns(name: str) -> dict[tuple[str, str], Column]:
     """Read every component of every entity of the first recording in a file."""
-    import rerun as rr
-
     found: dict[tuple[str, str], list[tuple[Array, list[Any]]]] = {}
     try:
         with open(name, "rb"):
             pass
-        for chunk in rr.chunk.RrdReader(name).stream():
+        for chunk in _opened(name).stream():
             batch = chunk.to_record_batch()
             times = np.zeros(0)
             if not chunk.is_static:
@@ -204,6 +206,8 @@ def _columns(name: str) -> dict[tuple[str, str], Column]:
                     continue
                 values = [_plain(value) for value in batch.column(field.name)]
                 found.setdefault((chunk.entity_path, field.name), []).append((times, values))
+    except _CutOffError:
+        raise RecordingError(f"the recording was cut off: it has no end ({name})") from None
     except OSError as error:
         raise RecordingError(
             f"cannot read the recording: {error.strerror or error} ({name})"
@@ -220,6 +224,22 @@ def _columns(name: str) -> dict[tuple[str, str], Column]:
             times, values = times[order], [values[i] for i in order]
         columns[key] = Column(times, values)
     return columns
+
+
+class _CutOffError(Exception):
+    """A file lacks its end."""
+
+
+def _opened(name: str) -> Any:
+    """Return rerun's reader of a file; of one without an end it says so in a warning alone."""
+    import rerun as rr
+
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", message="RRD file has no footer")
+        try:
+            return rr.chunk.RrdReader(name)
+        except Warning:
+            raise _CutOffError from None
 
 
 def _plain(value: Any) -> Any:
@@ -255,7 +275,7 @@ def _swimmer(
     place = f"/{place_of(label)}"
     outline = columns[(f"{place}/outline", "LineStrips2D:strips")]
     centre = columns[(f"{place}/centre", "Points2D:positions")]
-    series, names, reward_time = {}, {}, np.zeros(0)
+    series, names, energy_time, reward_time = {}, {}, outline.time, np.zeros(0)
     for group in (*GROUPS, *DETAILS):
         entity = f"/{group_path(label, group)}"
         column = columns.get((entity, "Scalars:scalars"))
@@ -263,6 +283,8 @@ def _swimmer(
             continue
         series[group] = np.stack(column.values)
         names[group] = [str(one) for one in columns[(entity, "SeriesLines:names")].values[0]]
+        if group == "energy":
+            energy_time = column.time
         if group == "reward":
             reward_time = column.time
     flow_time, cell = np.zeros(0), 0.0
@@ -288,6 +310,7 @@ def _swimmer(
         np.stack(centre.values)[:, 0],
         series,
         names,
+        energy_time,
         reward_time,
         flow_time,
         pressures,

@@ -54,14 +54,15 @@ class Lane:
     ----------
     swimmer : Swimmer
         Who.
-    instants : (F,) array of int
-        Frames.
+    instants, energy_instants : (F,), (E,) arrays of int
+        Frames, and those of the energy.
     layout : Layout
         How it is shown.
     """
 
     swimmer: Swimmer
     instants: NDArray[np.int64]
+    energy_instants: NDArray[np.int64]
     layout: Layout
 
 
@@ -69,15 +70,18 @@ def lanes_of(
     swimmers: Sequence[Swimmer],
     labels: Sequence[str],
     frames: Sequence[NDArray[np.int64]],
+    energy_frames: Sequence[NDArray[np.int64]],
     pressure: float | None,
     speed: float | None,
     colour: str,
 ) -> list[Lane]:
     """Give every swimmer its lane, one below the other where they start."""
-    largest = 1.0
+    # One legend stands for all lanes, so they share their scales.
+    largest = max([swimmer.scene.torque_limit for swimmer in swimmers])
     if colour == "moment":
         moments = [np.abs(swimmer.moments).max(initial=0.0) for swimmer in swimmers]
         largest = float(max(moments)) or 1.0
+    longest = max([swimmer.scene.beam.length for swimmer in swimmers])
     offsets, corners = [], []
     for number, (swimmer, instants) in enumerate(zip(swimmers, frames, strict=True)):
         length = swimmer.scene.beam.length
@@ -101,6 +105,7 @@ def lanes_of(
         Lane(
             swimmer,
             instants,
+            finer,
             Layout(
                 swimmer.name,
                 label,
@@ -115,13 +120,13 @@ def lanes_of(
                 swimmer.rewards is not None,
                 swimmer.start_velocity is not None,
                 colour,
-                swimmer.scene.torque_limit if colour == "torque" else largest,
+                largest,
                 pressure,
-                None if speed is None else _arrow_seconds(swimmer.scene.beam.length, speed),
+                None if speed is None else _arrow_seconds(longest, speed),
             ),
         )
-        for number, (swimmer, label, instants, offset) in enumerate(
-            zip(swimmers, labels, frames, offsets, strict=True)
+        for number, (swimmer, label, instants, finer, offset) in enumerate(
+            zip(swimmers, labels, frames, energy_frames, offsets, strict=True)
         )
     ]
 

@@ -9,6 +9,7 @@ __all__ = [
     "APPLICATION",
     "DETAILS",
     "GROUPS",
+    "HELD",
     "PROPERTY",
     "REWARDS",
     "SCHEMA_VERSION",
@@ -52,6 +53,9 @@ UNSPLIT_ENERGY = ("kinetic, body and fluid (J)", "elastic (J)", "total (J)")
 
 #: Groups that stand at the ends of an episode's actions, and not at all without rewards.
 REWARDS = ("reward", "return")
+
+#: Groups whose values are held, and how rerun draws them: from their instant on, or up to it.
+HELD = {"torques": "StepAfter", "reward": "StepBefore"}
 
 #: Groups with a series for each joint, from head to tail.
 DETAILS: dict[str, str] = {"torques": "N m", "joint_angles": "rad"}

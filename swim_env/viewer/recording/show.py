@@ -4,25 +4,31 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
 import os
 import shutil
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from swim_env.errors import SwimError
+from swim_env.errors import OptionError, SwimError
 from swim_env.files import write_atomically
 from swim_env.viewer.recording.schema import TIMELINE
 from swim_env.viewer.recording.writer import require_rerun
 
-__all__ = ["open_viewer", "take_picture"]
+__all__ = ["check_picture", "open_viewer", "take_picture"]
 
 #: Seconds that the viewer is given to draw what it was told to show.
 _TO_DRAW = 1.5
+#: Seconds within which a viewer ends that finds no display.
+_TO_FAIL = 1.0
+#: Endings of pictures, and what they are written as.
+_PICTURES = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG"}
 #: Share of the window that its menu takes.
 _MENU = 0.034
 
@@ -54,7 +60,8 @@ def open_viewer(path: str | os.PathLike[str]) -> str | None:
     Returns
     -------
     str or None
-        One line that says what to do where there is no display; None where a window opens.
+        One line that says what to do where there is no display, or none that answers; None where
+        a window opens.
 
     Raises
     ------
@@ -65,13 +72,14 @@ def open_viewer(path: str | os.PathLike[str]) -> str | None:
     has_display = sys.platform in ("darwin", "win32") or any(
         os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
     )
+    hint = (
+        f"look at the recording with: rerun {os.fspath(path)} (on a machine with one) or "
+        f"rerun --web-viewer {os.fspath(path)} (in a browser)"
+    )
     if not has_display:
-        return (
-            f"there is no display; look at the recording with: rerun {os.fspath(path)} (on a "
-            f"machine with one) or rerun --web-viewer {os.fspath(path)} (in a browser)"
-        )
+        return f"there is no display; {hint}"
     try:
-        subprocess.Popen(
+        viewer = subprocess.Popen(
             [command, os.fspath(path)],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
@@ -80,7 +88,35 @@ def open_viewer(path: str | os.PathLike[str]) -> str | None:
         )
     except OSError as error:
         raise SwimError(f"cannot start rerun's viewer: {error.strerror or error}") from None
+    # One that finds another viewer open hands the recording over and ends well.
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        if viewer.wait(_TO_FAIL):
+            return f"rerun's viewer has ended at once, no display answers it; {hint}"
     return None
+
+
+def check_picture(picture: str | os.PathLike[str]) -> None:
+    """Refuse a name that no picture can have, before anything is done for it.
+
+    Parameters
+    ----------
+    picture : str or os.PathLike
+        The file: .png, .jpg or .jpeg.
+
+    Raises
+    ------
+    OptionError
+        If it ends otherwise, is a folder, or there is no folder for it.
+    """
+    file = Path(picture)
+    if file.suffix.lower() not in _PICTURES:
+        raise OptionError(f"a picture's name ends with {', '.join(_PICTURES)} ({file})")
+    if file.is_dir():
+        raise OptionError(f"a picture is a file, this is a folder ({file})")
+    if not file.absolute().parent.is_dir():
+        raise OptionError(f"no such folder for the picture ({file.parent})")
+    if not os.access(file.absolute().parent, os.W_OK):
+        raise OptionError(f"cannot write into the folder for the picture ({file.parent})")
 
 
 def take_picture(
@@ -93,9 +129,9 @@ def take_picture(
     Parameters
     ----------
     recording, picture : str or os.PathLike
-        The recording, and the picture to be made of it: JPEG for names in .jpg, PNG for others.
+        The recording, and the picture to be made of it: .png, .jpg or .jpeg.
     time_shown : float
-        Simulated time to show (s).
+        Simulated time to show (s), at least 0.
 
     Returns
     -------
@@ -104,12 +140,16 @@ def take_picture(
 
     Raises
     ------
+    OptionError
+        If the picture's name cannot be one, or the time is no number of at least 0.
     SwimError
         If rerun is not installed or too old for this, if its viewer cannot show the recording, or
         if the picture cannot be written.
     """
     rerun_command()
-    is_jpeg = Path(picture).suffix.lower() in (".jpg", ".jpeg")
+    check_picture(picture)
+    if not 0.0 <= time_shown < math.inf:
+        raise OptionError(f"a picture shows a time of at least 0 s, got {time_shown!r}")
     with _viewer() as viewer:
         viewer.open([os.path.abspath(recording)])
         viewer.set_time(TIMELINE, duration=time_shown, play_state="paused")
@@ -119,7 +159,10 @@ def take_picture(
     if state.active_recording is None:
         raise SwimError(f"rerun's viewer does not show the recording ({os.fspath(recording)})")
     try:
-        write_atomically(picture, lambda file: file.write(_tidy(content, is_jpeg)))
+        write_atomically(
+            picture,
+            lambda file: file.write(_tidy(content, _PICTURES[Path(picture).suffix.lower()])),
+        )
     except OSError as error:
         raise SwimError(
             f"cannot write the picture: {error.strerror or error} ({os.fspath(picture)})"
@@ -127,7 +170,7 @@ def take_picture(
     return [f"{view.name}: {report}" for view in state.views for report in view.reports]
 
 
-def _tidy(content: bytes, is_jpeg: bool) -> bytes:
+def _tidy(content: bytes, kind: str) -> bytes:
     """Return a screenshot without the viewer's own menu, as JPEG or PNG."""
     from PIL import Image
 
@@ -135,7 +178,7 @@ def _tidy(content: bytes, is_jpeg: bool) -> bytes:
     menu = round(_MENU * image.height)
     out = io.BytesIO()
     kept = image.crop((0, menu, image.width, image.height))
-    if is_jpeg:
+    if kind == "JPEG":
         kept.save(out, "JPEG", quality=85, subsampling=0, optimize=True)
     else:
         kept.save(out, "PNG", optimize=True)
@@ -150,6 +193,30 @@ def _viewer() -> Iterator[Any]:
         port = probe.getsockname()[1]
     # The viewer writes what it does to stderr unless told otherwise.
     os.environ.setdefault("RUST_LOG", "error")
+    with _runtime_folder():
+        yield from _spawned(port)
+
+
+@contextlib.contextmanager
+def _runtime_folder() -> Iterator[None]:
+    """Give child processes a folder for their sockets where the system has named none."""
+    name = "XDG_RUNTIME_DIR"
+    if os.environ.get(name):
+        yield
+        return
+    before = os.environ.get(name)
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        os.environ[name] = folder
+        try:
+            yield
+        finally:
+            del os.environ[name]
+            if before is not None:
+                os.environ[name] = before
+
+
+def _spawned(port: int) -> Iterator[Any]:
+    """Start a viewer that listens on a port, and end it again."""
     try:
         from rerun.experimental import ViewerClient
 

@@ -93,6 +93,28 @@ class Swimmer:
         times: Array = np.minimum(ends, self.trajectory.time[-1])
         return times
 
+    def check_rewards(self) -> None:
+        """Refuse rewards that cannot be those of the run's actions.
+
+        Raises
+        ------
+        OptionError
+            If they are not finite numbers, one for each action that the run has begun. An action
+            of which the physics made no step at all may have one too.
+        """
+        if self.rewards is None:
+            return
+        rewards = np.asarray(self.rewards)
+        if rewards.ndim != 1 or rewards.dtype.kind not in "iuf" or not np.isfinite(rewards).all():
+            raise OptionError(f"the rewards of {self.name} must be a list of finite numbers")
+        run = self.trajectory
+        actions = -(-run.steps // self.scene.steps_per_action)
+        if len(rewards) - actions not in ((0, 1) if run.termination_reason else (0,)):
+            raise OptionError(
+                f"the run of {self.name} takes {actions} rewards, one for each control interval of "
+                f"{self.scene.episode.control_interval:g} s, got {len(rewards)}"
+            )
+
     def series(self, group: str, instants: Indices) -> Array:
         """Return a group of series at some instants, a column for each of its names.
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import glob
 import os
 import sys
+import warnings
 import weakref
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,7 @@ from swim_env.errors import OptionError, SwimError
 from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
 from swim_env.recorder import Recorder
 from swim_env.scene import Scene
+from swim_env.scene_checks import got
 from swim_env.vector_env import SwimVectorEnv
 from swim_env.viewer.recording.swimmer import Swimmer
 from swim_env.viewer.recording.writer import (
@@ -33,6 +36,9 @@ __all__ = ["RecordEpisodes", "RecordVectorEpisodes"]
 
 Trigger = Callable[[int], bool]
 
+#: Bodies keep the steps for one recorder alone: environments that somebody records already.
+_RECORDED: weakref.WeakSet[Episodes] = weakref.WeakSet()
+
 
 class _ChosenRecorder(Recorder):
     """A recorder that keeps the steps of chosen members, and those of an episode that is over.
@@ -43,15 +49,20 @@ class _ChosenRecorder(Recorder):
         Whose steps are kept.
     over : dict of int to Recorder
         What was kept of a chosen member when it was started anew.
+    begun : list of int
+        How often each member's trajectory has begun: with every start, and with every snapshot
+        that the environment went back to.
     """
 
     def __init__(self, scene: Scene, count: int) -> None:
         super().__init__(scene, count)
         self.chosen = set(range(count)) if scene.recording is not None else set()
         self.over: dict[int, Recorder] = {}
+        self.begun = [0] * count
 
     def begin(self, member: int, steps: int, energy: float, state: NDArray[np.float64]) -> None:
         """Begin a member's trajectory, and put the one before aside."""
+        self.begun[member] += 1
         if member in self.chosen and self._steps[member]:
             kept = Recorder(self._scene, 1)
             kept.restore(([self._starts[member]], [self._steps[member]]))
@@ -91,6 +102,7 @@ class _Tape:
         self._rewards: dict[int, list[float]] = {}
         self._goals: dict[int, NDArray[np.float64]] = {}
         self._velocities: dict[int, NDArray[np.float64]] = {}
+        self._begun: dict[int, int] = {}
         #: What the member is called in all its files, and the file of this episode.
         self._names: dict[int, tuple[str, str]] = {}
 
@@ -113,6 +125,7 @@ class _Tape:
         self._recorder.chosen.add(member)
         self._recorder.over.pop(member, None)
         self._rewards[member] = []
+        self._begun[member] = self._recorder.begun[member]
         self._goals[member] = self._episodes.goals[member].copy()
         if self._split_energy:
             self._velocities[member] = self._episodes.bodies.weigh(member)[1]
@@ -125,9 +138,30 @@ class _Tape:
         self._recorder.over.pop(member, None)
         self._names.pop(member, None)
 
-    def pay(self, member: int, reward: float) -> None:
-        """Keep the reward of an action."""
+    def pay(self, member: int, reward: float, started_anew: bool = False) -> None:
+        """Keep the reward of an action, after which the member may have been started anew.
+
+        Where a snapshot was restored since the last one, the trajectory begins there: what was
+        known of the start and the rewards before it are of no run any more.
+        """
+        begun = self._recorder.begun[member] - int(started_anew)
+        if begun != self._begun[member]:
+            self._begun[member] = begun
+            self._rewards[member] = []
+            self._velocities.pop(member, None)
+            if not started_anew:
+                self._goals[member] = self._episodes.goals[member].copy()
         self._rewards[member].append(reward)
+
+    def pay_played(self, before: NDArray[np.float64]) -> None:
+        """Keep the rewards of actions that were played in a step that has failed afterwards.
+
+        Steps that the members had taken before it are given.
+        """
+        taken = self._episodes.bodies.steps_taken
+        for member in self._names:
+            if taken[member] > before[member]:
+                self.pay(member, float(self._episodes.rewards[member]))
 
     def end(self, member: int, reason: str | None = None) -> None:
         """Write what there is of a member's episode; nothing where it has taken no step.
@@ -163,23 +197,112 @@ class _Tape:
                 )
             )
 
+    def end_or_warn(self, member: int, reason: str | None = None) -> None:
+        """Write as `end` does; what cannot be written is not worth the caller's episode."""
+        try:
+            self.end(member, reason)
+        except SwimError as error:
+            warnings.warn(f"an episode was not recorded: {error}", stacklevel=3)
+
     def end_all(self) -> None:
-        """Write what there is of every episode."""
+        """Write what there is of every episode; of several errors the first is raised."""
+        errors = []
         for member in list(self._names):
-            self.end(member)
+            try:
+                self.end(member)
+            except SwimError as error:
+                errors.append(error)
+        if errors:
+            raise errors[0]
+
+    def finish(self) -> None:
+        """Write what there is of every episode, and let others record."""
+        try:
+            self.end_all()
+        finally:
+            self.detach()
+            _RECORDED.discard(self._episodes)
 
 
 def _finish(tape: _Tape) -> None:
     """Write what is left where nobody closed the environment."""
-    if tape.running:
-        try:
-            tape.end_all()
-        except SwimError as error:
-            print(f"swim_env: {error}", file=sys.stderr)
+    try:
+        tape.finish()
+    except SwimError as error:
+        print(f"swim_env: {error}", file=sys.stderr)
 
 
-def _folder_for(folder: str | os.PathLike[str]) -> Path:
-    return recording_file(Path(folder) / "any.rrd", "any").parent
+def _new_tape(
+    episodes: Episodes,
+    folder: str | os.PathLike[str],
+    prefixes: Collection[str],
+    flow_rate: float | None,
+    frame_rate: float,
+    split_energy: bool,
+) -> _Tape:
+    """Check what both wrappers are given, and begin to record.
+
+    Prefixes are what stands in the files' names before the episode.
+    """
+    if episodes in _RECORDED:
+        raise OptionError(
+            "the environment is being recorded already: use one recording wrapper, or close the "
+            "other one first"
+        )
+    _check_rate("frame_rate", frame_rate)
+    if flow_rate is not None:
+        _check_rate("flow_rate", flow_rate)
+    place = recording_file(Path(folder) / "any.rrd", "any").parent
+    for prefix in prefixes:
+        if any(place.glob(f"{glob.escape(prefix)}-episode-*.rrd")):
+            warnings.warn(
+                f"recordings in {place} will be overwritten ({prefix}-episode-*.rrd); name another "
+                "folder or name_prefix to keep them",
+                stacklevel=3,
+            )
+    _RECORDED.add(episodes)
+    return _Tape(episodes, place, flow_rate, frame_rate, split_energy)
+
+
+def _check_rate(name: str, rate: object) -> None:
+    """Refuse what is no number of frames in a second."""
+    is_number = isinstance(rate, (int, float, np.number)) and not isinstance(rate, bool)
+    if not (is_number and 0.0 < float(rate) < np.inf):  # type: ignore[arg-type]
+        raise OptionError(f"{name} must be a finite number above 0, got {got(rate)}")
+
+
+def _checked_prefix(prefix: object) -> str:
+    """Return the beginning of the files' names."""
+    if (
+        not isinstance(prefix, str)
+        or not prefix
+        or prefix.strip(".") == ""
+        or any(sign in prefix for sign in "/\\\0\n")
+    ):
+        raise OptionError(
+            f"name_prefix must be the beginning of a file's name, without a folder, got "
+            f"{got(prefix)}"
+        )
+    return prefix
+
+
+def _checked_members(members: object, count: int) -> list[int]:
+    """Return which members are to be recorded, in order."""
+    shape = f"members must be different whole numbers of 0 to {count - 1}, at least one of them"
+    if isinstance(members, (str, bytes, Mapping)) or not isinstance(members, Iterable):
+        raise OptionError(f"{shape}, got {got(members)}")
+    chosen: list[int] = []
+    for one in members:
+        if isinstance(one, (bool, np.bool_)) or not isinstance(one, (int, np.integer)):
+            raise OptionError(f"{shape}, got {got(one)} among them")
+        if not 0 <= one < count:
+            raise OptionError(f"{shape}, got {one}")
+        if int(one) in chosen:
+            raise OptionError(f"{shape}, got {one} twice")
+        chosen.append(int(one))
+    if not chosen:
+        raise OptionError(f"{shape}, got none")
+    return sorted(chosen)
 
 
 def _chosen_by_default(episode: int) -> bool:
@@ -198,7 +321,9 @@ class RecordEpisodes(
     While an episode runs, its steps are kept in memory as the physics makes them; the file is
     written when it ends, when the next one starts, when a step fails, when the environment is
     closed and, if nobody closes it, when Python ends: half an episode is a recording too. Nothing
-    is left of an episode whose process is killed.
+    is left of an episode whose process is killed. A file that cannot be written costs no episode:
+    `reset` and `step` warn of it, `close` raises it. Where a snapshot is restored, the recording
+    begins there.
 
     Parameters
     ----------
@@ -228,9 +353,15 @@ class RecordEpisodes(
     Raises
     ------
     OptionError
-        If the environment is not one of this package.
+        If the environment is not one of this package, if it is being recorded already, or if
+        another argument cannot be used.
     SwimError
-        If rerun is not installed or the folder cannot be made.
+        If rerun is not installed, or the folder cannot be made or written to.
+
+    Warns
+    -----
+    UserWarning
+        If the folder holds recordings of these names: they will be overwritten.
     """
 
     def __init__(
@@ -243,6 +374,14 @@ class RecordEpisodes(
         frame_rate: float = FRAME_RATE,
         split_energy: bool = False,
     ) -> None:
+        given: Any = env
+        swimmer = given.unwrapped if isinstance(given, gymnasium.Env) else given
+        if not isinstance(swimmer, SwimEnv):
+            hint = "; RecordVectorEpisodes records a batch"
+            raise OptionError(
+                f"RecordEpisodes needs a SwimEnv, got {type(swimmer).__name__}"
+                f"{hint if isinstance(swimmer, gymnasium.vector.VectorEnv) else ''}"
+            )
         gymnasium.utils.RecordConstructorArgs.__init__(
             self,
             folder=folder,
@@ -253,13 +392,10 @@ class RecordEpisodes(
             split_energy=split_energy,
         )
         gymnasium.Wrapper.__init__(self, env)
-        swimmer = env.unwrapped
-        if not isinstance(swimmer, SwimEnv):
-            raise OptionError(f"RecordEpisodes needs a SwimEnv, got {type(swimmer).__name__}")
         self._trigger = _chosen_by_default if episode_trigger is None else episode_trigger
-        self._prefix = name_prefix
-        self._tape = _Tape(
-            swimmer.episodes, _folder_for(folder), flow_rate, frame_rate, split_energy
+        self._prefix = _checked_prefix(name_prefix)
+        self._tape = _new_tape(
+            swimmer.episodes, folder, [self._prefix], flow_rate, frame_rate, split_energy
         )
         self._episode = -1
         weakref.finalize(self, _finish, self._tape)
@@ -274,7 +410,7 @@ class RecordEpisodes(
     ) -> tuple[Any, dict[str, Any]]:
         """Start an episode, and write what there is of the one before."""
         tape = self._tape
-        tape.end(0)
+        tape.end_or_warn(0)
         wanted = self._trigger(self._episode + 1)
         if wanted:
             tape.attach()
@@ -291,26 +427,28 @@ class RecordEpisodes(
         tape = self._tape
         if 0 not in tape.running:
             return self.env.step(action)
+        episodes = self.unwrapped.episodes  # type: ignore[attr-defined]
+        before = episodes.bodies.steps_taken.copy()
         try:
             result = self.env.step(action)
         except (SwimError, gymnasium.error.Error):
             # A refused action changes nothing, and the episode can go on.
             raise
         except BaseException:
-            tape.end(0)
+            tape.pay_played(before)
+            tape.end_or_warn(0)
             raise
-        tape.pay(0, float(self.unwrapped.episodes.rewards[0]))  # type: ignore[attr-defined]
+        tape.pay(0, float(episodes.rewards[0]))
         if result[2] or result[3]:
-            tape.end(0)
+            tape.end_or_warn(0)
             tape.detach()
         return result
 
     def close(self) -> None:
         """Write what there is and close the environment."""
         try:
-            self._tape.end_all()
+            self._tape.finish()
         finally:
-            self._tape.detach()
             super().close()
 
 
@@ -338,9 +476,14 @@ class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
     Raises
     ------
     OptionError
-        If the environment is not one of this package, or there is no such member.
+        As for `RecordEpisodes`, or if there is no such member.
     SwimError
-        If rerun is not installed or the folder cannot be made.
+        If rerun is not installed, or the folder cannot be made or written to.
+
+    Warns
+    -----
+    UserWarning
+        If the folder holds recordings of these names: they will be overwritten.
     """
 
     def __init__(
@@ -354,22 +497,23 @@ class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
         frame_rate: float = FRAME_RATE,
         split_energy: bool = False,
     ) -> None:
-        super().__init__(env)
-        batch = env.unwrapped
+        given: Any = env
+        batch = given.unwrapped if isinstance(given, gymnasium.vector.VectorEnv) else given
         if not isinstance(batch, SwimVectorEnv):
+            single = isinstance(given, gymnasium.Env) and isinstance(given.unwrapped, SwimEnv)
             raise OptionError(
                 f"RecordVectorEpisodes needs a SwimVectorEnv, got {type(batch).__name__}"
+                f"{'; RecordEpisodes records a single environment' if single else ''}"
             )
-        unknown = [one for one in members if one not in range(batch.num_envs)]
-        if unknown or not members:
-            raise OptionError(
-                f"members must be some of 0 to {batch.num_envs - 1}, got {list(members)}"
-            )
+        super().__init__(env)
         self._batch = batch
-        self._members = sorted(set(members))
+        self._members = _checked_members(members, batch.num_envs)
         self._trigger = _chosen_by_default if episode_trigger is None else episode_trigger
-        self._prefix = name_prefix
-        self._tape = _Tape(batch.episodes, _folder_for(folder), flow_rate, frame_rate, split_energy)
+        self._prefix = _checked_prefix(name_prefix)
+        prefixes = [self._name(member) for member in self._members]
+        self._tape = _new_tape(
+            batch.episodes, folder, prefixes, flow_rate, frame_rate, split_energy
+        )
         self._counts = dict.fromkeys(self._members, 0)
         self._ended: set[int] = set()
         self._tape.attach()
@@ -390,7 +534,7 @@ class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
         mask = options.get("reset_mask") if isinstance(options, Mapping) else None
         starting = [one for one in self._members if mask is None or bool(mask[one])]
         for member in starting:
-            self._tape.end(member)
+            self._tape.end_or_warn(member)
         # Gymnasium's own batched environments take a list of seeds too; its types do not say so.
         result = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]
         self._begin(starting)
@@ -399,27 +543,32 @@ class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
     def step(self, actions: NDArray[Any]) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Hold actions, and write the files of episodes that end."""
         tape, mode = self._tape, self._batch.autoreset_mode
+        before = self._batch.episodes.bodies.steps_taken.copy()
         try:
             result = self.env.step(actions)
         except (SwimError, gymnasium.error.Error):
             raise
         except BaseException:
-            tape.end_all()
+            tape.pay_played(before)
+            for member in list(tape.running):
+                tape.end_or_warn(member)
             raise
         _, rewards, terminated, truncated, infos = result
         anew = self._ended if mode is AutoresetMode.NEXT_STEP else set()
         self._ended = set()
         self._begin(sorted(anew))
         for member in self._members:
+            ended = bool(terminated[member] or truncated[member])
+            same_step = ended and mode is AutoresetMode.SAME_STEP
             if member in tape.running and member not in anew:
-                tape.pay(member, float(rewards[member]))
-            if terminated[member] or truncated[member]:
-                if mode is AutoresetMode.SAME_STEP:
-                    tape.end(member, str(infos["final_info"]["termination_reason"][member]))
-                    self._begin([member])
-                else:
-                    tape.end(member)
-                    self._ended.add(member)
+                tape.pay(member, float(rewards[member]), same_step)
+            if same_step:
+                reason = str(infos["final_info"]["termination_reason"][member])
+                tape.end_or_warn(member, reason)
+                self._begin([member])
+            elif ended:
+                tape.end_or_warn(member)
+                self._ended.add(member)
         return result
 
     def _begin(self, members: Collection[int]) -> None:
@@ -428,12 +577,15 @@ class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
             number = self._counts[member]
             self._counts[member] += 1
             if self._trigger(number):
-                self._tape.begin(member, f"{self._prefix}-member-{member}", number)
+                self._tape.begin(member, self._name(member), number)
+
+    def _name(self, member: int) -> str:
+        """Return what a member is called in its files."""
+        return f"{self._prefix}-member-{member}"
 
     def close(self, **kwargs: Any) -> None:
         """Write what there is and close the environment."""
         try:
-            self._tape.end_all()
+            self._tape.finish()
         finally:
-            self._tape.detach()
             super().close(**kwargs)

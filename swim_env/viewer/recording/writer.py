@@ -6,6 +6,7 @@ import functools
 import importlib.util
 import json
 import os
+import re
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -25,6 +26,7 @@ from swim_env.viewer.recording.schema import (
     APPLICATION,
     DETAILS,
     GROUPS,
+    HELD,
     PROPERTY,
     REWARDS,
     SCHEMA_VERSION,
@@ -47,6 +49,7 @@ __all__ = [
     "FLOW_RATE",
     "FRAME_RATE",
     "WrittenRecording",
+    "has_flow",
     "recording_file",
     "require_rerun",
     "write_recording",
@@ -56,6 +59,9 @@ Array = NDArray[np.float64]
 
 #: Frames in a simulated second: of the body and all series, and of the flow.
 FRAME_RATE, FLOW_RATE = 50.0, 25.0
+
+#: Instants of the energy for each frame: it has peaks that last two frames.
+ENERGIES_IN_FRAME = 2.0
 
 #: What a body's colours may show, and the property of a swimmer with it (N m).
 COLOURS = {"torque": "held_torques", "moment": "moments"}
@@ -119,6 +125,12 @@ def require_rerun() -> None:
             )
 
 
+def has_flow(scene: Scene) -> bool:
+    """Tell whether there is a fluid in a scene, whose flow can be recorded."""
+    fluid = scene.fluid
+    return fluid is not None and fluid.model != "none" and bool(fluid.density)
+
+
 def write_recording(
     path: str | os.PathLike[str],
     swimmers: Sequence[Swimmer],
@@ -141,7 +153,7 @@ def write_recording(
     flow_rate : float, optional
         Frames of the flow in a simulated second; None for no flow. Scenes without fluid have none.
     frame_rate : float
-        Frames of everything else.
+        Frames of everything else; of the energy there are twice as many.
     colour : str
         What the bodies' colours show: ``torque`` or ``moment``, the elastic bending moment.
     about : dict, optional
@@ -155,7 +167,8 @@ def write_recording(
     Raises
     ------
     OptionError
-        If there is no swimmer, or an argument cannot be used.
+        If there is no swimmer, if an argument cannot be used, or if the number of a swimmer's
+        rewards does not fit its run.
     SwimError
         If rerun is not installed or the file cannot be written.
     """
@@ -166,19 +179,22 @@ def write_recording(
         raise OptionError("a recording takes at least one swimmer")
     if colour not in COLOURS:
         raise OptionError(f"unknown colour {colour!r}; colours: {', '.join(COLOURS)}")
+    made = _text_of_about(about)
+    for swimmer in swimmers:
+        swimmer.check_rewards()
     begin = time.perf_counter()
     frames = [frames_of(swimmer.trajectory, frame_rate) for swimmer in swimmers]
+    finer = [frames_of(one.trajectory, ENERGIES_IN_FRAME * frame_rate) for one in swimmers]
     reach = REACH_OF_TWO if len(swimmers) == 2 else REACH
     waters: list[Water | None] = []
     for swimmer in swimmers:
-        flows = swimmer.scene.fluid is not None and swimmer.scene.fluid.model != "none"
-        if flow_rate is None or not flows or swimmer.trajectory.steps < 2:
+        if flow_rate is None or not has_flow(swimmer.scene) or swimmer.trajectory.steps < 2:
             waters.append(None)
         else:
             waters.append(compute_water(swimmer, flow_rate, reach, progress))
     known = [water for water in waters if water is not None]
     flow_seconds = float(sum([water.seconds for water in known]))
-    content = _content(swimmers, frames, waters, colour, about, title)
+    content = _content(swimmers, frames, finer, waters, colour, made, title)
     try:
         write_atomically(path, lambda file: file.write(content))
     except (OSError, ValueError) as error:
@@ -198,9 +214,10 @@ def write_recording(
 def _content(
     swimmers: Sequence[Swimmer],
     frames: Sequence[NDArray[np.int64]],
+    energy_frames: Sequence[NDArray[np.int64]],
     waters: Sequence[Water | None],
     colour: str,
-    about: dict[str, Any] | None,
+    about: str,
     title: str | None,
 ) -> bytes:
     """Return the bytes of a recording."""
@@ -214,7 +231,7 @@ def _content(
     known = [water for water in waters if water is not None]
     pressure = max((water.largest_pressure for water in known), default=None)
     speed = max((water.largest_speed for water in known), default=None)
-    lanes = lanes_of(swimmers, labels, frames, pressure, speed, colour)
+    lanes = lanes_of(swimmers, labels, frames, energy_frames, pressure, speed, colour)
     blueprint, standing = _fixed_parts(tuple([lane.layout for lane in lanes]))
     stream = rr.RecordingStream(APPLICATION)
     kept = stream.binary_stream()
@@ -270,11 +287,18 @@ def _where_and_when() -> dict[str, Any]:
     return {**where_and_when(), "rerun-sdk": version("rerun-sdk")}
 
 
-def _property(lanes: Sequence[Lane], about: dict[str, Any] | None) -> Any:
+def _text_of_about(about: dict[str, Any] | None) -> str:
+    """Return what a recording says of where it was made, before anything is made of it."""
+    try:
+        return json.dumps(_where_and_when() if about is None else about, allow_nan=False)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise OptionError(f"about must be a dict in JSON's terms: {error}") from None
+
+
+def _property(lanes: Sequence[Lane], about: str) -> Any:
     """Return what a recording says of itself."""
     import rerun as rr
 
-    made = _where_and_when() if about is None else about
     scale = lanes[0].layout
     return rr.AnyValues(
         schema=SCHEMA_VERSION,
@@ -285,7 +309,7 @@ def _property(lanes: Sequence[Lane], about: dict[str, Any] | None) -> Any:
         colour=scale.colour,
         torque_limits=[lane.layout.limit for lane in lanes],
         pressure_scale=0.0 if scale.pressure is None else scale.pressure,
-        about=json.dumps(made, allow_nan=False),
+        about=about,
     )
 
 
@@ -314,7 +338,12 @@ def _looks_of_series(layout: Layout) -> list[Any]:
             # What has the same name has the same colour, with and without the split.
             places = [GROUPS[group].index(n) if n in GROUPS[group] else 0 for n in names]
             colours = np.array(SERIES_COLOURS, dtype=np.uint8)[places]
-        lines = rr.SeriesLines(names=names, colors=colours, widths=[1.6] * len(names))
+        lines = rr.SeriesLines(
+            names=names,
+            colors=colours,
+            widths=[1.6] * len(names),
+            interpolation_mode=HELD.get(group, "Linear"),
+        )
         chunks.append(still(group_path(layout.label, group), lines))
     return chunks
 
@@ -324,14 +353,18 @@ def _log_series(stream: Any, lane: Lane) -> None:
     import rerun as rr
 
     swimmer: Swimmer = lane.swimmer
-    frames = [rr.TimeColumn(TIMELINE, duration=swimmer.trajectory.time[lane.instants])]
+    run = swimmer.trajectory
+    frames = [rr.TimeColumn(TIMELINE, duration=run.time[lane.instants])]
     for group in (*GROUPS, *DETAILS):
-        at = frames
-        if group in REWARDS:
+        at, instants = frames, lane.instants
+        if group == "energy":
+            instants = lane.energy_instants
+            at = [rr.TimeColumn(TIMELINE, duration=run.time[instants])]
+        elif group in REWARDS:
             if swimmer.rewards is None:
                 continue
             at = [rr.TimeColumn(TIMELINE, duration=swimmer.reward_times)]
-        values = swimmer.series(group, lane.instants)
+        values = swimmer.series(group, instants)
         if values.size:
             stream.send_columns(
                 group_path(lane.layout.label, group),
@@ -355,12 +388,16 @@ def recording_file(place: str | os.PathLike[str], name: str) -> Path:
     Raises
     ------
     SwimError
-        If rerun is not installed, if there is a folder of the file's name, or if the folder cannot
-        be made.
+        If rerun is not installed, if the ending is that of another kind of file, if there is a
+        folder of the file's name, or if the folder cannot be made or written to.
     """
     require_rerun()
     given = Path(place)
-    file = given if given.suffix == ".rrd" else given / f"{label_of(name)}.rrd"
+    # A number behind a dot is part of a folder's name, as in v1.2.
+    is_file = given.suffix == ".rrd"
+    if not is_file and re.fullmatch(r"\.[A-Za-z]\w*", given.suffix) and not given.is_dir():
+        raise SwimError(f"a recording's name ends with .rrd, or is a folder's ({given})")
+    file = given if is_file else given / f"{label_of(name)}.rrd"
     if file.is_dir():
         raise SwimError(f"a recording is a file, this is a folder ({file})")
     try:
@@ -368,5 +405,13 @@ def recording_file(place: str | os.PathLike[str], name: str) -> Path:
     except OSError as error:
         raise SwimError(
             f"cannot make the folder for the recording: {error.strerror or error} ({file.parent})"
+        ) from error
+    try:
+        with tempfile.TemporaryFile(dir=file.parent):
+            pass
+    except OSError as error:
+        raise SwimError(
+            f"cannot write into the folder for the recording: {error.strerror or error} "
+            f"({file.parent})"
         ) from error
     return file
