@@ -32,6 +32,7 @@ from swim_env.viewer.recording import (
     open_viewer,
     recording_file,
     take_picture,
+    typed_command,
     write_recording,
 )
 
@@ -258,7 +259,7 @@ def main(arguments: list[str] | None = None) -> int:
         if told is not None:
             print(told, file=sys.stderr)
     elif not options.json:
-        print(f"look at it with: rerun {written.file}", file=sys.stderr)
+        print(f"look at it with: {typed_command()} {written.file}", file=sys.stderr)
     return 0
 
 

@@ -256,7 +256,7 @@ def test_as_a_program(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.ci_slice
-def test_reruns_viewer_shows_it(tmp_path):
+def test_reruns_viewer_shows_it(tmp_path, monkeypatch):
     """In the real viewer, without a window: no complaints, the body and its colours are there."""
     from PIL import Image
 
@@ -267,6 +267,8 @@ def test_reruns_viewer_shows_it(tmp_path):
     played = Simulator(scene).rollout(torques)
     file, picture = tmp_path / "seen.rrd", tmp_path / "seen.png"
     write_recording(file, [Swimmer("wave", played)], flow_rate=25.0)
+    # As in a virtual environment that is called by its path, without being on the search path.
+    monkeypatch.setenv("PATH", "/usr/local/bin:/usr/bin:/bin")
     try:
         complaints = take_picture(file, picture, 0.3)
     except SwimError as error:

@@ -2,7 +2,7 @@
 
 from swim_env.viewer.recording.reader import ReadRecording, RecordingError, read_recording
 from swim_env.viewer.recording.schema import SCHEMA_VERSION
-from swim_env.viewer.recording.show import check_picture, open_viewer, take_picture
+from swim_env.viewer.recording.show import check_picture, open_viewer, take_picture, typed_command
 from swim_env.viewer.recording.swimmer import Swimmer
 from swim_env.viewer.recording.wrappers import RecordEpisodes, RecordVectorEpisodes
 from swim_env.viewer.recording.writer import (
@@ -34,5 +34,6 @@ __all__ = [
     "recording_file",
     "require_rerun",
     "take_picture",
+    "typed_command",
     "write_recording",
 ]

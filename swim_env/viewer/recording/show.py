@@ -21,7 +21,7 @@ from swim_env.files import write_atomically
 from swim_env.viewer.recording.schema import TIMELINE
 from swim_env.viewer.recording.writer import require_rerun
 
-__all__ = ["check_picture", "open_viewer", "take_picture"]
+__all__ = ["check_picture", "open_viewer", "take_picture", "typed_command"]
 
 #: Seconds that the viewer is given to draw what it was told to show.
 _TO_DRAW = 1.5
@@ -49,6 +49,22 @@ def rerun_command() -> str:
     return found
 
 
+def typed_command() -> str:
+    """Return what to type for rerun's program here: its name, or its path where that is not enough.
+
+    Raises
+    ------
+    SwimError
+        If there is none.
+    """
+    command = rerun_command()
+    if shutil.which("rerun"):
+        return "rerun"
+    with contextlib.suppress(ValueError):  # on another drive
+        return os.path.relpath(command)
+    return command
+
+
 def open_viewer(path: str | os.PathLike[str]) -> str | None:
     """Open rerun's viewer with a recording, in a process that goes on by itself.
 
@@ -72,9 +88,10 @@ def open_viewer(path: str | os.PathLike[str]) -> str | None:
     has_display = sys.platform in ("darwin", "win32") or any(
         os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
     )
+    typed = typed_command()
     hint = (
-        f"look at the recording with: rerun {os.fspath(path)} (on a machine with one) or "
-        f"rerun --web-viewer {os.fspath(path)} (in a browser)"
+        f"look at the recording with: {typed} {os.fspath(path)} (on a machine with one) or "
+        f"{typed} --web-viewer {os.fspath(path)} (in a browser)"
     )
     if not has_display:
         return f"there is no display; {hint}"
@@ -220,7 +237,10 @@ def _spawned(port: int) -> Iterator[Any]:
     try:
         from rerun.experimental import ViewerClient
 
-        viewer = ViewerClient.spawn(headless=True, port=port, hide_welcome_screen=True)
+        # Rerun itself looks along the path only, where a virtual environment's programs are not.
+        viewer = ViewerClient.spawn(
+            headless=True, port=port, hide_welcome_screen=True, executable_path=rerun_command()
+        )
     except Exception as error:  # what a viewer that cannot start raises is not documented
         told = " ".join(str(error).split()) or type(error).__name__
         raise SwimError(f"rerun's viewer cannot be started without a window: {told}") from None
