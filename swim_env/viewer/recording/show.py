@@ -241,6 +241,8 @@ def _spawned(port: int) -> Iterator[Any]:
         viewer = ViewerClient.spawn(
             headless=True, port=port, hide_welcome_screen=True, executable_path=rerun_command()
         )
+        # It answers before it has found a driver that draws, and ends where there is none.
+        viewer.take_screenshot()
     except Exception as error:  # what a viewer that cannot start raises is not documented
         told = " ".join(str(error).split()) or type(error).__name__
         raise SwimError(f"rerun's viewer cannot be started without a window: {told}") from None
