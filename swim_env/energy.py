@@ -12,7 +12,14 @@ from swim_env.scene import Scene
 from swim_env.simulator import Simulator
 from swim_env.trajectory import Trajectory
 
-__all__ = ["EnergySplit", "elastic_energy", "elastic_moments", "split_energy", "velocity_of_start"]
+__all__ = [
+    "EnergySplit",
+    "elastic_energy",
+    "elastic_moments",
+    "split_energy",
+    "velocity_of_start",
+    "summed",
+]
 
 Array = NDArray[np.float64]
 
@@ -162,6 +169,12 @@ def _velocities(trajectory: Trajectory, velocity: ArrayLike, chosen: NDArray[np.
 def _tolerance(trajectory: Trajectory) -> float:
     """Return by how much coordinates may be off and be the same (m, rad)."""
     return 1e-6 * trajectory.scene.beam.length
+
+
+def summed(values: Array) -> Array:
+    """Return sums since the start, (T + 1,), of what every step adds, (T,)."""
+    sums: Array = np.concatenate([[0.0], np.cumsum(values)])
+    return sums
 
 
 def _chosen(trajectory: Trajectory, instants: ArrayLike | None) -> NDArray[np.int64]:

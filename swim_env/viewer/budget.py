@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swim_env.energy import elastic_energy, split_energy
+from swim_env.energy import elastic_energy, split_energy, summed
 from swim_env.errors import SwimError
 from swim_env.trajectory import Trajectory
 from swim_env.viewer.style import (
@@ -125,8 +125,8 @@ def _draw_spent(axes: Axes, run: Trajectory) -> None:
     instants = _thinned(0, run.steps)
     axes.axhline(0.0, color=GREY, linewidth=THIN)
     for label, values, colour, stroke in (
-        ("work of the torques", _summed(run.work), ORANGE, "-"),
-        ("dissipated", _summed(run.dissipated), GREEN, "--"),
+        ("work of the torques", summed(run.work), ORANGE, "-"),
+        ("dissipated", summed(run.dissipated), GREEN, "--"),
         ("H - H(0)", run.energy - run.energy[0], BLACK, "-"),
     ):
         axes.plot(
@@ -143,18 +143,12 @@ def _draw_spent(axes: Axes, run: Trajectory) -> None:
 def _draw_drift(axes: Axes, run: Trajectory) -> None:
     """Draw what nothing explains: between its least and its largest in short pieces of time."""
     largest = float(run.energy.max()) or 1.0
-    left = run.energy - run.energy[0] - _summed(run.work - run.dissipated)
+    left = run.energy - run.energy[0] - summed(run.work - run.dissipated)
     begins = _thinned(0, run.steps, _PIECES)[:-1]
     low, high = (100.0 / largest * end.reduceat(left, begins) for end in (np.minimum, np.maximum))
     axes.axhline(0.0, color=GREY, linewidth=THIN)
     axes.fill_between(run.time[begins], low, high, color=PINK, linewidth=LINE)
     axes.set_xlim(run.time[0], run.time[-1])
-
-
-def _summed(values: Array) -> Array:
-    """Return the sums since the start, (T + 1,)."""
-    sums: Array = np.concatenate([[0.0], np.cumsum(values)])
-    return sums
 
 
 def _thinned(first: int, last: int, most: int = _MOST) -> NDArray[np.int64]:

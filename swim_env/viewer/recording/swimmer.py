@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.energy import elastic_energy, elastic_moments, split_energy
+from swim_env.energy import elastic_energy, elastic_moments, split_energy, summed
 from swim_env.errors import OptionError
 from swim_env.scene import Scene
 from swim_env.trajectory import Trajectory
@@ -160,7 +160,7 @@ class Swimmer:
 
     def _work(self, instants: Indices) -> Array:
         run = self.trajectory
-        sums = [_sums(run.work), _sums(run.positive_work), _sums(run.dissipated)]
+        sums = [summed(run.work), summed(run.positive_work), summed(run.dissipated)]
         unexplained = run.energy - run.energy[0] - sums[0] + sums[2]
         return np.column_stack([*sums, unexplained])[instants]
 
@@ -188,10 +188,6 @@ class Swimmer:
 
     def _joint_angles(self, instants: Indices) -> Array:
         return self.joint_angles[instants]
-
-
-def _sums(values: Array) -> Array:
-    return np.concatenate([[0.0], np.cumsum(values)])
 
 
 def frames_of(trajectory: Trajectory, rate: float) -> Indices:
