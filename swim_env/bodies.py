@@ -35,7 +35,7 @@ from swim_env.physics.integrator import (
 from swim_env.physics.loading import load_kernels
 from swim_env.physics.outline import FluidGeometry
 from swim_env.physics.status import TERMINATION_REASONS, describe
-from swim_env.recorder import Recorder
+from swim_env.recorder import Recorder, trace_columns
 from swim_env.scene import Fluid, Initial, Scene
 from swim_env.threads import share
 
@@ -90,11 +90,8 @@ class Bodies:
         self.outcome = np.zeros((count, 2), dtype=np.int64)
         self.everyone = np.arange(count)
         self._steps_column = steps_column(scene.beam.elements)
-        #: Columns of a trace: coordinates, momenta, and internal forces where the scene has them.
-        self.trace_columns = 2 * self.unknowns
-        if scene.internal_forces is not None:
-            self.trace_columns += 2 * (scene.beam.elements - 1)
         self.recorder = Recorder(scene, count) if scene.recording is not None else None
+        self.trace_columns = trace_columns(scene)
         self._no_trace = np.zeros((count, 0, self.trace_columns))
 
     @property
@@ -206,7 +203,7 @@ class Bodies:
         """
         traced = self._no_trace if trace is None else trace
         if self.recorder is not None and trace is None:
-            traced = np.empty((len(self.states), record.shape[1], self.trace_columns))
+            traced = self.recorder.room(record.shape[1])
 
         def run(some: Indices) -> None:
             advance(
@@ -226,14 +223,7 @@ class Bodies:
         chosen = self.everyone if members is None else members
         share(run, chosen, threads)
         if self.recorder is not None:
-            for member in chosen:
-                taken = slice(int(self.outcome[member, 0]))
-                self.recorder.add(
-                    int(member),
-                    traced[member, taken],
-                    np.repeat(torques[member], hold, axis=0)[taken],
-                    record[member, taken],
-                )
+            self.recorder.add(chosen, self.outcome[:, 0], traced, torques, hold, record)
 
 
 def aligned_zeros(rows: int, columns: int) -> Array:

@@ -44,7 +44,7 @@ from swim_env.physics.panels import (
     POTENTIAL,
     VELOCITY_X,
     VELOCITY_Y,
-    _influence_row,
+    influence_row,
 )
 from swim_env.physics.status import FINE
 from swim_env.scene import Scene
@@ -118,7 +118,7 @@ def _flow_at(
     for p in range(points.shape[0]):
         panels[CX, last] = points[p, 0]
         panels[CY, last] = points[p, 1]
-        _influence_row(last, panels, inverse_square, half_log, layers)
+        influence_row(last, panels, inverse_square, half_log, layers)
         out[p, _PHI] = _sum_of_products(layers[POTENTIAL, last], strengths)
         out[p, _U] = _sum_of_products(layers[VELOCITY_X, last], strengths)
         out[p, _V] = _sum_of_products(layers[VELOCITY_Y, last], strengths)

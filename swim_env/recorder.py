@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,13 +14,23 @@ from swim_env.physics.invariants import momentum_map
 from swim_env.scene import Scene
 from swim_env.trajectory import Trajectory
 
-__all__ = ["Recorder", "needs_recording", "trajectory_of"]
+__all__ = ["Recorder", "needs_recording", "trace_columns", "trajectory_of"]
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
-# Steps taken before, energy (J), coordinates and momenta; trace, torques and record of some steps.
-_Start = tuple[int, float, Array]
-_Steps = tuple[Array, Array, Array]
+# Of a member: steps taken before, energy (J), and rows of its start and of every step.
+_Kept = tuple[int, float, Array]
+
+#: Rows that a table has with its first step; there are twice as many whenever they are full.
+_FIRST_ROWS = 1024
+
+
+def trace_columns(scene: Scene) -> int:
+    """Return the columns of a trace: coordinates, momenta, and internal forces where there are."""
+    elements = scene.beam.elements
+    forces = 2 * (elements - 1) if scene.internal_forces is not None else 0
+    return 2 * (elements + 2) + forces
 
 
 def trajectory_of(
@@ -81,6 +93,9 @@ def trajectory_of(
 class Recorder:
     """Keeps the steps of M bodies since each one's start.
 
+    A member has a table with a row for its start and for every step, as long as it has to be. Rows
+    are never written to again, so what was taken out of a table stays as it is.
+
     Parameters
     ----------
     scene : Scene
@@ -91,8 +106,12 @@ class Recorder:
 
     def __init__(self, scene: Scene, count: int) -> None:
         self._scene = scene
-        self._starts: list[_Start | None] = [None] * count
-        self._steps: list[list[_Steps]] = [[] for _ in range(count)]
+        self._joints = scene.beam.elements - 1
+        self._columns = trace_columns(scene)
+        self._kept: list[_Kept | None] = [None] * count
+        #: Steps in each table.
+        self._steps = [0] * count
+        self._trace = np.empty((count, 0, self._columns))
 
     def begin(self, member: int, steps: int, energy: float, state: Array) -> None:
         """Forget a member's steps; its trajectory begins here.
@@ -108,24 +127,88 @@ class Recorder:
         state : (2 (N + 2),) array
             Its coordinates and momenta.
         """
-        self._starts[member] = (steps, energy, state.copy())
-        self._steps[member] = []
+        start = np.full((1, self._columns + self._joints + len(RECORD_NAMES)), np.nan)
+        start[0, : state.size] = state
+        self._kept[member] = (steps, energy, start)
+        self._steps[member] = 0
 
     def forget(self) -> None:
         """Forget everything."""
-        self.restore(([None] * len(self._starts), [[] for _ in self._steps]))
+        self.restore([None] * len(self._kept))
 
-    def snapshot(self) -> tuple[list[_Start | None], list[list[_Steps]]]:
+    def snapshot(self) -> list[_Kept | None]:
         """Return what there is, to go back to."""
-        return list(self._starts), [list(steps) for steps in self._steps]
+        return [self._kept_of(member) for member in range(len(self._kept))]
 
-    def restore(self, snapshot: tuple[list[_Start | None], list[list[_Steps]]]) -> None:
+    def _kept_of(self, member: int) -> _Kept | None:
+        kept = self._kept[member]
+        return None if kept is None else (*kept[:2], kept[2][: self._steps[member] + 1])
+
+    def restore(self, snapshot: Sequence[_Kept | None]) -> None:
         """Go back to a snapshot of this recorder."""
-        self._starts, self._steps = snapshot
+        # What others may still hold must not be written to when steps are added.
+        self._kept = [None if one is None else (*one[:2], one[2].copy()) for one in snapshot]
+        self._steps = [0 if one is None else len(one[2]) - 1 for one in snapshot]
 
-    def add(self, member: int, trace: Array, torques: Array, record: Array) -> None:
-        """Add the steps that a member has taken, as `Bodies.advance` has written them."""
-        self._steps[member].append((trace.copy(), torques.copy(), record.copy()))
+    def room(self, steps: int) -> Array:
+        """Return where a trace of T steps is to be written, (M, T, C), the same at every call."""
+        if self._trace.shape[1] != steps:
+            self._trace = np.empty((len(self._kept), steps, self._columns))
+        return self._trace
+
+    def add(
+        self,
+        members: Indices,
+        taken: Indices,
+        trace: Array,
+        torques: Array,
+        hold: int,
+        record: Array,
+    ) -> None:
+        """Add the steps that members have taken, as `Bodies.advance` has written them.
+
+        Parameters
+        ----------
+        members : (K,) array of int
+            Which ones.
+        taken : (M,) array of int
+            Steps that each of all has taken.
+        trace : (M, T, C) array
+            Coordinates and momenta after each step, and internal forces where there are any.
+        torques : (M, R, N - 1) array
+            Torques (N m), each row held over some steps.
+        hold : int
+            That many.
+        record : (M, T, 12) array
+            Columns RECORD_NAMES.
+        """
+        for member in members.tolist():
+            if self.wants(member):
+                self._add(member, int(taken[member]), trace, torques, hold, record)
+
+    def wants(self, member: int) -> bool:
+        """Tell whether a member's steps are to be kept: everyone's here."""
+        return True
+
+    def _add(
+        self, member: int, taken: int, trace: Array, torques: Array, hold: int, record: Array
+    ) -> None:
+        kept = self._kept[member]
+        assert kept is not None, "whoever is advanced was started"
+        rows = kept[2]
+        begin = self._steps[member] + 1
+        end = begin + taken
+        if end > len(rows):
+            longer = np.empty((max(end, 2 * len(rows), _FIRST_ROWS), rows.shape[1]))
+            longer[:begin] = rows[:begin]
+            rows = longer
+            self._kept[member] = (*kept[:2], rows)
+        first, last = self._columns, self._columns + self._joints
+        rows[begin:end, :first] = trace[member, :taken]
+        held = torques[member]
+        rows[begin:end, first:last] = held if len(held) == 1 else held[np.arange(taken) // hold]
+        rows[begin:end, last:] = record[member, :taken]
+        self._steps[member] = end - 1
 
     def trajectory(self, member: int, reason: str) -> Trajectory:
         """Return a member's trajectory since its start, which ended for this reason or goes on.
@@ -135,23 +218,21 @@ class Recorder:
         OptionError
             If it was never started.
         """
-        start_of = self._starts[member]
-        if start_of is None:
+        return self._trajectory(self._kept_of(member), reason)
+
+    def _trajectory(self, kept: _Kept | None, reason: str) -> Trajectory:
+        if kept is None:
             raise OptionError("nothing was recorded yet: call reset first")
-        first, energy, state = start_of
-        parts = self._steps[member]
-        columns = parts[0][0].shape[1] if parts else state.size
-        start = np.full((1, columns), np.nan)
-        start[0, : state.size] = state
-        joints = self._scene.beam.elements - 1
+        steps, energy, rows = kept
+        first, last = self._columns, self._columns + self._joints
         return trajectory_of(
             self._scene,
             reason,
-            first,
+            steps,
             energy,
-            np.concatenate([start, *(part[0] for part in parts)]),
-            np.concatenate([np.zeros((0, joints)), *(part[1] for part in parts)]),
-            np.concatenate([np.zeros((0, len(RECORD_NAMES))), *(part[2] for part in parts)]),
+            rows[:, :first],
+            rows[1:, first:last],
+            rows[1:, last:],
         )
 
 

@@ -12,7 +12,12 @@ from numpy.typing import NDArray
 
 from swim_env.errors import SceneError, TrajectoryError
 from swim_env.files import write_atomically
-from swim_env.physics.invariants import energy_drift, momentum_drift
+from swim_env.physics.invariants import (
+    energy_drift,
+    momentum_drift,
+    unexplained_energy,
+    unexplained_momentum,
+)
 from swim_env.physics.status import TERMINATION_REASONS
 from swim_env.scene import Scene
 from swim_env.scene_yaml import parse_yaml
@@ -127,6 +132,16 @@ class Trajectory:
         half = 0.5 * self.scene.beam.element_length
         arms = half * np.stack([np.cos(self.angles), np.sin(self.angles)], axis=-1)
         return np.concatenate([self.centres - arms, (self.centres + arms)[:, -1:]], axis=1)
+
+    @property
+    def unexplained_energy(self) -> Array:
+        """Energy that nothing explains since the start, (T + 1,) (J)."""
+        return unexplained_energy(self.energy, self.work, self.dissipated)
+
+    @property
+    def unexplained_momentum(self) -> Array:
+        """Momentum that nothing explains since the start, (T + 1, 3) (kg m/s, kg m^2/s)."""
+        return unexplained_momentum(self.momentum, self.impulse)
 
     @property
     def energy_drift(self) -> float:

@@ -68,8 +68,7 @@ def energy_figures(trajectory: Trajectory) -> dict[str, Any]:
         run, as shares: a trend would show there. ``work``, ``positive_work`` (J) of the torques and
         ``power``, the mean of the positive part (W); ``trusted`` by the scene's energy tolerance.
     """
-    balance = trajectory.energy - trajectory.energy[0]
-    balance[1:] -= np.cumsum(trajectory.work - trajectory.dissipated)
+    balance = trajectory.unexplained_energy
     largest = float(trajectory.energy.max())
     scale = largest if largest > 0.0 else 1.0
     quarter = max(1, len(balance) // 4)

@@ -218,7 +218,6 @@ def _arrays(trajectory: Trajectory) -> Arrays:
     whole = slice(None, None, max(1, round(1.0 / step)))
     often = slice(None, None, max(1, round(1.0 / (_SERIES * step))))
     momentum = np.linalg.norm(trajectory.momentum - trajectory.momentum[0], axis=1)
-    spent = np.concatenate([[0.0], np.cumsum(trajectory.work - trajectory.dissipated)])
     found: Arrays = {
         "time": trajectory.time[whole],
         "nodes": trajectory.nodes[whole],
@@ -226,7 +225,7 @@ def _arrays(trajectory: Trajectory) -> Arrays:
         "angles": trajectory.angles[whole],
         "series_time": trajectory.time[often],
         "energy": trajectory.energy[often],
-        "unexplained": (trajectory.energy - trajectory.energy[0] - spent)[often],
+        "unexplained": trajectory.unexplained_energy[often],
         "drift": momentum[often],
     }
     if has_forces(trajectory):

@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["energy_drift", "momentum_drift", "momentum_map"]
+__all__ = [
+    "energy_drift",
+    "momentum_drift",
+    "momentum_map",
+    "unexplained_energy",
+    "unexplained_momentum",
+]
 
 Array = NDArray[np.float64]
 
@@ -31,8 +37,8 @@ def momentum_map(q: Array, p: Array) -> Array:
     return np.stack([p[..., 0], p[..., 1], angular], axis=-1)
 
 
-def momentum_drift(momentum: Array, impulse: Array) -> float:
-    """Return max_n |J_n - J_0 - impulses| of a trajectory.
+def unexplained_momentum(momentum: Array, impulse: Array) -> Array:
+    """Return J_n - J_0 - impulses of a trajectory, (T + 1, 3).
 
     Parameters
     ----------
@@ -41,13 +47,18 @@ def momentum_drift(momentum: Array, impulse: Array) -> float:
     impulse : (T, 3) array
         Impulse from outside in every step, zero in a fluid that is at rest and ideal.
     """
-    change = momentum - momentum[0]
+    change: Array = momentum - momentum[0]
     change[1:] -= np.cumsum(impulse, axis=0)
-    return float(np.max(np.linalg.norm(change, axis=-1)))
+    return change
 
 
-def energy_drift(energy: Array, work: Array, dissipated: Array) -> float:
-    """Return max_n |H_n - H_0 - work + dissipated| / max_n H of a trajectory.
+def momentum_drift(momentum: Array, impulse: Array) -> float:
+    """Return max_n |J_n - J_0 - impulses|; parameters as `unexplained_momentum`."""
+    return float(np.max(np.linalg.norm(unexplained_momentum(momentum, impulse), axis=-1)))
+
+
+def unexplained_energy(energy: Array, work: Array, dissipated: Array) -> Array:
+    """Return H_n - H_0 - work + dissipated of a trajectory, (T + 1,) (J).
 
     Parameters
     ----------
@@ -55,13 +66,20 @@ def energy_drift(energy: Array, work: Array, dissipated: Array) -> float:
         H(q_n, p_n) (J).
     work, dissipated : (T,) arrays
         Work of the torques and loss to damping in every step (J).
+    """
+    balance: Array = energy - energy[0]
+    balance[1:] -= np.cumsum(work - dissipated)
+    return balance
+
+
+def energy_drift(energy: Array, work: Array, dissipated: Array) -> float:
+    """Return max_n |H_n - H_0 - work + dissipated| / max_n H; parameters as `unexplained_energy`.
 
     Returns
     -------
     float
         The largest unexplained energy as a share of the largest energy; 0 where there is none.
     """
-    balance = energy - energy[0]
-    balance[1:] -= np.cumsum(work - dissipated)
+    left = float(np.max(np.abs(unexplained_energy(energy, work, dissipated))))
     largest = float(np.max(energy))
-    return float(np.max(np.abs(balance))) / largest if largest > 0.0 else 0.0
+    return left / largest if largest > 0.0 else 0.0

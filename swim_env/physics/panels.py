@@ -25,7 +25,14 @@ from swim_env.physics.dense import multiply
 from swim_env.physics.elementary import atan2, log
 from swim_env.physics.outline import CT, CX, CY, LENGTH, ST, X, Y
 
-__all__ = ["LAYERS", "SHAPE_SCRATCH", "influence", "normal_influence", "shape_gradient"]
+__all__ = [
+    "LAYERS",
+    "SHAPE_SCRATCH",
+    "influence",
+    "influence_row",
+    "normal_influence",
+    "shape_gradient",
+]
 
 Array = NDArray[np.float64]
 
@@ -40,9 +47,20 @@ SHAPE_SCRATCH = 20
 
 
 @kernel
-def _influence_row(
+def influence_row(
     i: int, panels: Array, inverse_square: float, half_log: Array, layers: Array
 ) -> None:
+    """Write row i of the layers: what a unit source on every panel does at one point.
+
+    Parameters
+    ----------
+    i : int
+        Panel whose collocation point it is, and the row that is written.
+    inverse_square : float
+        1 over the reference length squared (1/m^2).
+    panels, half_log, layers
+        As for `influence`; of the layers row i is overwritten.
+    """
     # The compiler sees a multiple of the vector registers' width: no loop over a rest follows.
     count = (panels.shape[1] >> 3) << 3
     cx = panels[CX, i]
@@ -104,7 +122,7 @@ def influence(
     """
     inverse_square = 1.0 / (reference_length * reference_length)
     for i in range(count):
-        _influence_row(i, panels, inverse_square, half_log, layers)
+        influence_row(i, panels, inverse_square, half_log, layers)
 
 
 @entry_kernel

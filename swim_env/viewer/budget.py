@@ -143,7 +143,7 @@ def _draw_spent(axes: Axes, run: Trajectory) -> None:
 def _draw_drift(axes: Axes, run: Trajectory) -> None:
     """Draw what nothing explains: between its least and its largest in short pieces of time."""
     largest = float(run.energy.max()) or 1.0
-    left = run.energy - run.energy[0] - summed(run.work - run.dissipated)
+    left = run.unexplained_energy
     begins = _thinned(0, run.steps, _PIECES)[:-1]
     low, high = (100.0 / largest * end.reduceat(left, begins) for end in (np.minimum, np.maximum))
     axes.axhline(0.0, color=GREY, linewidth=THIN)

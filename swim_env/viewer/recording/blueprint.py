@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
+
+import rerun.blueprint as rrb
+from rerun.chunk import RrdReader
 
 from swim_env.viewer.recording.layout import Layout
 from swim_env.viewer.recording.legend import LEGEND, LEGEND_HEIGHT, LEGEND_WIDTH
 from swim_env.viewer.recording.palette import WATER_COLOUR
-from swim_env.viewer.recording.schema import REWARDS, TIMELINE, group_path
+from swim_env.viewer.recording.schema import APPLICATION, REWARDS, TIMELINE, group_path
 
 __all__ = ["blueprint_of"]
 
@@ -27,10 +32,28 @@ _NAMED_JOINTS = 10
 _ON_COURSE = ("body", "outline", "path", "centre", "heading", "target", "grid")
 
 
-def blueprint_of(lanes: Sequence[Layout]) -> Any:
-    """Return the blueprint of a recording."""
-    import rerun.blueprint as rrb
+class _KeptBlueprint(rrb.Blueprint):  # type: ignore[misc]  # rerun's types are not read
+    """A blueprint whose chunks are made once, for all the recordings that hold it.
 
+    Rerun makes them anew for each, which takes longer than all the rest of a recording. It asks for
+    them with the one method that is replaced here; a rerun that asked with another would get the
+    same ones later.
+    """
+
+    def __init__(self, *parts: Any, **options: Any) -> None:
+        super().__init__(*parts, **options)
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "layout.rbl"
+            rrb.Blueprint(*parts, **options).save(APPLICATION, file)
+            reader = RrdReader(file)
+            self._chunks = list(reader.stream(store=reader.blueprints()[0]))
+
+    def _log_to_stream(self, stream: Any) -> None:
+        stream.send_chunks(self._chunks)
+
+
+def blueprint_of(lanes: Sequence[Layout]) -> Any:
+    """Return the blueprint of recordings whose swimmers are shown like these."""
     wide = lanes[0].pressure is not None
     followed = [_following(lane) for lane in lanes]
     # Up to two stand one below the other, more of them in two columns.
@@ -48,7 +71,7 @@ def blueprint_of(lanes: Sequence[Layout]) -> Any:
         legend,
         row_shares=[*([3.0 * rows / len(water)] * len(water)), 1.8, 0.75],
     )
-    return rrb.Blueprint(
+    return _KeptBlueprint(
         rrb.Horizontal(left, _plots(lanes), column_shares=[1.45 if wide else 1.2, 1.0]),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
@@ -60,8 +83,6 @@ def blueprint_of(lanes: Sequence[Layout]) -> Any:
 
 def _growing() -> Any:
     """Return the range of time of a path: from its beginning to the present."""
-    import rerun.blueprint as rrb
-
     return rrb.VisibleTimeRanges(
         timeline=TIMELINE,
         start=rrb.TimeRangeBoundary.infinite(),
@@ -71,8 +92,6 @@ def _growing() -> Any:
 
 def _following(lane: Layout) -> Any:
     """Return the view that follows one body."""
-    import rerun.blueprint as rrb
-
     length = lane.scene.beam.length
     width, height = _VIEW_OF_TWO if lane.count == 2 else _VIEW
     return rrb.Spatial2DView(
@@ -90,8 +109,6 @@ def _following(lane: Layout) -> Any:
 
 def _course(lanes: Sequence[Layout]) -> Any:
     """Return the view in which nothing but the bodies moves."""
-    import rerun.blueprint as rrb
-
     length = lanes[0].scene.beam.length
     (left, low), (right, high) = lanes[0].low, lanes[0].high
     room = _MARGIN * length
@@ -113,7 +130,6 @@ def _course(lanes: Sequence[Layout]) -> Any:
 
 def _plots(lanes: Sequence[Layout]) -> Any:
     """Return the plots: progress, energy, torques at once, and the others behind tabs."""
-    import rerun.blueprint as rrb
 
     def everyone(group: str) -> list[str]:
         return [group_path(lane.label, group) for lane in lanes]
@@ -148,15 +164,11 @@ def _plots(lanes: Sequence[Layout]) -> Any:
 
 
 def _tabs(views: list[Any]) -> Any:
-    import rerun.blueprint as rrb
-
     return rrb.Tabs(*views, active_tab=0)
 
 
 def _plot(lanes: Sequence[Layout], name: str, paths: list[str], window: bool = False) -> Any:
     """Return one plot, with room for its legend behind the end of the run or the present."""
-    import rerun.blueprint as rrb
-
     begin, end = lanes[0].begin, lanes[0].end
     joints = max(lane.scene.beam.elements for lane in lanes) - 1
     of_joints = "Joint" in name

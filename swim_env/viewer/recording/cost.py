@@ -25,12 +25,15 @@ from swim_env.viewer.recording.writer import write_recording
 __all__ = ["measure_cost"]
 
 
-def measure_cost(pairs: int = 20, policy: Any = None) -> dict[str, Any]:
+def measure_cost(episodes: int = 10, policy: Any = None) -> dict[str, Any]:
     """Play the default episode of 20 s, recorded and not, without flow.
+
+    Two environments take every action in turn, one recorded, who is first changes each time. So
+    both find the machine in the same state, and have the policy's work between their steps.
 
     Parameters
     ----------
-    pairs : int
+    episodes : int
         How often.
     policy : optional
         Who plays, with the call ``predict(observation, state, episode_start, deterministic)``;
@@ -39,26 +42,25 @@ def measure_cost(pairs: int = 20, policy: Any = None) -> dict[str, Any]:
     Returns
     -------
     dict
-        Medians with their quartiles: ``bare_seconds`` of an episode; ``while_playing`` and
-        ``with_file``, what recording adds to an episode but its last step, and to all of it with
-        the file that is written there, as shares; ``file_seconds``; ``bytes`` of the file. Beside
-        them ``frame_seconds``, what a frame adds to a file's time, and ``fixed_seconds``, the rest
-        of it, from the shortest of ten files each with few and with many frames.
+        Medians with their quartiles: ``bare_seconds`` of an episode with its policy;
+        ``while_playing`` and ``with_file``, what recording adds to it, but for the last action at
+        whose end the file is written, and in all, as shares; ``file_seconds``; ``bytes`` of the
+        file. Beside them ``frame_seconds``, what a frame adds to a file's time, and
+        ``fixed_seconds``, the rest of it, from the shortest of ten files each with few and with
+        many frames.
     """
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         recorded = RecordEpisodes(SwimEnv(), folder, lambda episode: True)
         bare = SwimEnv()
         actions = np.random.default_rng(0).uniform(-1.0, 1.0, (bare.scene.actions_per_episode, 8))
-        for pair in range(-1, pairs):
-            order = (recorded, bare) if pair % 2 else (bare, recorded)
-            times = {id(env): _play(env, actions, policy) for env in order}
-            if pair < 0:  # kernels and modules are being loaded
+        for episode in range(-1, episodes):
+            times = _play(bare, recorded, actions, policy)
+            if episode < 0:  # kernels and modules are being loaded
                 continue
-            (played, end), (bare_played, bare_end) = times[id(recorded)], times[id(bare)]
-            whole = bare_played + bare_end
-            file = recorded.written[-1].logging_seconds
-            rows.append([whole, played / bare_played - 1.0, (played + end) / whole - 1.0, file])
+            whole, added = times[:, 0].sum(), times[:, 1] - times[:, 0]
+            shares = added[:-1].sum() / times[:-1, 0].sum(), added.sum() / whole
+            rows.append([whole, *shares, recorded.written[-1].logging_seconds])
         size = recorded.written[-1].size
     quartiles = np.quantile(np.array(rows), (0.25, 0.5, 0.75), axis=0).T.round(4).tolist()
     names = ("bare_seconds", "while_playing", "with_file", "file_seconds")
@@ -66,7 +68,8 @@ def measure_cost(pairs: int = 20, policy: Any = None) -> dict[str, Any]:
         name: {"median": middle, "quartiles": [low, high]}
         for name, (low, middle, high) in zip(names, quartiles, strict=True)
     }
-    return {**figures, **_measure_files(), "bytes": size, "pairs": pairs, **where_and_when()}
+    about = {"bytes": size, "episodes": episodes, **where_and_when()}
+    return {**figures, **_measure_files(), **about}
 
 
 def _measure_files(repeats: int = 10) -> dict[str, float]:
@@ -89,18 +92,24 @@ def _measure_files(repeats: int = 10) -> dict[str, float]:
 
 
 def _play(
-    env: gymnasium.Env[Any, Any], actions: NDArray[np.float64], policy: Any
-) -> tuple[float, float]:
-    """Return the seconds of all steps but the last, and of the last."""
-    observation, _ = env.reset(seed=0)
-    begin = time.perf_counter()
-    for action in actions[:-1]:
-        if policy is not None:
-            action = policy.predict(observation, None, None, True)[0]
-        observation = env.step(action)[0]
-    before = time.perf_counter()
-    env.step(actions[-1])
-    return before - begin, time.perf_counter() - before
+    bare: gymnasium.Env[Any, Any],
+    recorded: gymnasium.Env[Any, Any],
+    actions: NDArray[np.float64],
+    policy: Any,
+) -> NDArray[np.float64]:
+    """Return the seconds of every action, in the bare environment and in the other, (A, 2)."""
+    times = np.empty((len(actions), 2))
+    observation, _ = recorded.reset(seed=0)
+    bare.reset(seed=0)
+    for number, action in enumerate(actions):
+        for which in (0, 1) if number % 2 else (1, 0):
+            begin = time.perf_counter()
+            if policy is not None:
+                action = policy.predict(observation, None, None, True)[0]
+            after = (bare, recorded)[which].step(action)[0]
+            times[number, which] = time.perf_counter() - begin
+        observation = after
+    return times
 
 
 if __name__ == "__main__":

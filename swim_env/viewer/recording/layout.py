@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from swim_env.scene import Scene
 from swim_env.viewer.recording.palette import SERIES_COLOURS, TRAIL_COLOURS
 from swim_env.viewer.recording.schema import place_of
 
-__all__ = ["Layout", "still"]
+__all__ = ["Layout", "column", "still"]
 
 Point = tuple[float, float]
 
@@ -90,3 +92,16 @@ def still(path: str, archetype: Any) -> Any:
     for batch in archetype.as_component_batches():
         columns.append(batch.partition([len(batch.as_arrow_array())]))
     return Chunk.from_columns(path, [], columns)
+
+
+def column(descriptor: Any, batch: Any, rows: int) -> Any:
+    """Return a component's column in which every row has equally many of the batch's values.
+
+    Rerun's own `columns` finds out how many by itself, which takes half of its time.
+    """
+    import rerun as rr
+
+    each = len(batch) // rows
+    return rr.ComponentColumn(
+        descriptor, batch, offsets=np.arange(0, rows * each + 1, each, dtype=np.int32)
+    )

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.trajectory import Trajectory
-from swim_env.viewer.recording.layout import Layout, still
+from swim_env.viewer.recording.layout import Layout, column, still
 from swim_env.viewer.recording.palette import (
     ARROW_COLOUR,
     BODY_COLOUR,
@@ -56,6 +56,10 @@ class Lane:
         Who.
     instants, energy_instants : (F,), (E,) arrays of int
         Frames, and those of the energy.
+    shapes : Trajectory
+        The run's positions at the frames alone; nothing else of it is of use.
+    nodes : (F, N + 1, 2) array
+        Nodes of the centre line at the frames (m).
     layout : Layout
         How it is shown.
     """
@@ -63,6 +67,8 @@ class Lane:
     swimmer: Swimmer
     instants: NDArray[np.int64]
     energy_instants: NDArray[np.int64]
+    shapes: Trajectory
+    nodes: Array
     layout: Layout
 
 
@@ -82,12 +88,16 @@ def lanes_of(
         moments = [np.abs(swimmer.moments).max(initial=0.0) for swimmer in swimmers]
         largest = float(max(moments)) or 1.0
     longest = max([swimmer.scene.beam.length for swimmer in swimmers])
+    shapes = [_shapes(swimmer, at) for swimmer, at in zip(swimmers, frames, strict=True)]
+    nodes = [shape.nodes for shape in shapes]
     offsets, corners = [], []
-    for number, (swimmer, instants) in enumerate(zip(swimmers, frames, strict=True)):
+    for number, (swimmer, (x, y)) in enumerate(
+        zip(swimmers, [points.T for points in nodes], strict=True)
+    ):
         length = swimmer.scene.beam.length
         offset = np.array([0.0, -number * _LANE * length])
-        nodes = _shapes(swimmer, instants).nodes.reshape(-1, 2)
-        low, high = nodes.min(axis=0) + offset, nodes.max(axis=0) + offset
+        low = np.array([x.min(), y.min()]) + offset
+        high = np.array([x.max(), y.max()]) + offset
         if swimmer.target_radius is not None:
             reach = swimmer.target_radius * length
             low = np.minimum(low, swimmer.aim + offset - reach)
@@ -104,15 +114,17 @@ def lanes_of(
     return [
         Lane(
             swimmer,
-            instants,
-            finer,
+            frames[number],
+            energy_frames[number],
+            shapes[number],
+            nodes[number],
             Layout(
                 swimmer.name,
-                label,
+                labels[number],
                 swimmer.scene,
                 number,
                 len(swimmers),
-                _point(offset),
+                _point(offsets[number]),
                 _point(low),
                 _point(high),
                 begin,
@@ -125,9 +137,7 @@ def lanes_of(
                 None if speed is None else _arrow_seconds(longest, speed),
             ),
         )
-        for number, (swimmer, label, instants, finer, offset) in enumerate(
-            zip(swimmers, labels, frames, energy_frames, offsets, strict=True)
-        )
+        for number, swimmer in enumerate(swimmers)
     ]
 
 
@@ -146,7 +156,7 @@ def _arrow_seconds(length: float, speed: float) -> float:
 
 
 def _shapes(swimmer: Swimmer, instants: NDArray[np.int64]) -> Trajectory:
-    """Return the run's positions at some instants alone; nothing else of it is of use."""
+    """Return the run's positions at some instants."""
     run = swimmer.trajectory
     return replace(
         run,
@@ -197,17 +207,18 @@ def log_swimmer(stream: Any, lane: Lane, water: Water | None) -> None:
     length = beam.length
     count = len(lane.instants)
     time = [rr.TimeColumn(TIMELINE, duration=run.time[lane.instants])]
-    shapes = _shapes(swimmer, lane.instants)
-    nodes = shapes.nodes.astype(np.float32)
-    centres = shapes.centres.astype(np.float32)
-    path = swimmer.path[lane.instants]
-    angles = shapes.angles
+    nodes = lane.nodes.astype(np.float32)
+    centres = lane.shapes.centres.astype(np.float32)
+    path = lane.shapes.path
+    angles = lane.shapes.angles
 
-    stream.send_columns(
-        f"{place}/camera",
-        time,
-        rr.Transform3D.columns(translation=np.column_stack([path, np.zeros(count)])),
-    )
+    def send(mark: str, *columns: tuple[Any, Any]) -> None:
+        stream.send_columns(f"{place}/{mark}", time, [column(*one, count) for one in columns])
+
+    strips = rr.LineStrips2D.descriptor_strips()
+    # Rerun keeps translations in three numbers.
+    middle = rr.components.Translation3DBatch(np.column_stack([path, np.zeros(count)]))
+    send("camera", (rr.Transform3D.descriptor_translation(), middle))
     # The body: from the middle of one element to that of the next, in the colour of their joint.
     joints = beam.elements - 1
     if joints:
@@ -215,32 +226,30 @@ def log_swimmer(stream: Any, lane: Lane, water: Water | None) -> None:
         colour = lane.layout.colour
         shown = swimmer.held_torques if colour == "torque" else swimmer.moments
         shades = shades_of_torque(shown[lane.instants] / lane.layout.limit)
-        stream.send_columns(
-            f"{place}/body",
-            time,
-            rr.LineStrips2D.columns(
-                strips=_strips(bones.reshape(-1, 3, 2)), colors=shades.reshape(-1, 3)
-            ).partition(np.full(count, joints)),
+        send(
+            "body",
+            (strips, _strips(bones.reshape(-1, 3, 2))),
+            (
+                rr.LineStrips2D.descriptor_colors(),
+                rr.components.ColorBatch(shades.reshape(-1, 3)),
+            ),
         )
-    stream.send_columns(f"{place}/outline", time, rr.LineStrips2D.columns(strips=_strips(nodes)))
+    send("outline", (strips, _strips(nodes)))
 
     director = _DIRECTOR * beam.element_length
     normals = np.stack([-np.sin(angles), np.cos(angles)], axis=-1).astype(np.float32)
     ends = np.stack([centres, centres + np.float32(director) * normals], axis=2)
-    stream.send_columns(
-        f"{place}/directors",
-        time,
-        rr.LineStrips2D.columns(strips=_strips(ends.reshape(-1, 2, 2))).partition(
-            np.full(count, beam.elements)
-        ),
-    )
+    send("directors", (strips, _strips(ends.reshape(-1, 2, 2))))
 
     mean = angles.mean(axis=1)
     ahead = -_HEADING * length * np.stack([np.cos(mean), np.sin(mean)], axis=-1)
-    stream.send_columns(
-        f"{place}/heading",
-        time,
-        rr.Arrows2D.columns(vectors=ahead, origins=nodes[:, 0] + 0.2 * ahead),
+    send(
+        "heading",
+        (rr.Arrows2D.descriptor_vectors(), rr.components.Vector2DBatch(ahead)),
+        (
+            rr.Arrows2D.descriptor_origins(),
+            rr.components.Position2DBatch(nodes[:, 0] + 0.2 * ahead),
+        ),
     )
 
     # One piece of the path per frame: the view shows all pieces up to the present.
@@ -248,9 +257,9 @@ def log_swimmer(stream: Any, lane: Lane, water: Water | None) -> None:
     stream.send_columns(
         f"{place}/path",
         [rr.TimeColumn(TIMELINE, duration=run.time[lane.instants[1:]])],
-        rr.LineStrips2D.columns(strips=_strips(pieces)),
+        [column(strips, _strips(pieces), len(pieces))],
     )
-    stream.send_columns(f"{place}/centre", time, rr.Points2D.columns(positions=path))
+    send("centre", (rr.Points2D.descriptor_positions(), rr.components.Position2DBatch(path)))
 
     if swimmer.target_radius is not None:
         reach = swimmer.target_radius * length
@@ -272,6 +281,7 @@ def log_swimmer(stream: Any, lane: Lane, water: Water | None) -> None:
 def _strips(points: NDArray[np.float32]) -> Any:
     """Return lines (n, k, 2) as rerun keeps them; it would take arrays one line after the other."""
     import pyarrow as pa
+    import rerun as rr
 
     count, length = points.shape[:2]
     pairs = pa.FixedSizeListArray.from_arrays(
@@ -279,7 +289,9 @@ def _strips(points: NDArray[np.float32]) -> Any:
         type=pa.list_(pa.field("item", pa.float32(), nullable=False), 2),
     )
     offsets = pa.array(np.arange(0, (count + 1) * length, length, dtype=np.int32))
-    return pa.ListArray.from_arrays(offsets, pairs, type=_strip_type())
+    return rr.components.LineStrip2DBatch(
+        pa.ListArray.from_arrays(offsets, pairs, type=_strip_type())
+    )
 
 
 @functools.cache

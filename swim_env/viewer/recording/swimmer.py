@@ -63,11 +63,6 @@ class Swimmer:
         return np.asarray(given, dtype=np.float64)
 
     @cached_property
-    def path(self) -> Array:
-        """Path of the mean element centre, (T + 1, 2) (m)."""
-        return self.trajectory.path
-
-    @cached_property
     def joint_angles(self) -> Array:
         """Joint angles, (T + 1, N - 1) (rad)."""
         angles: Array = np.diff(self.trajectory.angles, axis=1)
@@ -132,17 +127,22 @@ class Swimmer:
         return series
 
     def _progress(self, instants: Indices) -> Array:
-        path, length = self.path, self.scene.beam.length
+        path = self._mean_centres(np.concatenate([[0], instants]))
         if self.target_radius is None:
-            along = (path[instants] - path[0]) @ self.aim
+            along = (path[1:] - path[0]) @ self.aim
         else:
-            far = np.hypot(*(self.aim - path[[0, *instants]]).T)
+            far = np.hypot(*(self.aim - path).T)
             along = far[0] - far[1:]
-        column: Array = along[:, None] / length
+        column: Array = along[:, None] / self.scene.beam.length
         return column
 
     def _position(self, instants: Indices) -> Array:
-        return self.path[instants] / self.scene.beam.length
+        return self._mean_centres(instants) / self.scene.beam.length
+
+    def _mean_centres(self, instants: Indices) -> Array:
+        """Return the path, (K, 2) (m); of every step it would take four times as long."""
+        path: Array = self.trajectory.centres[instants].mean(axis=1)
+        return path
 
     def _reward(self, instants: Indices) -> Array:
         return np.asarray([] if self.rewards is None else self.rewards, dtype=np.float64)[:, None]
@@ -161,16 +161,13 @@ class Swimmer:
     def _work(self, instants: Indices) -> Array:
         run = self.trajectory
         sums = [summed(run.work), summed(run.positive_work), summed(run.dissipated)]
-        unexplained = run.energy - run.energy[0] - sums[0] + sums[2]
-        return np.column_stack([*sums, unexplained])[instants]
+        return np.column_stack([*sums, run.unexplained_energy])[instants]
 
     def _momentum(self, instants: Indices) -> Array:
         return self.trajectory.momentum[instants]
 
     def _drift(self, instants: Indices) -> Array:
-        run = self.trajectory
-        change = run.momentum - run.momentum[0]
-        change[1:] -= np.cumsum(run.impulse, axis=0)
+        change = self.trajectory.unexplained_momentum
         return np.column_stack([np.hypot(change[:, 0], change[:, 1]), change[:, 2]])[instants]
 
     def _solver(self, instants: Indices) -> Array:

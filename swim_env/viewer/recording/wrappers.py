@@ -23,6 +23,7 @@ from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
 from swim_env.recorder import Recorder
 from swim_env.scene import Scene
 from swim_env.scene_checks import got
+from swim_env.trajectory import Trajectory
 from swim_env.vector_env import SwimVectorEnv
 from swim_env.viewer.recording.swimmer import Swimmer
 from swim_env.viewer.recording.writer import (
@@ -47,7 +48,7 @@ class _ChosenRecorder(Recorder):
     ----------
     chosen : set of int
         Whose steps are kept.
-    over : dict of int to Recorder
+    over : dict
         What was kept of a chosen member when it was started anew.
     begun : list of int
         How often each member's trajectory has begun: with every start, and with every snapshot
@@ -57,28 +58,27 @@ class _ChosenRecorder(Recorder):
     def __init__(self, scene: Scene, count: int) -> None:
         super().__init__(scene, count)
         self.chosen = set(range(count)) if scene.recording is not None else set()
-        self.over: dict[int, Recorder] = {}
+        self.over: dict[int, Any] = {}
         self.begun = [0] * count
 
     def begin(self, member: int, steps: int, energy: float, state: NDArray[np.float64]) -> None:
         """Begin a member's trajectory, and put the one before aside."""
         self.begun[member] += 1
         if member in self.chosen and self._steps[member]:
-            kept = Recorder(self._scene, 1)
-            kept.restore(([self._starts[member]], [self._steps[member]]))
-            self.over[member] = kept
+            self.over[member] = self._kept_of(member)
         super().begin(member, steps, energy, state)
 
-    def add(
-        self,
-        member: int,
-        trace: NDArray[np.float64],
-        torques: NDArray[np.float64],
-        record: NDArray[np.float64],
-    ) -> None:
-        """Add a chosen member's steps."""
-        if member in self.chosen:
-            super().add(member, trace, torques, record)
+    def wants(self, member: int) -> bool:
+        """Tell whether a member was chosen."""
+        return member in self.chosen
+
+    def trajectory_before(self, member: int, reason: str) -> Trajectory:
+        """Return the trajectory of a chosen member that was started anew since."""
+        return self._trajectory(self.over[member], reason)
+
+    def is_paid(self, member: int, rewards: int) -> bool:
+        """Tell whether there are as many rewards as actions whose steps were kept."""
+        return rewards * self._scene.steps_per_action >= self._steps[member]
 
 
 class _Tape:
@@ -94,6 +94,8 @@ class _Tape:
     ) -> None:
         self.written: list[WrittenRecording] = []
         self._episodes = episodes
+        #: A view, taken once: between two actions of an agent every lookup counts.
+        self._last_rewards = episodes.rewards
         self._folder = folder
         self._flow_rate, self._frame_rate = flow_rate, frame_rate
         self._split_energy = split_energy
@@ -103,13 +105,9 @@ class _Tape:
         self._goals: dict[int, NDArray[np.float64]] = {}
         self._velocities: dict[int, NDArray[np.float64]] = {}
         self._begun: dict[int, int] = {}
-        #: What the member is called in all its files, and the file of this episode.
-        self._names: dict[int, tuple[str, str]] = {}
-
-    @property
-    def running(self) -> Collection[int]:
-        """Members whose episode is being recorded."""
-        return self._names.keys()
+        #: Members whose episode is being recorded: what they are called in all their files, and the
+        #: file of this episode.
+        self.running: dict[int, tuple[str, str]] = {}
 
     def attach(self) -> None:
         """Have the bodies' steps kept."""
@@ -129,14 +127,18 @@ class _Tape:
         self._goals[member] = self._episodes.goals[member].copy()
         if self._split_energy:
             self._velocities[member] = self._episodes.bodies.weigh(member)[1]
-        self._names[member] = name, f"{name}-episode-{episode}"
+        self.running[member] = name, f"{name}-episode-{episode}"
 
     def drop(self, member: int) -> None:
         """Keep nothing more of a member."""
         if not self._always:
             self._recorder.chosen.discard(member)
         self._recorder.over.pop(member, None)
-        self._names.pop(member, None)
+        self.running.pop(member, None)
+
+    def pay_last(self, member: int) -> None:
+        """Keep the reward of the member's last action."""
+        self.pay(member, self._last_rewards.item(member))
 
     def pay(self, member: int, reward: float, started_anew: bool = False) -> None:
         """Keep the reward of an action, after which the member may have been started anew.
@@ -153,30 +155,27 @@ class _Tape:
                 self._goals[member] = self._episodes.goals[member].copy()
         self._rewards[member].append(reward)
 
-    def pay_played(self, before: NDArray[np.float64]) -> None:
-        """Keep the rewards of actions that were played in a step that has failed afterwards.
-
-        Steps that the members had taken before it are given.
-        """
-        taken = self._episodes.bodies.steps_taken
-        for member in self._names:
-            if taken[member] > before[member]:
-                self.pay(member, float(self._episodes.rewards[member]))
+    def pay_played(self) -> None:
+        """Keep the rewards of actions that were played in a step that has failed afterwards."""
+        for member in self.running:
+            same = self._recorder.begun[member] == self._begun[member]
+            if not self._recorder.is_paid(member, len(self._rewards[member]) if same else 0):
+                self.pay_last(member)
 
     def end(self, member: int, reason: str | None = None) -> None:
         """Write what there is of a member's episode; nothing where it has taken no step.
 
         A reason is given where the member was started anew already.
         """
-        if member not in self._names:
+        if member not in self.running:
             return
         task = self._episodes.task
         if reason is not None and member in self._recorder.over:
             physical = reason if reason in PHYSICS_REASONS.values() else ""
-            trajectory = self._recorder.over[member].trajectory(0, physical)
+            trajectory = self._recorder.trajectory_before(member, physical)
         else:
             trajectory = self._episodes.recorded(member)
-        name, file = self._names[member]
+        name, file = self.running[member]
         swimmer = Swimmer(
             name,
             trajectory,
@@ -207,7 +206,7 @@ class _Tape:
     def end_all(self) -> None:
         """Write what there is of every episode; of several errors the first is raised."""
         errors = []
-        for member in list(self._names):
+        for member in list(self.running):
             try:
                 self.end(member)
             except SwimError as error:
@@ -425,20 +424,18 @@ class RecordEpisodes(
     def step(self, action: NDArray[Any]) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Hold an action, and write the file at the episode's end."""
         tape = self._tape
-        if 0 not in tape.running:
+        if not tape.running:
             return self.env.step(action)
-        episodes = self.unwrapped.episodes  # type: ignore[attr-defined]
-        before = episodes.bodies.steps_taken.copy()
         try:
             result = self.env.step(action)
         except (SwimError, gymnasium.error.Error):
             # A refused action changes nothing, and the episode can go on.
             raise
         except BaseException:
-            tape.pay_played(before)
+            tape.pay_played()
             tape.end_or_warn(0)
             raise
-        tape.pay(0, float(episodes.rewards[0]))
+        tape.pay_last(0)
         if result[2] or result[3]:
             tape.end_or_warn(0)
             tape.detach()
@@ -543,13 +540,12 @@ class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
     def step(self, actions: NDArray[Any]) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Hold actions, and write the files of episodes that end."""
         tape, mode = self._tape, self._batch.autoreset_mode
-        before = self._batch.episodes.bodies.steps_taken.copy()
         try:
             result = self.env.step(actions)
         except (SwimError, gymnasium.error.Error):
             raise
         except BaseException:
-            tape.pay_played(before)
+            tape.pay_played()
             for member in list(tape.running):
                 tape.end_or_warn(member)
             raise

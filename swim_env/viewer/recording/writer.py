@@ -24,24 +24,16 @@ from swim_env.provenance import where_and_when
 from swim_env.scene import Scene
 from swim_env.viewer.recording.schema import (
     APPLICATION,
-    DETAILS,
-    GROUPS,
-    HELD,
     PROPERTY,
-    REWARDS,
     SCHEMA_VERSION,
-    TIMELINE,
     WORLD,
-    group_path,
     label_of,
-    names_of,
 )
 from swim_env.viewer.recording.swimmer import Swimmer, frames_of
 
 # What needs Pillow is imported where it is used: without it, `require_rerun` says what to do.
 if TYPE_CHECKING:
     from swim_env.viewer.recording.layout import Layout
-    from swim_env.viewer.recording.scenery import Lane
     from swim_env.viewer.recording.water import Water
 
 __all__ = [
@@ -224,6 +216,7 @@ def _content(
     import rerun as rr
 
     from swim_env.viewer.recording.scenery import lanes_of, log_swimmer
+    from swim_env.viewer.recording.series import log_series
 
     labels: list[str] = []
     for swimmer in swimmers:
@@ -232,27 +225,28 @@ def _content(
     pressure = max((water.largest_pressure for water in known), default=None)
     speed = max((water.largest_speed for water in known), default=None)
     lanes = lanes_of(swimmers, labels, frames, energy_frames, pressure, speed, colour)
-    blueprint, standing = _fixed_parts(tuple([lane.layout for lane in lanes]))
+    layouts = tuple([lane.layout for lane in lanes])
+    reasons = tuple([swimmer.trajectory.termination_reason for swimmer in swimmers])
+    blueprint, standing = _fixed_parts(layouts)
     stream = rr.RecordingStream(APPLICATION)
     kept = stream.binary_stream()
-    stream.log_file_from_contents("layout.rbl", blueprint)
+    stream.send_blueprint(blueprint)
     stream.send_chunks(standing)
     stream.send_recording_name(title or ", ".join(labels) + f" on {swimmers[0].scene.name}")
-    stream.send_property(PROPERTY, _property(lanes, about))
+    stream.send_property(PROPERTY, _property(layouts, reasons, about))
     for lane, water in zip(lanes, waters, strict=True):
         log_swimmer(stream, lane, water)
-        _log_series(stream, lane)
-    # This waits for the blueprint, which rerun takes in a thread of its own.
+        log_series(stream, lane)
     stream.disconnect()
-    content = kept.read()
+    content: bytes = kept.read()
     if not content:
         raise SwimError("rerun has given no recording")
-    return bytes(content)
+    return content
 
 
 @functools.lru_cache(maxsize=32)
-def _fixed_parts(layouts: tuple[Layout, ...]) -> tuple[bytes, list[Any]]:
-    """Return the bytes of the blueprint, and chunks of all that stands in a recording.
+def _fixed_parts(layouts: tuple[Layout, ...]) -> tuple[Any, list[Any]]:
+    """Return the blueprint, and chunks of all that stands in a recording.
 
     Building these takes several times as long as the rest of a file, and episodes of one
     environment mostly share them.
@@ -263,22 +257,14 @@ def _fixed_parts(layouts: tuple[Layout, ...]) -> tuple[bytes, list[Any]]:
     from swim_env.viewer.recording.layout import still
     from swim_env.viewer.recording.legend import legend_of
     from swim_env.viewer.recording.scenery import scenery_of
+    from swim_env.viewer.recording.series import looks_of_series
 
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "layout.rbl"
-        blueprint_of(layouts).save(APPLICATION, file)
-        blueprint = file.read_bytes()
     # The plane's y points upwards, the screen's downwards.
     standing = [still(WORLD, rr.Transform3D(scale=[1.0, -1.0, 1.0])), *legend_of(layouts)]
     for layout in layouts:
         standing += scenery_of(layout)
-        standing += _looks_of_series(layout)
-    return blueprint, standing
-
-
-@functools.lru_cache(maxsize=32)
-def _text_of(scene: Scene) -> str:
-    return scene.to_yaml()
+        standing += looks_of_series(layout)
+    return blueprint_of(layouts), standing
 
 
 @functools.cache
@@ -295,84 +281,23 @@ def _text_of_about(about: dict[str, Any] | None) -> str:
         raise OptionError(f"about must be a dict in JSON's terms: {error}") from None
 
 
-def _property(lanes: Sequence[Lane], about: str) -> Any:
+@functools.lru_cache(maxsize=32)
+def _property(layouts: tuple[Layout, ...], reasons: tuple[str, ...], about: str) -> Any:
     """Return what a recording says of itself."""
     import rerun as rr
 
-    scale = lanes[0].layout
+    scale = layouts[0]
     return rr.AnyValues(
         schema=SCHEMA_VERSION,
-        swimmers=[lane.layout.label for lane in lanes],
-        names=[lane.swimmer.name for lane in lanes],
-        scenes=[_text_of(lane.swimmer.scene) for lane in lanes],
-        termination_reasons=[lane.swimmer.trajectory.termination_reason for lane in lanes],
+        swimmers=[layout.label for layout in layouts],
+        names=[layout.name for layout in layouts],
+        scenes=[layout.scene.to_yaml() for layout in layouts],
+        termination_reasons=list(reasons),
         colour=scale.colour,
-        torque_limits=[lane.layout.limit for lane in lanes],
+        torque_limits=[layout.limit for layout in layouts],
         pressure_scale=0.0 if scale.pressure is None else scale.pressure,
         about=about,
     )
-
-
-def _looks_of_series(layout: Layout) -> list[Any]:
-    """Return the chunks of names and colours of all series of a swimmer."""
-    import rerun as rr
-
-    from swim_env.viewer.recording.layout import still
-    from swim_env.viewer.recording.palette import SERIES_COLOURS, joint_colours
-
-    joints = layout.scene.beam.elements - 1
-    chunks = []
-    for group in (*GROUPS, *DETAILS):
-        if group in REWARDS and not layout.rewarded:
-            continue
-        names = list(names_of(group, joints, layout.split))
-        if not names:
-            continue
-        if group in DETAILS:
-            colours = joint_colours(joints)
-        elif len(names) == 1 and layout.count > 1:
-            # These of all swimmers share a plot.
-            names = [f"{layout.label}, {name}" for name in names]
-            colours = np.array([layout.bright], dtype=np.uint8)
-        else:
-            # What has the same name has the same colour, with and without the split.
-            places = [GROUPS[group].index(n) if n in GROUPS[group] else 0 for n in names]
-            colours = np.array(SERIES_COLOURS, dtype=np.uint8)[places]
-        lines = rr.SeriesLines(
-            names=names,
-            colors=colours,
-            widths=[1.6] * len(names),
-            interpolation_mode=HELD.get(group, "Linear"),
-        )
-        chunks.append(still(group_path(layout.label, group), lines))
-    return chunks
-
-
-def _log_series(stream: Any, lane: Lane) -> None:
-    """Log all series of a swimmer."""
-    import rerun as rr
-
-    swimmer: Swimmer = lane.swimmer
-    run = swimmer.trajectory
-    frames = [rr.TimeColumn(TIMELINE, duration=run.time[lane.instants])]
-    for group in (*GROUPS, *DETAILS):
-        at, instants = frames, lane.instants
-        if group == "energy":
-            instants = lane.energy_instants
-            at = [rr.TimeColumn(TIMELINE, duration=run.time[instants])]
-        elif group in REWARDS:
-            if swimmer.rewards is None:
-                continue
-            at = [rr.TimeColumn(TIMELINE, duration=swimmer.reward_times)]
-        values = swimmer.series(group, instants)
-        if values.size:
-            stream.send_columns(
-                group_path(lane.layout.label, group),
-                at,
-                rr.Scalars.columns(scalars=values.ravel()).partition(
-                    np.full(len(values), values.shape[1])
-                ),
-            )
 
 
 def recording_file(place: str | os.PathLike[str], name: str) -> Path:
