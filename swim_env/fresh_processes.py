@@ -64,13 +64,11 @@ def in_fresh_processes(
     finally:
         if not finished:
             # What runs could take minutes, and nobody waits for it any more.
-            pool.shutdown(wait=False, cancel_futures=True)
-            mine = set(multiprocessing.active_children()) - before
-            for process in mine:
+            for process in set(multiprocessing.active_children()) - before:
                 process.terminate()
-            for process in mine:
-                process.join()
-        pool.shutdown()
+        # Waits for the pool's own thread, which waits for the processes: to wait for them here as
+        # well would leave open who of the two hears of an end, and when the other does.
+        pool.shutdown(cancel_futures=True)
 
 
 def _flat(call: Call) -> tuple[Any, ...]:
