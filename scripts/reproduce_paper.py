@@ -16,7 +16,8 @@ from pathlib import Path
 
 from swim_env.command_line import INTERRUPTED, progress_bar, run
 from swim_env.errors import SwimError
-from swim_env.paper.book import page_of, write_book
+from swim_env.folders import page_of
+from swim_env.paper.book import write_book
 from swim_env.paper.suite import PARTS, all_units, work
 from swim_env.paper.units import Store, do_units
 from swim_env.provenance import where_and_when

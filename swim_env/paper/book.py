@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from swim_env.files import write_atomically
+from swim_env.folders import page_of
 from swim_env.paper.charts import (
     draw_constants,
     draw_internal,
@@ -24,12 +25,7 @@ from swim_env.paper.suite import collect
 from swim_env.paper.units import Arrays, Store, Unit
 from swim_env.viewer import save_figure
 
-__all__ = ["draw_all", "page_of", "write_book"]
-
-
-def page_of(folder: Path) -> Path:
-    """Return where the page of a folder of results stands: beside it, with its name."""
-    return folder.with_name(f"{folder.name}.md")
+__all__ = ["draw_all", "verdicts_of", "write_book"]
 
 
 def write_book(
@@ -61,17 +57,7 @@ def write_book(
     names = draw_all(folder, units, store, data)
     pictures = {name: f"{folder.name}/{name}.png" for name in names}
     page = make_page(data, pictures, command, written)
-    verdicts = {
-        statement.key: {
-            "says": statement.says,
-            "where": statement.where,
-            "measured": finding.measured,
-            "verdict": finding.verdict,
-            "criterion": statement.criterion,
-            "why": finding.why,
-        }
-        for statement, finding in find_all(data)
-    }
+    verdicts = verdicts_of(data)
     counts: dict[str, int] = {}
     for one in verdicts.values():
         counts[one["verdict"]] = counts.get(one["verdict"], 0) + 1
@@ -85,6 +71,21 @@ def write_book(
     write_atomically(folder / "verdicts.json", lambda file: file.write(text.encode()))
     write_atomically(page_of(folder), lambda file: file.write(page.encode()))
     return summary
+
+
+def verdicts_of(data: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return what ``verdicts.json`` says of every statement, from what `collect` found."""
+    return {
+        statement.key: {
+            "says": statement.says,
+            "where": statement.where,
+            "measured": finding.measured,
+            "verdict": finding.verdict,
+            "criterion": statement.criterion,
+            "why": finding.why,
+        }
+        for statement, finding in find_all(data)
+    }
 
 
 def draw_all(folder: Path, units: list[Unit], store: Store, data: Mapping[str, Any]) -> list[str]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.trajectory import Trajectory
+from swim_env.viewer.heat_maps import draw_map
 from swim_env.viewer.style import (
     BLACK,
     GREY,
@@ -18,7 +19,6 @@ from swim_env.viewer.style import (
     THIN,
     TIME_COLOURS,
     WIDTH,
-    diverging_map,
     name_panel,
     new_figure,
     policy_looks,
@@ -202,21 +202,7 @@ def draw_gaits(
         for column, values in enumerate((torques, bends[row])):
             axes = figure.add_subplot(grid[row, column])
             limit = run.scene.torque_limit if column == 0 else float(np.abs(values).max()) or 1.0
-            image = axes.imshow(
-                values.T,
-                aspect="auto",
-                origin="upper",
-                interpolation="nearest",
-                cmap=diverging_map(),
-                vmin=-limit,
-                vmax=limit,
-                extent=(
-                    run.duration - len(values) * run.scene.integrator.time_step,
-                    run.duration,
-                    len(values.T) + 0.5,
-                    0.5,
-                ),
-            )
+            image = draw_map(axes, run, values, limit)
             bar = figure.colorbar(image, ax=axes, fraction=0.06, pad=0.02)
             bar.ax.tick_params(labelsize=SMALLER)
             label = "joint" if column == 0 else ""

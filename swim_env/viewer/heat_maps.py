@@ -14,9 +14,11 @@ from swim_env.trajectory import Trajectory
 from swim_env.viewer.style import SMALL, WIDTH, diverging_map, name_panel, new_figure, style_axes
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
 
-__all__ = ["curvature", "draw_kymographs", "draw_torques"]
+__all__ = ["curvature", "draw_kymographs", "draw_map", "draw_torques"]
 
 Array = NDArray[np.float64]
 
@@ -72,6 +74,32 @@ def draw_torques(trajectories: Mapping[str, Trajectory], seconds: float = 1.0) -
     return _draw_maps(trajectories, maps, seconds, "joint torque (N m)", "N m")
 
 
+def draw_map(axes: Axes, run: Trajectory, values: Array, limit: float) -> AxesImage:
+    """Draw values (K, N - 1) of a run's last steps and its joints as colours from -limit to limit.
+
+    Returns
+    -------
+    AxesImage
+        What a colour bar takes.
+    """
+    end = float(run.time[-1])
+    return axes.imshow(
+        values.T,
+        aspect="auto",
+        origin="upper",
+        interpolation="nearest",
+        cmap=diverging_map(),
+        vmin=-limit,
+        vmax=limit,
+        extent=(
+            end - len(values) * run.scene.integrator.time_step,
+            end,
+            values.shape[1] + 0.5,
+            0.5,
+        ),
+    )
+
+
 def _draw_maps(
     trajectories: Mapping[str, Trajectory],
     maps: Mapping[str, Array],
@@ -96,21 +124,7 @@ def _draw_maps(
     for number, (name, values) in enumerate(shown.items()):
         place, run = axes[number // columns, number % columns], trajectories[name]
         joints = values.shape[1]
-        image = place.imshow(
-            values.T,
-            aspect="auto",
-            origin="upper",
-            interpolation="nearest",
-            cmap=diverging_map(),
-            vmin=-limit,
-            vmax=limit,
-            extent=(
-                float(run.time[-1]) - len(values) * run.scene.integrator.time_step,
-                float(run.time[-1]),
-                joints + 0.5,
-                0.5,
-            ),
-        )
+        image = draw_map(place, run, values, limit)
         place.set_yticks(np.unique(np.linspace(1, joints, min(joints, 4)).round().astype(int)))
         largest = float(np.abs(values).max())
         name_panel(place, f"{name}, largest {largest:.2g} {unit}")

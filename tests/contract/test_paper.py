@@ -39,7 +39,7 @@ from swim_env.paper.bars import (
     number_text,
     with_bar,
 )
-from swim_env.paper.book import write_book
+from swim_env.paper.book import verdicts_of, write_book
 from swim_env.paper.code import code_digest
 from swim_env.paper.constants import (
     RESOLVED,
@@ -986,17 +986,7 @@ def test_the_kept_page_is_made_of_the_kept_files(monkeypatch: pytest.MonkeyPatch
     stored = json.loads((folder / "verdicts.json").read_text(encoding="utf-8"))
     page = make_page(data, pictures, "scripts/reproduce_paper.py", stored["written"])
     assert page == (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
-    found = {
-        statement.key: {
-            "says": statement.says,
-            "where": statement.where,
-            "measured": finding.measured,
-            "verdict": finding.verdict,
-            "criterion": statement.criterion,
-            "why": finding.why,
-        }
-        for statement, finding in find_all(data)
-    }
+    found = verdicts_of(data)
     assert stored["verdicts"] == found
     # Every column of the page's table says what the summary says, row by row.
     rows = [line for line in page.splitlines() if line.startswith("| section")]

@@ -283,6 +283,33 @@ def test_one_wrapper_at_a_time(tmp_path):
     del env, batch
 
 
+def test_a_closed_wrapper_that_starts_again_counts(tmp_path):
+    """It records again, unless another one does by now; and takes nothing from that one."""
+    first = record(tmp_path / "a")
+    swimmer = first.unwrapped
+    first.close()
+    first.reset(seed=0)
+    with pytest.raises(OptionError, match="is being recorded already"):
+        RecordEpisodes(swimmer, tmp_path / "b")
+    first.close()
+    second = RecordEpisodes(swimmer, tmp_path / "b")
+    with pytest.raises(OptionError, match="is being recorded already"):
+        first.reset(seed=0)
+    first.close()
+    with pytest.raises(OptionError, match="is being recorded already"):
+        RecordEpisodes(swimmer, tmp_path / "c")
+    play(second, 0)
+    assert len(second.written) == 1
+
+    batch = SwimVectorEnv(2, overrides=SHORT)
+    one = RecordVectorEpisodes(batch, tmp_path / "d", [0])
+    one.close()
+    other = RecordVectorEpisodes(batch, tmp_path / "e", [1])
+    with pytest.raises(OptionError, match="is being recorded already"):
+        one.reset(seed=0)
+    other.close()
+
+
 def test_recordings_of_before_are_told_of(tmp_path):
     """Of the same names alone."""
     (tmp_path / "a-episode-0.rrd").touch()
