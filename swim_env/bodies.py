@@ -72,6 +72,8 @@ class Bodies:
         Steps taken by the last advance, and 0 or the code of the reason for an early end.
     everyone : (M,) array of int
         The indices of all members.
+    trace_columns : int
+        Columns of a trace, see `swim_env.recorder.trace_columns`.
     recorder : Recorder or None
         What keeps their steps, where the scene has the effect `recording`.
     """
