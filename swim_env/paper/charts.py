@@ -16,7 +16,16 @@ from swim_env.paper.onset import PAPER_TIMES, implied_rate
 from swim_env.paper.runs import NUMERALS
 from swim_env.paper.variants import VARIANTS
 from swim_env.paper.verdicts import onset_of
-from swim_env.viewer.stills import BLUE, GREY, ORANGE, SMALL, TIME_COLOURS, new_figure, style_axes
+from swim_env.viewer.style import (
+    BLUE,
+    GREY,
+    ORANGE,
+    SMALL,
+    TIME_COLOURS,
+    diverging_map,
+    new_figure,
+    style_axes,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -255,7 +264,7 @@ def draw_internal(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
             place,
             np.arange(len(found["total"])) / len(found["total"]),
             found["total"],
-            cmap="PuOr_r",
+            cmap=diverging_map(),
             vmin=-largest,
             vmax=largest,
             shading="nearest",

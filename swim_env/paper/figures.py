@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import SwimError
-from swim_env.viewer.stills import GREY, SMALL, TIME_COLOURS, new_figure, style_axes
+from swim_env.viewer.style import GREY, SMALL, TIME_COLOURS, new_figure, style_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from swim_env.paper.maps import is_verified
 from swim_env.paper.verdicts import Data
-from swim_env.viewer.stills import SMALL, new_figure, style_axes
+from swim_env.viewer.style import SMALL, diverging_map, new_figure, style_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -102,13 +102,13 @@ def _draw_map(
         x,
         y,
         np.ma.masked_where(~good, speed),
-        cmap="PuOr_r",
+        cmap=diverging_map(),
         norm=SymLogNorm(max(1e-3, 1e-2 * largest), vmin=-largest, vmax=largest),
         shading="nearest",
     )
     bar = figure.colorbar(image, ax=axes, location="bottom", shrink=0.9, aspect=35)
     bar.set_label(
-        "net speed (body lengths a second): orange head first, purple tail first;\n"
+        "net speed (body lengths a second): orange head first, blue tail first;\n"
         "grey: not verified",
         fontsize=SMALL,
     )

@@ -37,7 +37,7 @@ def section(data: Data, pictures: Mapping[str, str]) -> str:
         picture(
             pictures,
             "maps",
-            "Net speed over drive and body. Orange: head first; purple: tail first; grey: not "
+            "Net speed over drive and body. Orange: head first; blue: tail first; grey: not "
             "verified. Lines are natural frequencies of the straight body.",
         )
     )
