@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import signal
+import traceback
 from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from typing import Any
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from multiprocessing.reduction import ForkingPickler
+from typing import Any, cast
 
 from swim_env.errors import SwimError
 
@@ -45,39 +48,107 @@ def in_fresh_processes(
     ------
     SwimError
         If a process has died.
-    BaseException
-        Whatever a call raises.
+    Exception
+        Whatever a call raises; its notes tell where in the worker.
     """
     count = max(1, min(workers or os.cpu_count() or 1, len(calls)))
-    before = set(multiprocessing.active_children())
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin, initargs=(prepare,))
+    waiting = list(enumerate(calls))[::-1]
+    processes: list[BaseProcess] = []
+    busy: dict[Connection, int] = {}
+    idle: list[Connection] = []
     finished = False
     try:
-        waiting = {pool.submit(*_flat(call)): index for index, call in enumerate(calls)}
-        for future in as_completed(waiting):
-            yield waiting.pop(future), future.result()
+        for _ in range(count if calls else 0):
+            process, connection = _start(prepare)
+            processes.append(process)
+            idle.append(connection)
+        while waiting or busy:
+            while waiting and idle:
+                index, call = waiting.pop()
+                busy[idle[-1]] = index
+                _send(idle.pop(), call)
+            for connection in cast("list[Connection]", wait(list(busy))):
+                went_well, answer = _receive(connection)
+                index = busy.pop(connection)
+                idle.append(connection)
+                if not went_well:
+                    raise answer
+                yield index, answer
         finished = True
-    except BrokenProcessPool:
+    except _DiedError:
         text = "a worker process has died, killed or perhaps for want of memory"
         raise SwimError(f"{text}; {advice}" if advice else text) from None
     finally:
+        for connection in (*busy, *idle):
+            connection.close()
         if not finished:
             # What runs could take minutes, and nobody waits for it any more.
-            for process in set(multiprocessing.active_children()) - before:
+            for process in processes:
                 process.terminate()
-        # Waits for the pool's own thread, which waits for the processes: to wait for them here as
-        # well would leave open who of the two hears of an end, and when the other does.
-        pool.shutdown(cancel_futures=True)
+        for process in processes:
+            process.join()
 
 
-def _flat(call: Call) -> tuple[Any, ...]:
-    function, arguments = call
-    return (function, *arguments)
+class _DiedError(Exception):
+    """Nobody is at the other end of a connection."""
 
 
-def _begin(prepare: Callable[[], object] | None) -> None:
+def _start(prepare: Callable[[], object] | None) -> tuple[BaseProcess, Connection]:
+    """Start a worker; returns it, and what to talk to it by."""
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    # Daemons are ended where Python ends and nobody has closed the iterator.
+    process = context.Process(target=_work, args=(theirs, prepare), daemon=True)
+    process.start()
+    # Now the worker alone has that end, and with its death nothing more comes from there.
+    theirs.close()
+    return process, ours
+
+
+def _send(connection: Connection, call: Call) -> None:
+    try:
+        connection.send(call)
+    except ConnectionError:
+        raise _DiedError from None
+
+
+def _receive(connection: Connection) -> tuple[bool, Any]:
+    try:
+        answer: tuple[bool, Any] = connection.recv()
+    except (EOFError, ConnectionError):
+        raise _DiedError from None
+    return answer
+
+
+def _work(calls: Connection, prepare: Callable[[], object] | None) -> None:
+    """Answer calls until there are no more: with True and the result, or False and the error."""
     # A terminal interrupts all processes of a command: one of them answers.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if prepare is not None:
-        prepare()
+    prepared = prepare is None
+    while True:
+        try:
+            function, arguments = calls.recv()
+        except EOFError:
+            return
+        try:
+            if prepare is not None and not prepared:
+                prepare()
+                prepared = True
+            # What cannot be sent is an error of the call, so it becomes bytes here.
+            answer = ForkingPickler.dumps((True, function(*arguments)))
+        except Exception as error:
+            answer = ForkingPickler.dumps((False, _portable(error)))
+        try:
+            calls.send_bytes(answer)
+        except ConnectionError:
+            return
+
+
+def _portable(error: Exception) -> Exception:
+    """Return an error that can be sent, with where it happened among its notes."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        error = RuntimeError(f"{type(error).__name__}: {error}")
+    error.add_note(f"in a worker process:\n{traceback.format_exc()}")
+    return error

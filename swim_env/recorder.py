@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +15,13 @@ from swim_env.physics.invariants import momentum_map
 from swim_env.scene import Scene
 from swim_env.trajectory import Trajectory
 
-__all__ = ["Recorder", "needs_recording", "trace_columns", "trajectory_of"]
+__all__ = ["Kept", "Recorder", "needs_recording", "trace_columns", "trajectory_of"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-# Of a member: steps taken before, energy (J), and rows of its start and of every step.
-_Kept = tuple[int, float, Array]
+#: Of a member: steps taken before, energy (J), and rows of its start and of every step.
+Kept = tuple[int, float, Array]
 
 #: Rows that a table has with its first step; there are twice as many whenever they are full.
 _FIRST_ROWS = 1024
@@ -93,8 +94,8 @@ def trajectory_of(
 class Recorder:
     """Keeps the steps of M bodies since each one's start.
 
-    A member has a table with a row for its start and for every step, as long as it has to be. Rows
-    are never written to again, so what was taken out of a table stays as it is.
+    A member has a table with a row for its start and for every step, which doubles when it is full.
+    Rows are never written to again, so what was taken out of a table stays as it is.
 
     Parameters
     ----------
@@ -108,7 +109,7 @@ class Recorder:
         self._scene = scene
         self._joints = scene.beam.elements - 1
         self._columns = trace_columns(scene)
-        self._kept: list[_Kept | None] = [None] * count
+        self._kept: list[Kept | None] = [None] * count
         #: Steps in each table.
         self._steps = [0] * count
         self._trace = np.empty((count, 0, self._columns))
@@ -134,24 +135,26 @@ class Recorder:
 
     def forget(self) -> None:
         """Forget everything."""
-        self.restore([None] * len(self._kept))
+        count = len(self._kept)
+        self._kept, self._steps = [None] * count, [0] * count
 
-    def snapshot(self) -> list[_Kept | None]:
+    def snapshot(self) -> dict[str, Any]:
         """Return what there is, to go back to."""
-        return [self._kept_of(member) for member in range(len(self._kept))]
+        return {"kept": [self._kept_of(member) for member in range(len(self._kept))]}
 
-    def _kept_of(self, member: int) -> _Kept | None:
+    def _kept_of(self, member: int) -> Kept | None:
         kept = self._kept[member]
         return None if kept is None else (*kept[:2], kept[2][: self._steps[member] + 1])
 
-    def restore(self, snapshot: Sequence[_Kept | None]) -> None:
+    def restore(self, snapshot: Mapping[str, Any]) -> None:
         """Go back to a snapshot of this recorder."""
+        kept: Sequence[Kept | None] = snapshot["kept"]
         # What others may still hold must not be written to when steps are added.
-        self._kept = [None if one is None else (*one[:2], one[2].copy()) for one in snapshot]
-        self._steps = [0 if one is None else len(one[2]) - 1 for one in snapshot]
+        self._kept = [None if one is None else (*one[:2], one[2].copy()) for one in kept]
+        self._steps = [0 if one is None else len(one[2]) - 1 for one in kept]
 
     def room(self, steps: int) -> Array:
-        """Return where a trace of T steps is to be written, (M, T, C), the same at every call."""
+        """Return where a trace of T steps is to be written, (M, T, C), the same as long as T is."""
         if self._trace.shape[1] != steps:
             self._trace = np.empty((len(self._kept), steps, self._columns))
         return self._trace
@@ -172,7 +175,7 @@ class Recorder:
         members : (K,) array of int
             Which ones.
         taken : (M,) array of int
-            Steps that each of all has taken.
+            Steps that each of all has taken in the last call of it.
         trace : (M, T, C) array
             Coordinates and momenta after each step, and internal forces where there are any.
         torques : (M, R, N - 1) array
@@ -194,7 +197,8 @@ class Recorder:
         self, member: int, taken: int, trace: Array, torques: Array, hold: int, record: Array
     ) -> None:
         kept = self._kept[member]
-        assert kept is not None, "whoever is advanced was started"
+        if kept is None:  # this recorder came in the middle of its run
+            return
         rows = kept[2]
         begin = self._steps[member] + 1
         end = begin + taken
@@ -220,7 +224,7 @@ class Recorder:
         """
         return self._trajectory(self._kept_of(member), reason)
 
-    def _trajectory(self, kept: _Kept | None, reason: str) -> Trajectory:
+    def _trajectory(self, kept: Kept | None, reason: str) -> Trajectory:
         if kept is None:
             raise OptionError("nothing was recorded yet: call reset first")
         steps, energy, rows = kept

@@ -55,7 +55,8 @@ def write_book(
     """
     data = collect(units, store)
     names = draw_all(folder, units, store, data)
-    pictures = {name: f"{folder.name}/{name}.png" for name in names}
+    # Where the folder is a link, the page stands beside what it points to.
+    pictures = {name: f"{page_of(folder).stem}/{name}.png" for name in names}
     page = make_page(data, pictures, command, written)
     verdicts = verdicts_of(data)
     counts: dict[str, int] = {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import threading
 import time
 from contextlib import closing
 
@@ -46,3 +47,46 @@ def test_whoever_stops_early_does_not_wait() -> None:
         assert next(results) == (0, 8)
     assert time.monotonic() - begin < 30.0
     assert multiprocessing.active_children() == []
+
+
+def large(seconds: float) -> bytes:
+    time.sleep(seconds)
+    return bytes(40_000_000)
+
+
+def test_whoever_stops_while_a_result_comes_does_not_wait() -> None:
+    """A worker that is ended in the middle of its answer leaves nobody listening for the rest."""
+    for seconds in (0.0, 0.01, 0.02, 0.05):
+        with closing(in_fresh_processes([(pow, (2, 3)), (large, (seconds,))], 2)) as results:
+            assert next(results)[0] == 0
+        assert multiprocessing.active_children() == []
+
+
+def test_large_arguments_and_results_come_whole() -> None:
+    calls: list[Call] = [(bytes.upper, (bytes([97 + n]) * 5_000_000,)) for n in range(4)]
+    found = dict(in_fresh_processes(calls, 2))
+    assert found == {n: bytes([65 + n]) * 5_000_000 for n in range(4)}
+
+
+class Awkward(Exception):
+    """Cannot be made anew from what it says."""
+
+    def __init__(self, one: str, two: str) -> None:
+        super().__init__(f"{one} {two}")
+
+
+def fail(kind: str) -> None:
+    if kind == "awkward":
+        raise Awkward("no", "luck")
+    raise ConnectionError("the disk's own trouble")
+
+
+def test_errors_are_those_of_the_call() -> None:
+    """Also those that look like a dead worker, and those that cannot be sent as they are."""
+    with pytest.raises(ConnectionError, match="the disk's own trouble") as caught:
+        list(in_fresh_processes([(fail, ("connection",))], 1))
+    assert "in fail" in caught.value.__notes__[0]
+    with pytest.raises(RuntimeError, match="^Awkward: no luck"):
+        list(in_fresh_processes([(fail, ("awkward",))], 1))
+    with pytest.raises(TypeError, match="pickle"):
+        list(in_fresh_processes([(threading.Lock, ())], 1))

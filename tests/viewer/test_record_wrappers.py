@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import errno
 import os
 import subprocess
@@ -15,6 +16,7 @@ import pytest
 from swim_env import (
     ActionError,
     OptionError,
+    SimulationEndedError,
     SwimEnv,
     SwimError,
     SwimTargetVectorEnv,
@@ -308,6 +310,91 @@ def test_a_closed_wrapper_that_starts_again_counts(tmp_path):
     with pytest.raises(OptionError, match="is being recorded already"):
         one.reset(seed=0)
     other.close()
+
+
+RECORDING = {**SHORT, "recording": {}}
+
+
+def test_a_wrapper_may_come_in_the_middle_of_an_episode(tmp_path):
+    """Of a scene that records by itself: nothing is kept until the next start, nothing fails."""
+    batch = SwimVectorEnv(2, overrides=RECORDING)
+    batch.reset(seed=0)
+    wrapped = RecordVectorEpisodes(batch, tmp_path / "a", [0])
+    wrapped.step(np.zeros((2, 8)))
+    assert batch.episodes.counters[:, 0].tolist() == [1, 1]
+    assert batch.episodes.bodies.steps_taken.tolist() == [4.0, 4.0]
+    wrapped.close()
+
+    env = SwimEnv(overrides=RECORDING)
+    env.reset(seed=0)
+    env.step(np.zeros(8))
+    late = RecordEpisodes(env, tmp_path / "b", lambda number: True)
+    with pytest.raises(OptionError):
+        late.reset(options={"noise": "bad"})
+    late.step(np.zeros(8))
+    assert env.episodes.counters[0, 0] == 2
+    late.close()
+    assert not list(tmp_path.rglob("*.rrd"))
+
+
+def test_a_copy_records_its_own_rewards(tmp_path):
+    """Of a wrapper in the middle of an episode."""
+    env = record(tmp_path)
+    env.reset(seed=0)
+    rewards = [env.step(np.ones(8))[1]]
+    other = copy.deepcopy(env)
+    rewards += [other.step(np.ones(8))[1] for _ in range(3)]
+    other.close()
+    assert len(set(rewards)) == 4
+    assert only(Path(other.written[-1].file)).series["reward"][:, 0].tolist() == rewards
+
+
+def test_a_reset_after_the_end_is_the_only_start(tmp_path):
+    """With next-step autoreset, whoever resets by hand begins an episode there."""
+    env = RecordVectorEpisodes(
+        SwimVectorEnv(1, overrides=SHORT, max_episode_steps=3), tmp_path, [0], lambda number: True
+    )
+    for seed in (0, 1):
+        env.reset(seed=seed)
+        paid = [env.step(np.full((1, 8), 0.5))[1][0] for _ in range(3)]
+    env.close()
+    assert [Path(one.file).name[-5] for one in env.written] == ["0", "1"]
+    rewards = only(Path(env.written[-1].file)).series["reward"][:, 0]
+    assert rewards.tolist() == pytest.approx(paid)
+
+
+def test_a_start_that_cannot_be_simulated_costs_no_recording(tmp_path):
+    """Members that it was not about go on, with the rewards from their start on."""
+    env = RecordVectorEpisodes(
+        SwimVectorEnv(2, overrides=SHORT), tmp_path, [0], lambda number: True
+    )
+    env.reset(seed=0)
+    paid = [env.step(np.full((2, 8), 0.5))[1][0] for _ in range(3)]
+    curled = {"joint_angles": [3.1] * 8, "noise": 0.0}
+    with pytest.raises(SimulationEndedError):
+        env.reset(options={"reset_mask": np.array([False, True]), **curled})
+    paid += [env.step(np.full((2, 8), 0.5))[1][0] for _ in range(3)]
+    env.close()
+    (one,) = env.written
+    assert only(Path(one.file)).series["reward"][:, 0].tolist() == pytest.approx(paid)
+
+
+def test_after_close_nothing_is_recorded(tmp_path):
+    """Until the wrapper is reset, even where a member is started anew by itself."""
+    batch = SwimVectorEnv(1, overrides=SHORT, max_episode_steps=2)
+    one = RecordVectorEpisodes(batch, tmp_path / "a", [0], lambda number: True)
+    one.reset(seed=0)
+    for _ in range(2):
+        one.step(np.zeros((1, 8)))
+    one.close()
+    for _ in range(3):
+        one.step(np.zeros((1, 8)))
+    one.close()
+    assert len(one.written) == 1
+    one.reset(seed=0)
+    one.step(np.zeros((1, 8)))
+    one.close()
+    assert len(one.written) == 2
 
 
 def test_recordings_of_before_are_told_of(tmp_path):

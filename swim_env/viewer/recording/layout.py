@@ -101,7 +101,9 @@ def column(descriptor: Any, batch: Any, rows: int) -> Any:
     """
     import rerun as rr
 
-    each = len(batch) // rows
+    each, rest = divmod(len(batch), rows)
+    if rest:
+        raise ValueError(f"{len(batch)} values do not make {rows} equal rows")
     return rr.ComponentColumn(
         descriptor, batch, offsets=np.arange(0, rows * each + 1, each, dtype=np.int32)
     )

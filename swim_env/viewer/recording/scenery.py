@@ -366,11 +366,6 @@ def _log_water(stream: Any, lane: Layout, water: Water) -> None:
         ),
         static=True,
     )
-    arrows = water.velocities.shape[1]
-    stream.send_columns(
-        place,
-        time,
-        rr.Arrows2D.columns(vectors=water.velocities.reshape(-1, 2)).partition(
-            np.full(len(water.time), arrows)
-        ),
-    )
+    vectors = rr.components.Vector2DBatch(water.velocities.reshape(-1, 2))
+    arrows = column(rr.Arrows2D.descriptor_vectors(), vectors, len(water.time))
+    stream.send_columns(place, time, [arrows])

@@ -7,7 +7,7 @@ import os
 import sys
 import warnings
 import weakref
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from swim_env.episodes import Episodes
 from swim_env.errors import OptionError, SwimError
 from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
-from swim_env.recorder import Recorder
+from swim_env.recorder import Kept, Recorder
 from swim_env.scene import Scene
 from swim_env.scene_checks import got
 from swim_env.trajectory import Trajectory
@@ -26,14 +26,13 @@ from swim_env.viewer.recording.writer import WrittenRecording, recording_file, w
 
 __all__ = ["Tape", "finish_or_tell", "new_tape"]
 
-#: Bodies keep the steps for one recorder alone: who records which environment.
-_OWNERS: weakref.WeakKeyDictionary[Episodes, weakref.ref[Tape]] = weakref.WeakKeyDictionary()
-
-
 _TAKEN = (
     "the environment is being recorded already: use one recording wrapper, or close the other one "
     "first"
 )
+
+#: Bodies keep the steps for one recorder alone: who records which environment.
+_OWNERS: weakref.WeakKeyDictionary[Episodes, weakref.ref[Tape]] = weakref.WeakKeyDictionary()
 
 
 class _ChosenRecorder(Recorder):
@@ -43,7 +42,7 @@ class _ChosenRecorder(Recorder):
     ----------
     chosen : set of int
         Whose steps are kept.
-    over : dict
+    over : dict of int to Kept
         What was kept of a chosen member when it was started anew.
     begun : list of int
         How often each member's trajectory has begun: with every start, and with every snapshot
@@ -53,7 +52,7 @@ class _ChosenRecorder(Recorder):
     def __init__(self, scene: Scene, count: int) -> None:
         super().__init__(scene, count)
         self.chosen = set(range(count)) if scene.recording is not None else set()
-        self.over: dict[int, Any] = {}
+        self.over: dict[int, Kept | None] = {}
         self.begun = [0] * count
 
     def begin(self, member: int, steps: int, energy: float, state: NDArray[np.float64]) -> None:
@@ -62,6 +61,15 @@ class _ChosenRecorder(Recorder):
         if member in self.chosen and self._steps[member]:
             self.over[member] = self._kept_of(member)
         super().begin(member, steps, energy, state)
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return what there is, to go back to."""
+        return {**super().snapshot(), "over": dict(self.over), "begun": list(self.begun)}
+
+    def restore(self, snapshot: Mapping[str, Any]) -> None:
+        """Go back to a snapshot of this recorder, as if nothing had begun since."""
+        super().restore(snapshot)
+        self.over, self.begun = dict(snapshot["over"]), list(snapshot["begun"])
 
     def wants(self, member: int) -> bool:
         """Tell whether a member was chosen."""
@@ -89,8 +97,6 @@ class Tape:
     ) -> None:
         self.written: list[WrittenRecording] = []
         self._episodes = episodes
-        #: A view, taken once: between two actions of an agent every lookup counts.
-        self._last_rewards = episodes.rewards
         self._folder = folder
         self._flow_rate, self._frame_rate = flow_rate, frame_rate
         self._split_energy = split_energy
@@ -104,6 +110,12 @@ class Tape:
         #: file of this episode.
         self.running: dict[int, tuple[str, str]] = {}
 
+    @property
+    def is_owner(self) -> bool:
+        """Whether this is what records the environment: not after `finish`."""
+        owner = _OWNERS.get(self._episodes)
+        return owner is not None and owner() is self
+
     def attach(self) -> None:
         """Have the bodies' steps kept.
 
@@ -112,9 +124,7 @@ class Tape:
         OptionError
             If another wrapper records the environment.
         """
-        owner = _OWNERS.setdefault(self._episodes, weakref.ref(self))
-        if owner() is not self:
-            raise OptionError(_TAKEN)
+        _claim(self._episodes, self)
         self._episodes.bodies.recorder = self._recorder
 
     def detach(self) -> None:
@@ -142,7 +152,7 @@ class Tape:
 
     def pay_last(self, member: int) -> None:
         """Keep the reward of the member's last action."""
-        self.pay(member, self._last_rewards.item(member))
+        self.pay(member, self._episodes.rewards.item(member))
 
     def pay(self, member: int, reward: float, started_anew: bool = False) -> None:
         """Keep the reward of an action, after which the member may have been started anew.
@@ -224,8 +234,7 @@ class Tape:
             self.end_all()
         finally:
             self.detach()
-            owner = _OWNERS.get(self._episodes)
-            if owner is not None and owner() is self:
+            if self.is_owner:
                 del _OWNERS[self._episodes]
 
 
@@ -249,8 +258,7 @@ def new_tape(
 
     Prefixes are what stands in the files' names before the episode.
     """
-    if episodes in _OWNERS:
-        raise OptionError(_TAKEN)
+    _refuse_taken(episodes)
     _check_rate("frame_rate", frame_rate)
     if flow_rate is not None:
         _check_rate("flow_rate", flow_rate)
@@ -263,8 +271,21 @@ def new_tape(
                 stacklevel=3,
             )
     tape = Tape(episodes, place, flow_rate, frame_rate, split_energy)
-    _OWNERS[episodes] = weakref.ref(tape)
+    _claim(episodes, tape)
     return tape
+
+
+def _claim(episodes: Episodes, tape: Tape) -> None:
+    """Let a tape be the one that records."""
+    if not tape.is_owner:
+        _refuse_taken(episodes)
+        _OWNERS[episodes] = weakref.ref(tape)
+
+
+def _refuse_taken(episodes: Episodes) -> None:
+    owner = _OWNERS.get(episodes)
+    if owner is not None and owner() is not None:
+        raise OptionError(_TAKEN)
 
 
 def _check_rate(name: str, rate: object) -> None:

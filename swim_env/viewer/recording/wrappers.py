@@ -290,6 +290,7 @@ class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
             self._tape.end_or_warn(member)
         # Gymnasium's own batched environments take a list of seeds too; its types do not say so.
         result = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]
+        self._ended -= set(starting)
         self._begin(starting)
         return result
 
@@ -324,11 +325,11 @@ class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
         return result
 
     def _begin(self, members: Collection[int]) -> None:
-        """Count members that have started, and record those that are wanted."""
+        """Count members that have started, and record those that are wanted, unless closed."""
         for member in members:
             number = self._counts[member]
             self._counts[member] += 1
-            if self._trigger(number):
+            if self._tape.is_owner and self._trigger(number):
                 self._tape.begin(member, self._name(member), number)
 
     def _name(self, member: int) -> str:

@@ -248,8 +248,8 @@ def _content(
 def _fixed_parts(layouts: tuple[Layout, ...]) -> tuple[Any, list[Any]]:
     """Return the blueprint, and chunks of all that stands in a recording.
 
-    Building these takes several times as long as the rest of a file, and episodes of one
-    environment mostly share them.
+    Building these takes as long as all the rest of a file, and episodes of one environment mostly
+    share them.
     """
     import rerun as rr
 
