@@ -222,6 +222,31 @@ def test_files_of_equal_layout_share_it(run, tmp_path):
     assert _fixed_parts.cache_info().misses == 1
 
 
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5])
+def test_every_swimmer_has_its_view(run, tmp_path, count):
+    """Beside the whole course and the legend, and there is room for all of them."""
+    import rerun as rr
+
+    path = tmp_path / "x.rrd"
+    write_recording(path, [Swimmer(f"s{n}", run) for n in range(count)], flow_rate=None)
+    reader = rr.chunk.RrdReader(str(path))
+    (blueprint,) = reader.blueprints()
+    names, columns = [], []
+    for chunk in reader.stream(store=blueprint):
+        batch = chunk.to_record_batch()
+        for found, component in (
+            (names, "ViewBlueprint:display_name"),
+            (columns, "ContainerBlueprint:grid_columns"),
+        ):
+            if component in batch.schema.names:
+                found += [one[0] for one in batch.column(component).to_pylist() if one]
+    for n in range(count):
+        assert sum([name.startswith(f"s{n} on ") for name in names]) == 1
+    assert sum([name.startswith("Whole course") for name in names]) == 1
+    assert names.count("Colours and arrows") == 1
+    assert columns == ([2] if count > 2 else [])
+
+
 def test_two_swimmers_on_one_time_line(run, tmp_path):
     """Equal names get numbers, and every swimmer keeps its own numbers."""
     shorter = Simulator(SCENE).rollout(np.zeros((20, 8)))

@@ -20,8 +20,8 @@ LEGEND = "legend"
 #: Size of the view (its own units).
 LEGEND_WIDTH, LEGEND_HEIGHT = 120.0, 6.0
 _BAR, _THICK, _NEXT = 30.0, 1.4, 42.0
-#: Words are light: rerun puts them on a dark plate.
-_WORDS = (255, 255, 255)
+#: Words are dark: on the water's colour the plates that rerun puts them on are grey, or light grey.
+_WORDS = (15, 22, 32)
 
 
 def legend_of(layouts: Sequence[Layout]) -> list[Any]:
@@ -66,7 +66,8 @@ def legend_of(layouts: Sequence[Layout]) -> list[Any]:
     seconds = lane.arrow_seconds
     if seconds is not None:
         cell = 0.1 * lane.scene.beam.length
-        left = 5.0 + len(bars) * _NEXT
+        # A bit further: its words are longer than the ends of a bar.
+        left = 10.0 + len(bars) * _NEXT
         chunks.append(
             still(
                 f"{LEGEND}/velocity",

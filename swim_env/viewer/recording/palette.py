@@ -31,7 +31,7 @@ ARROW_COLOUR: Colour = (62, 84, 110)
 GRID_COLOUR: Colour = (214, 224, 233)
 #: Of swimmers, in turn: what they leave behind.
 TRAIL_COLOURS: tuple[Colour, ...] = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167))
-#: Of the series of one group, in turn (after Okabe and Ito), light enough for a dark background.
+#: Of the series of one group, in turn (after Okabe and Ito), for a dark background and a light one.
 SERIES_COLOURS: tuple[Colour, ...] = (
     (86, 180, 233),
     (230, 159, 0),
@@ -46,11 +46,11 @@ _PRESSURE_STOPS: tuple[Colour, ...] = (
     (153, 112, 171),
     (90, 25, 110),
 )
-#: From head to tail: light yellow, orange, purple (series of joints on a dark background).
+#: From head to tail: yellow, orange, purple (series of joints, on dark backgrounds and light ones).
 _JOINT_STOPS: tuple[Colour, ...] = (
-    (252, 253, 191),
-    (254, 159, 109),
-    (222, 73, 104),
+    (225, 185, 40),
+    (240, 125, 70),
+    (210, 65, 105),
     (130, 90, 220),
 )
 #: Indices of a pressure image: the body's inside, and no pressure.
