@@ -51,14 +51,13 @@ def in_fresh_processes(
     Exception
         Whatever a call raises; its notes tell where in the worker.
     """
-    count = max(1, min(workers or os.cpu_count() or 1, len(calls)))
     waiting = list(enumerate(calls))[::-1]
     processes: list[BaseProcess] = []
     busy: dict[Connection, int] = {}
     idle: list[Connection] = []
     finished = False
     try:
-        for _ in range(count if calls else 0):
+        for _ in range(min(max(1, workers or os.cpu_count() or 1), len(calls))):
             process, connection = _start(prepare)
             processes.append(process)
             idle.append(connection)
@@ -124,16 +123,15 @@ def _work(calls: Connection, prepare: Callable[[], object] | None) -> None:
     """Answer calls until there are no more: with True and the result, or False and the error."""
     # A terminal interrupts all processes of a command: one of them answers.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    prepared = prepare is None
     while True:
         try:
             function, arguments = calls.recv()
         except EOFError:
             return
         try:
-            if prepare is not None and not prepared:
+            if prepare is not None:
                 prepare()
-                prepared = True
+                prepare = None
             # What cannot be sent is an error of the call, so it becomes bytes here.
             answer = ForkingPickler.dumps((True, function(*arguments)))
         except Exception as error:

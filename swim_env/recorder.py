@@ -107,12 +107,14 @@ class Recorder:
 
     def __init__(self, scene: Scene, count: int) -> None:
         self._scene = scene
-        self._joints = scene.beam.elements - 1
-        self._columns = trace_columns(scene)
+        #: Columns of a table: trace, torques, record.
+        first = trace_columns(scene)
+        last = first + scene.beam.elements - 1
+        self._parts = slice(first), slice(first, last), slice(last, last + len(RECORD_NAMES))
         self._kept: list[Kept | None] = [None] * count
         #: Steps in each table.
         self._steps = [0] * count
-        self._trace = np.empty((count, 0, self._columns))
+        self._trace = np.empty((count, 0, first))
 
     def begin(self, member: int, steps: int, energy: float, state: Array) -> None:
         """Forget a member's steps; its trajectory begins here.
@@ -128,7 +130,7 @@ class Recorder:
         state : (2 (N + 2),) array
             Its coordinates and momenta.
         """
-        start = np.full((1, self._columns + self._joints + len(RECORD_NAMES)), np.nan)
+        start = np.full((1, self._parts[-1].stop), np.nan)
         start[0, : state.size] = state
         self._kept[member] = (steps, energy, start)
         self._steps[member] = 0
@@ -156,7 +158,7 @@ class Recorder:
     def room(self, steps: int) -> Array:
         """Return where a trace of T steps is to be written, (M, T, C), the same as long as T is."""
         if self._trace.shape[1] != steps:
-            self._trace = np.empty((len(self._kept), steps, self._columns))
+            self._trace = np.empty((len(self._kept), steps, self._trace.shape[2]))
         return self._trace
 
     def add(
@@ -207,11 +209,11 @@ class Recorder:
             longer[:begin] = rows[:begin]
             rows = longer
             self._kept[member] = (*kept[:2], rows)
-        first, last = self._columns, self._columns + self._joints
-        rows[begin:end, :first] = trace[member, :taken]
+        traced, driven, recorded = self._parts
+        rows[begin:end, traced] = trace[member, :taken]
         held = torques[member]
-        rows[begin:end, first:last] = held if len(held) == 1 else held[np.arange(taken) // hold]
-        rows[begin:end, last:] = record[member, :taken]
+        rows[begin:end, driven] = held if len(held) == 1 else held[np.arange(taken) // hold]
+        rows[begin:end, recorded] = record[member, :taken]
         self._steps[member] = end - 1
 
     def trajectory(self, member: int, reason: str) -> Trajectory:
@@ -228,15 +230,15 @@ class Recorder:
         if kept is None:
             raise OptionError("nothing was recorded yet: call reset first")
         steps, energy, rows = kept
-        first, last = self._columns, self._columns + self._joints
+        traced, driven, recorded = self._parts
         return trajectory_of(
             self._scene,
             reason,
             steps,
             energy,
-            rows[:, :first],
-            rows[1:, first:last],
-            rows[1:, last:],
+            rows[:, traced],
+            rows[1:, driven],
+            rows[1:, recorded],
         )
 
 

@@ -56,7 +56,8 @@ def write_book(
     data = collect(units, store)
     names = draw_all(folder, units, store, data)
     # Where the folder is a link, the page stands beside what it points to.
-    pictures = {name: f"{page_of(folder).stem}/{name}.png" for name in names}
+    place = page_of(folder)
+    pictures = {name: f"{place.stem}/{name}.png" for name in names}
     page = make_page(data, pictures, command, written)
     verdicts = verdicts_of(data)
     counts: dict[str, int] = {}
@@ -70,7 +71,7 @@ def write_book(
     }
     text = json.dumps(summary, indent=1, allow_nan=False) + "\n"
     write_atomically(folder / "verdicts.json", lambda file: file.write(text.encode()))
-    write_atomically(page_of(folder), lambda file: file.write(page.encode()))
+    write_atomically(place, lambda file: file.write(page.encode()))
     return summary
 
 

@@ -58,7 +58,9 @@ def test_whoever_stops_while_a_result_comes_does_not_wait() -> None:
     """A worker that is ended in the middle of its answer leaves nobody listening for the rest."""
     for seconds in (0.0, 0.01, 0.02, 0.05):
         with closing(in_fresh_processes([(pow, (2, 3)), (large, (seconds,))], 2)) as results:
-            assert next(results)[0] == 0
+            # Processes start in any order, so either may be the first.
+            index, value = next(results)
+            assert value == (8, bytes(40_000_000))[index]
         assert multiprocessing.active_children() == []
 
 

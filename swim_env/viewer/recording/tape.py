@@ -217,25 +217,24 @@ class Tape:
         except SwimError as error:
             warnings.warn(f"an episode was not recorded: {error}", stacklevel=3)
 
-    def end_all(self) -> None:
-        """Write what there is of every episode; of several errors the first is raised."""
-        errors = []
-        for member in list(self.running):
-            try:
-                self.end(member)
-            except SwimError as error:
-                errors.append(error)
-        if errors:
-            raise errors[0]
-
     def finish(self) -> None:
-        """Write what there is of every episode, and let others record."""
+        """Write what there is of every episode, and let others record.
+
+        Of several errors the first is raised.
+        """
+        errors = []
         try:
-            self.end_all()
+            for member in list(self.running):
+                try:
+                    self.end(member)
+                except SwimError as error:
+                    errors.append(error)
         finally:
             self.detach()
             if self.is_owner:
                 del _OWNERS[self._episodes]
+        if errors:
+            raise errors[0]
 
 
 def finish_or_tell(tape: Tape) -> None:

@@ -17,10 +17,7 @@ from swim_env.errors import OptionError, SwimError
 from swim_env.scene_checks import got
 from swim_env.vector_env import SwimVectorEnv
 from swim_env.viewer.recording.tape import finish_or_tell, new_tape
-from swim_env.viewer.recording.writer import (
-    FRAME_RATE,
-    WrittenRecording,
-)
+from swim_env.viewer.recording.writer import FRAME_RATE, WrittenRecording
 
 __all__ = ["RecordEpisodes", "RecordVectorEpisodes"]
 
