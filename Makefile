@@ -17,7 +17,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 WORKERS ?= 2
 PYTEST := $(BIN)/python -m pytest
-CHECKED := $(wildcard swim_env agents scripts)
+CHECKED := swim_env agents/swim_agents studies scripts
 
 # One stamp for each set of extras. They stand in a chain: all sets share one environment, and two
 # installations must never run in it at once (make -j).
@@ -27,7 +27,7 @@ STAMP_VIEW := $(VENV)/.stamp-view
 STAMP_TRAIN := $(VENV)/.stamp-train
 STAMP_DEV := $(VENV)/.stamp-dev
 # An editable install knows the top packages that were there when it was made.
-SOURCES := pyproject.toml setup.py constraints.txt $(wildcard agents/__init__.py)
+SOURCES := pyproject.toml setup.py constraints.txt agents/swim_agents/__init__.py
 
 .PHONY: help venv demo recording gallery benchmark accuracy stability paper test test-slow test-ci-slice lint types clean
 

@@ -1,20 +1,32 @@
-"""The packages of the distribution; all else about it stands in pyproject.toml.
+"""The packages of the distribution; all else about it is in pyproject.toml.
 
-configs/scenes and configs/agents stay at the top of the checkout, where people look for them, and
-are installed inside swim_env. pyproject.toml can map a folder so only with a full list of packages.
+Scenes, agents' configurations and trained agents stay where people look for them in a checkout, and
+are installed inside the packages that read them. pyproject.toml can map a folder to a package only
+with a full list of packages.
 """
 
 from setuptools import find_packages, setup
 
-CONFIGS = {f"swim_env.configs.{name}": f"configs/{name}" for name in ("scenes", "agents")}
+FOLDERS = {
+    "swim_agents": "agents/swim_agents",
+    "swim_agents.configs.agents": "configs/agents",
+    "swim_agents.pretrained": "agents/pretrained",
+    "swim_env.configs.scenes": "configs/scenes",
+}
 
 setup(
-    packages=[*find_packages(include=["swim_env*", "agents*"]), *CONFIGS],
-    package_dir=CONFIGS,
+    packages=[
+        *find_packages(include=["swim_env*"]),
+        *find_packages("agents", include=["swim_agents*"]),
+        *(name for name in FOLDERS if "." in name),
+    ],
+    package_dir=FOLDERS,
     package_data={
-        **{package: ["*.yaml"] for package in CONFIGS},
-        "agents": ["*.json", "pretrained/*/*"],
+        "swim_agents": ["*.json"],
+        "swim_agents.configs.agents": ["*.yaml"],
+        "swim_agents.pretrained": ["*/*"],
         "swim_env.accuracy": ["front.json"],
+        "swim_env.configs.scenes": ["*.yaml"],
         "": ["py.typed"],
     },
 )

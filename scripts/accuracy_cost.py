@@ -14,7 +14,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from swim_agents.commands.command_line import progress_bar, run
 
+from studies.accuracy.held_out import judge
+from studies.accuracy.picture import draw_study
+from studies.accuracy.report import budget_of, held_out_table, study_tables
+from studies.accuracy.study import Study
+from studies.accuracy.sweeps import draw_sweeps, sweep_bends, sweep_frequencies, sweep_tables
 from swim_env.accuracy.front import FRONT_FILE, front_to_json, make_front, pareto
 from swim_env.accuracy.grid import (
     CHOSEN_TOLERANCES,
@@ -25,19 +31,13 @@ from swim_env.accuracy.grid import (
     quick_grid,
     study_scenes,
 )
-from swim_env.accuracy.held_out import judge
-from swim_env.accuracy.picture import draw_study
-from swim_env.accuracy.report import budget_of, held_out_table, study_tables
 from swim_env.accuracy.settings import Settings
-from swim_env.accuracy.study import Study
-from swim_env.accuracy.sweeps import draw_sweeps, sweep_bends, sweep_frequencies, sweep_tables
-from swim_env.command_line import progress_bar, run
 from swim_env.errors import SwimError
-from swim_env.files import write_atomically
+from swim_env.files.atomic import write_atomically
+from swim_env.files.provenance import where_and_when
 from swim_env.physics.loading import load_kernels
-from swim_env.provenance import where_and_when
+from swim_env.plots import require_matplotlib, save_figure
 from swim_env.scene import load_scene
-from swim_env.viewer import require_matplotlib, save_figure
 
 
 def _parser() -> argparse.ArgumentParser:

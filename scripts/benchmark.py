@@ -12,15 +12,16 @@ import time
 from pathlib import Path
 from typing import Any
 
-from swim_env.assessment import load_assessment
-from swim_env.benchmark.effects import effect_pairs, measure_effects
-from swim_env.benchmark.environments import Workload, swim_workloads
-from swim_env.benchmark.growth import growth_of
-from swim_env.benchmark.memory import measure_memory
-from swim_env.benchmark.peers import peer_workloads
-from swim_env.benchmark.report import check_report_folder, report_tables, write_report
-from swim_env.benchmark.startup import measure_cold_start, measure_warm_start
-from swim_env.benchmark.suite import (
+from swim_agents.commands.command_line import progress_bar, run
+
+from studies.benchmark.effects import effect_pairs, measure_effects
+from studies.benchmark.environments import Workload, swim_workloads
+from studies.benchmark.growth import growth_of
+from studies.benchmark.memory import measure_memory
+from studies.benchmark.peers import peer_workloads
+from studies.benchmark.report import check_report_folder, report_tables, write_report
+from studies.benchmark.startup import measure_cold_start, measure_warm_start
+from studies.benchmark.suite import (
     FULL,
     QUICK,
     SECTIONS,
@@ -29,11 +30,11 @@ from swim_env.benchmark.suite import (
     measure_kernel,
     measure_speeds,
 )
-from swim_env.command_line import progress_bar, run
+from swim_env.envs.assessment import load_assessment
 from swim_env.errors import SwimError
-from swim_env.provenance import where_and_when
-from swim_env.threads import usable_threads
-from swim_env.viewer import require_matplotlib
+from swim_env.files.provenance import where_and_when
+from swim_env.physics.runtime.threads import usable_threads
+from swim_env.plots import require_matplotlib
 
 MOST_ROUNDS = 1000
 #: Growth is fitted over all beams, and over those from here on, where the panels dominate.
@@ -132,8 +133,9 @@ def _measure_startup(extent: Extent) -> dict[str, Any]:
 
 
 def _measure_training(extent: Extent) -> dict[str, Any]:
-    from agents.learning.config import load_config
-    from agents.training_cost import CONFIGS, measure_training
+    from swim_agents.learning.config import load_config
+
+    from studies.benchmark.training_cost import CONFIGS, measure_training
 
     runs = {}
     for name in CONFIGS:

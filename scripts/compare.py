@@ -7,15 +7,16 @@ import argparse
 import json
 import sys
 
-from agents.comparison.contest import FIRST_SEED, entries_of, hold_contest, steps_to_play
-from agents.comparison.files import check_contest_folder, write_contest
-from agents.comparison.report import as_text
-from agents.policies import policy_names
-from swim_env.assessment import load_assessment
-from swim_env.command_line import add_scene_arguments, progress_bar, run, scene_of
-from swim_env.task import TASKS, check_task
-from swim_env.viewer import require_matplotlib
-from swim_env.viewer.recording import recording_file, write_recording
+from swim_agents.commands.command_line import add_scene_arguments, progress_bar, run, scene_of
+from swim_agents.comparison.contest import FIRST_SEED, entries_of, hold_contest, steps_to_play
+from swim_agents.comparison.files import check_contest_folder, write_contest
+from swim_agents.comparison.report import as_text
+from swim_agents.policies import policy_names
+
+from swim_env.envs.assessment import load_assessment
+from swim_env.envs.task import TASKS, check_task
+from swim_env.plots import require_matplotlib
+from swim_env.recording import recording_file, write_recording
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -7,8 +7,9 @@ import argparse
 import json
 import sys
 
-from swim_env.benchmark.checkouts import EASY_SCENES, compare_checkouts
-from swim_env.command_line import progress_bar, run
+from swim_agents.commands.command_line import progress_bar, run
+
+from studies.benchmark.checkouts import EASY_SCENES, compare_checkouts
 from swim_env.errors import SwimError
 
 

@@ -12,12 +12,13 @@ import math
 import sys
 from dataclasses import replace
 
-from agents.gallery.page import check_gallery, make_gallery
-from agents.gallery.runs import FULL, QUICK
-from swim_env.assessment import load_assessment
-from swim_env.command_line import progress_bar, run
-from swim_env.folders import page_of
-from swim_env.viewer import require_matplotlib
+from swim_agents.commands.command_line import progress_bar, run
+
+from studies.gallery.page import check_gallery, make_gallery
+from studies.gallery.runs import FULL, QUICK
+from swim_env.envs.assessment import load_assessment
+from swim_env.files.folders import page_of
+from swim_env.plots import require_matplotlib
 
 
 def _parser() -> argparse.ArgumentParser:

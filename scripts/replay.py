@@ -9,19 +9,21 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from agents.policies import policy_names
-from agents.recording import swimmer_of
-from agents.replay import replay_episode
-from swim_env.assessment import load_assessment
-from swim_env.command_line import add_scene_arguments, progress_bar, run, scene_of
+from swim_agents.commands.command_line import add_scene_arguments, progress_bar, run, scene_of
+from swim_agents.policies import policy_names
+from swim_agents.recording import swimmer_of
+from swim_agents.replay import replay_episode
+
+from swim_env.envs.assessment import load_assessment
+from swim_env.envs.task import TASKS
 from swim_env.errors import SwimError
 from swim_env.physics.loading import load_kernels
-from swim_env.replay import check_result_folder, replay, steps_of, write_results
+from swim_env.plots import require_matplotlib
+from swim_env.plots.results import check_result_folder, write_results
+from swim_env.recording import Swimmer, recording_file, write_recording
 from swim_env.scene import Scene
-from swim_env.simulator import Simulator
-from swim_env.task import TASKS
-from swim_env.viewer import require_matplotlib
-from swim_env.viewer.recording import Swimmer, recording_file, write_recording
+from swim_env.sim.replay import replay, steps_of
+from swim_env.sim.simulator import Simulator
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -14,14 +14,15 @@ import sys
 import time
 from pathlib import Path
 
-from swim_env.command_line import INTERRUPTED, progress_bar, run
+from swim_agents.commands.command_line import INTERRUPTED, progress_bar, run
+
+from studies.paper.book import write_book
+from studies.paper.suite import PARTS, all_units, work
+from studies.paper.units import Store, do_units
 from swim_env.errors import SwimError
-from swim_env.folders import page_of
-from swim_env.paper.book import write_book
-from swim_env.paper.suite import PARTS, all_units, work
-from swim_env.paper.units import Store, do_units
-from swim_env.provenance import where_and_when
-from swim_env.viewer import require_matplotlib
+from swim_env.files.folders import page_of
+from swim_env.files.provenance import where_and_when
+from swim_env.plots import require_matplotlib
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -8,16 +8,17 @@ import json
 import sys
 from pathlib import Path
 
-from agents.comparison.contest import FIRST_SEED, entries_of, hold_contest, steps_to_play
-from agents.learning.saved import load_agent
-from agents.learning.shipping import SHIPPED_FILES, scores_of, ship_agent
-from agents.policies import PRETRAINED_FOLDER
-from swim_env.assessment import load_assessment
-from swim_env.command_line import progress_bar, run
+from swim_agents.commands.command_line import progress_bar, run
+from swim_agents.comparison.contest import FIRST_SEED, entries_of, hold_contest, steps_to_play
+from swim_agents.learning.saved import load_agent
+from swim_agents.learning.shipping import SHIPPED_FILES, scores_of, ship_agent
+from swim_agents.policies import PRETRAINED_FOLDER
+
+from swim_env.envs.assessment import load_assessment
 from swim_env.errors import SwimError
-from swim_env.folders import check_folder
+from swim_env.files.folders import check_folder
+from swim_env.plots import require_matplotlib
 from swim_env.scene import Scene
-from swim_env.viewer import require_matplotlib
 
 
 def _parser() -> argparse.ArgumentParser:

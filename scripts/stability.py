@@ -8,12 +8,13 @@ import json
 import sys
 from pathlib import Path
 
-from swim_env.command_line import progress_bar, run
+from swim_agents.commands.command_line import progress_bar, run
+
+from studies.stability.cases import CASES
+from studies.stability.report import failures_of, stability_tables
+from studies.stability.suite import measure_stability, work_of
 from swim_env.errors import SwimError
-from swim_env.files import write_atomically
-from swim_env.stability.cases import CASES
-from swim_env.stability.report import failures_of, stability_tables
-from swim_env.stability.suite import measure_stability, work_of
+from swim_env.files.atomic import write_atomically
 
 #: Cases that --quick plays, and random runs.
 _QUICK, _QUICK_DRAWS = ("violent torques", "thickness", "curling"), 1000

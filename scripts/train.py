@@ -11,9 +11,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from agents.learning.config import TrainingConfig, config_names, load_config
-from swim_env.assessment import load_assessment
-from swim_env.command_line import INTERRUPTED, run, training_bar
+from swim_agents.commands.command_line import INTERRUPTED, run, training_bar
+from swim_agents.learning.config import TrainingConfig, config_names, load_config
+
+from swim_env.envs.assessment import load_assessment
 from swim_env.errors import SwimError
 
 
@@ -87,7 +88,7 @@ def _train_all(
     options: argparse.Namespace, config: TrainingConfig, base: Path
 ) -> list[dict[str, Any]]:
     """Train one seed after another, once it is clear that none of them will be refused."""
-    from agents.learning.trainer import check_run, train
+    from swim_agents.learning.trainer import check_run, train
 
     finished = set()
     for seed in options.seeds:

@@ -10,12 +10,13 @@ import sys
 import time
 from pathlib import Path
 
-from agents.tuning import check_candidates, search_wave
-from agents.verification import fine_scene
-from swim_env.command_line import add_scene_arguments, progress_bar, run, scene_of
+from swim_agents.commands.command_line import add_scene_arguments, progress_bar, run, scene_of
+from swim_agents.tuning import check_candidates, search_wave
+from swim_agents.verification import fine_scene
+
 from swim_env.errors import SwimError
-from swim_env.files import write_atomically
-from swim_env.viewer import draw_wave_search, require_matplotlib, save_figure
+from swim_env.files.atomic import write_atomically
+from swim_env.plots import draw_wave_search, require_matplotlib, save_figure
 
 
 def _parser() -> argparse.ArgumentParser:

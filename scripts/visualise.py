@@ -9,19 +9,16 @@ import math
 import sys
 from pathlib import Path
 
-from agents.policies import load_policy, policy_names
-from agents.recording import swimmer_of
-from agents.replay import replay_episode
-from swim_env.assessment import load_assessment
-from swim_env.command_line import add_scene_arguments, progress_bar, run, scene_of
-from swim_env.energy import velocity_of_start
+from swim_agents.commands.command_line import add_scene_arguments, progress_bar, run, scene_of
+from swim_agents.policies import load_policy, policy_names
+from swim_agents.recording import swimmer_of
+from swim_agents.replay import replay_episode
+
+from swim_env.analysis.energy import velocity_of_start
+from swim_env.envs.assessment import load_assessment
+from swim_env.envs.task import TASKS, check_task
 from swim_env.errors import SwimError
-from swim_env.replay import replay, steps_of
-from swim_env.scene import Scene
-from swim_env.simulator import Simulator
-from swim_env.task import TASKS, check_task
-from swim_env.trajectory import Trajectory
-from swim_env.viewer.recording import (
+from swim_env.recording import (
     COLOURS,
     FLOW_RATE,
     FRAME_RATE,
@@ -35,6 +32,10 @@ from swim_env.viewer.recording import (
     typed_command,
     write_recording,
 )
+from swim_env.scene import Scene
+from swim_env.sim.replay import replay, steps_of
+from swim_env.sim.simulator import Simulator
+from swim_env.sim.trajectory import Trajectory
 
 #: What is swum unless somebody says what.
 _SCENE = "swimmer"

@@ -12,6 +12,6 @@ def pytest_configure(config: pytest.Config) -> None:
     happened to be its worker's first, would change those of all that follow.
     """
     if not config.option.collectonly:
-        from swim_env.assessment import load_assessment
+        from swim_env.envs.assessment import load_assessment
 
         load_assessment()

@@ -19,7 +19,7 @@ from swim_env.accuracy.settings import Settings, lists_values
 from swim_env.errors import SceneError, SwimError
 from swim_env.scene import Scene
 
-__all__ = ["Choice", "choose"]
+__all__ = ["Choice", "choose", "with_chosen_settings"]
 
 #: Share of the tolerance that a candidate may use up; the rest is for what the reference is off.
 _SHARE = 0.7
@@ -153,6 +153,15 @@ def choose(
         f"no settings of the measured front compute scene {scene.name} to within {tolerance:g}: "
         f"the best of {tried} is off by {best:.1e}"
     )
+
+
+def with_chosen_settings(
+    scene: Scene, tolerance: float, keep_elements: bool = False, duration: float | None = None
+) -> Scene:
+    """Return the scene of `choose`, what was chosen and why in its description."""
+    choice = choose(scene, tolerance, keep_elements, duration)
+    said = f"{scene.description} Settings chosen {choice.reason}.".strip()
+    return choice.scene.replace("description", said)
 
 
 def _candidates(scene: Scene, keep_elements: bool) -> list[Measured]:

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.continuous import integrate
-from swim_env.replay import steps_of
+from swim_env.analysis.continuous import integrate
 from swim_env.scene import Scene
-from swim_env.simulator import Simulator
-from swim_env.trajectory import Trajectory
+from swim_env.sim.replay import steps_of
+from swim_env.sim.simulator import Simulator
+from swim_env.sim.trajectory import Trajectory
 
 __all__ = ["SAMPLES", "Outcome", "outcome_of", "play", "relative_error", "solve"]
 
@@ -103,7 +103,7 @@ def solve(scene: Scene, duration: float, method: str, tolerance: float) -> Outco
     duration : float
         Simulated time (s).
     method : str
-        One of `swim_env.continuous.METHODS`.
+        One of `swim_env.analysis.continuous.METHODS`.
     tolerance : float
         The solver's relative tolerance; the absolute one is a hundredth of it.
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from swim_env.continuous import METHODS
+from swim_env.analysis.continuous import METHODS
 from swim_env.scene import Scene
 
 __all__ = ["PAPER_SETTINGS", "Settings", "lists_values", "settings_of"]
@@ -30,7 +30,7 @@ class Settings:
         `integrator.time_step` (s).
     scheme, strain : str
         `integrator.scheme` and `integrator.strain`; or, as a scheme, one of
-        `swim_env.continuous.METHODS`, SciPy's solvers of the equations in continuous time.
+        `swim_env.analysis.continuous.METHODS`, SciPy's solvers of the equations in continuous time.
     tolerance : float
         `integrator.tolerance`, or the solver's relative tolerance.
     """

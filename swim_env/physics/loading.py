@@ -21,10 +21,13 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics._compile import cache_folder
-from swim_env.physics.added_mass import FLUID_MODELS, FluidConstants
-from swim_env.physics.beam import BeamConstants, centres, centres_of_trajectory
-from swim_env.physics.integrator import (
+from swim_env.physics.fluid.added_mass import FLUID_MODELS, FluidConstants
+from swim_env.physics.fluid.outline import LANES, FluidGeometry
+from swim_env.physics.fluid.panels import LAYERS, influence, normal_influence
+from swim_env.physics.planar.beam import BeamConstants, centres, centres_of_trajectory
+from swim_env.physics.planar.lagrangian import evaluate_held_step, evaluate_step, step_jacobian
+from swim_env.physics.runtime.compile import cache_folder
+from swim_env.physics.solve.integrator import (
     RECORD_NAMES,
     SolverConstants,
     advance,
@@ -35,9 +38,6 @@ from swim_env.physics.integrator import (
     weigh,
     work_sizes,
 )
-from swim_env.physics.lagrangian import evaluate_held_step, evaluate_step, step_jacobian
-from swim_env.physics.outline import LANES, FluidGeometry
-from swim_env.physics.panels import LAYERS, influence, normal_influence
 
 __all__ = ["load_kernels"]
 

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env import Simulator
-from swim_env.bodies import Bodies
-from swim_env.physics._compile import entry_kernel
-from swim_env.physics.added_mass import (
+from swim_env.physics.fluid.added_mass import (
     FLUID_MODELS,
     FluidConstants,
     added_mass,
@@ -19,10 +17,10 @@ from swim_env.physics.added_mass import (
     motion_count,
     shape_force,
 )
-from swim_env.physics.beam import BeamConstants
-from swim_env.physics.dense import copy
-from swim_env.physics.integrator import prepare, work_sizes
-from swim_env.physics.lagrangian import (
+from swim_env.physics.fluid.outline import FluidGeometry
+from swim_env.physics.loading import load_kernels
+from swim_env.physics.planar.beam import BeamConstants
+from swim_env.physics.planar.lagrangian import (
     CHANGE,
     RESIDUAL,
     carve_step_arrays,
@@ -33,8 +31,10 @@ from swim_env.physics.lagrangian import (
     step_array_size,
     step_jacobian,
 )
-from swim_env.physics.loading import load_kernels
-from swim_env.physics.outline import FluidGeometry
+from swim_env.physics.runtime.compile import entry_kernel
+from swim_env.physics.runtime.dense import copy
+from swim_env.physics.solve.integrator import prepare, work_sizes
+from swim_env.sim.batch import Bodies
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

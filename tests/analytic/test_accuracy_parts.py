@@ -14,6 +14,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from studies.accuracy.held_out import DIRECT
+from studies.accuracy.mass_error import BEND, mass_errors, rigid_added_mass
+from studies.accuracy.report import budget_of, held_out_table, study_tables, what_time_buys
+from studies.accuracy.study import _digest
 from swim_env import Scene, SceneError, SwimError, Trajectory, load_scene
 from swim_env.accuracy.front import (
     Measured,
@@ -31,8 +35,6 @@ from swim_env.accuracy.grid import (
     quick_grid,
     study_scenes,
 )
-from swim_env.accuracy.held_out import DIRECT
-from swim_env.accuracy.mass_error import BEND, mass_errors, rigid_added_mass
 from swim_env.accuracy.outcome import SAMPLES, Outcome, outcome_of, play, relative_error, solve
 from swim_env.accuracy.reference import (
     FINE,
@@ -42,10 +44,8 @@ from swim_env.accuracy.reference import (
     plan_for,
     reference_of,
 )
-from swim_env.accuracy.report import budget_of, held_out_table, study_tables, what_time_buys
 from swim_env.accuracy.settings import PAPER_SETTINGS, Settings, settings_of
-from swim_env.accuracy.study import _digest
-from swim_env.continuous import METHODS, integrate
+from swim_env.analysis.continuous import METHODS, integrate
 from swim_env.physics import added_mass_of_polygon
 from tests.analytic.conformal import rectangle_mass
 

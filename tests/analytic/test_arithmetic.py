@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from swim_env.physics._compile import entry_kernel
-from swim_env.physics.dense import multiply
-from swim_env.physics.elementary import SMALL_ANGLE, atan2, cos_small, log, sin_small
+from swim_env.physics.runtime.compile import entry_kernel
+from swim_env.physics.runtime.dense import multiply
+from swim_env.physics.runtime.elementary import SMALL_ANGLE, atan2, cos_small, log, sin_small
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from swim_env import SceneError, SimulationEndedError, Simulator, load_scene
-from swim_env.bodies import scene_constants
-from swim_env.physics.added_mass import FluidConstants
+from swim_env.physics.fluid.added_mass import FluidConstants
+from swim_env.sim.batch import scene_constants
 from tests.analytic.probes import probe_fluid, rigid_mass
 
 Array = NDArray[np.float64]

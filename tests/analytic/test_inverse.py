@@ -7,17 +7,17 @@ import pytest
 from numpy.typing import NDArray
 
 from swim_env import load_scene
-from swim_env.bodies import scene_constants
-from swim_env.physics.added_mass import (
+from swim_env.physics.fluid.added_mass import (
     SMALLEST_PIVOT,
     FluidWork,
     added_mass,
     carve_fluid_work,
     fluid_work_sizes,
 )
-from swim_env.physics.dense import invert, invert_in_order
-from swim_env.physics.outline import LATERAL, LENGTH, ROTARY
-from swim_env.physics.panels import POTENTIAL, normal_influence
+from swim_env.physics.fluid.outline import LATERAL, LENGTH, ROTARY
+from swim_env.physics.fluid.panels import POTENTIAL, normal_influence
+from swim_env.physics.runtime.dense import invert, invert_in_order
+from swim_env.sim.batch import scene_constants
 
 Array = NDArray[np.float64]
 

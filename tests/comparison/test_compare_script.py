@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from swim_agents.commands.command_line import BAD_INPUT, run
+from swim_agents.comparison.contest import REFERENCES
+from swim_agents.comparison.files import CONTEST_FILES, check_contest_folder
+from swim_agents.comparison.report import as_csv
 
-from agents.comparison.contest import REFERENCES
-from agents.comparison.files import CONTEST_FILES, check_contest_folder
-from agents.comparison.report import as_csv
 from scripts.compare import main
 from swim_env import SwimError
-from swim_env.command_line import BAD_INPUT, run
 
 ROOT = Path(__file__).parents[2]
 #: Enough for a gait, and for little else.

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
-
-from agents import Rollout, WavePolicy, load_policy, play_episode, verify_rollout
-from agents.baselines import Policy
-from agents.comparison.contest import (
+from swim_agents import Rollout, WavePolicy, load_policy, play_episode, verify_rollout
+from swim_agents.baselines import Policy
+from swim_agents.comparison.contest import (
     REFERENCES,
     Contest,
     Entry,
@@ -24,8 +23,9 @@ from agents.comparison.contest import (
     hold_contest,
     steps_to_play,
 )
-from agents.comparison.performance import Performance, measure_performance
-from agents.evaluation import play_episodes
+from swim_agents.comparison.performance import Performance, measure_performance
+from swim_agents.evaluation import play_episodes
+
 from swim_env import (
     OptionError,
     Scene,
@@ -406,10 +406,10 @@ def test_unknown_policies_are_refused_with_the_nearest_name() -> None:
 def save_run(folder: Path, seed: int, inside: str = "agent", **changes: Any) -> Path:
     """Save an untrained agent as a training run does."""
     pytest.importorskip("stable_baselines3")
-    from agents.learning.config import TrainingConfig
-    from agents.learning.environment import make_training_env
-    from agents.learning.models import make_model
-    from agents.learning.saved import save_agent
+    from swim_agents.learning.config import TrainingConfig
+    from swim_agents.learning.environment import make_training_env
+    from swim_agents.learning.models import make_model
+    from swim_agents.learning.saved import save_agent
 
     settings: dict[str, Any] = {
         "name": "tiny",
@@ -522,7 +522,7 @@ def test_folders_of_the_same_name_are_told_apart_and_not_thrown_together(
 
 def test_an_agent_for_another_body_or_task_is_refused(runs: Path, tmp_path: Path) -> None:
     pytest.importorskip("stable_baselines3")
-    from agents.learning.saved import AgentError
+    from swim_agents.learning.saved import AgentError
 
     with pytest.raises(AgentError, match="cannot play scene swimmer: beam.bending_stiffness is 4"):
         entries_of([str(runs)], short("beam.bending_stiffness=4.0"))

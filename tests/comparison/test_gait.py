@@ -12,9 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-
-from agents import load_policy
-from agents.comparison.gait import (
+from swim_agents import load_policy
+from swim_agents.comparison.gait import (
     WaveFit,
     analyse_gait,
     dominant_frequency,
@@ -22,7 +21,8 @@ from agents.comparison.gait import (
     orthogonal_modes,
     phase_lags,
 )
-from agents.tuned_wave import load_tuned_wave
+from swim_agents.tuned_wave import load_tuned_wave
+
 from swim_env import OptionError, load_scene
 
 Array = NDArray[np.float64]

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from swim_agents import Rollout, load_policy, play_episode, verify_rollout
+from swim_agents.comparison.gait import analyse_gait
+from swim_agents.comparison.performance import Performance, measure_performance
+from swim_agents.tuned_wave import load_tuned_wave
 
-from agents import Rollout, load_policy, play_episode, verify_rollout
-from agents.comparison.gait import analyse_gait
-from agents.comparison.performance import Performance, measure_performance
-from agents.tuned_wave import load_tuned_wave
 from swim_env import SwimEnv, SwimTargetEnv, Trajectory
 
 POLICIES = ("tuned_wave", "zero", "random", "paper_wave")

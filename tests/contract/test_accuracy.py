@@ -18,22 +18,22 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from swim_agents.commands.command_line import BAD_INPUT, FAILED, add_scene_arguments, run, scene_of
 
 from scripts.accuracy_cost import main
+from studies.accuracy.held_out import DIRECT, direct_run, judge
+from studies.accuracy.picture import draw_study
+from studies.accuracy.study import Study, Yardstick, timed_play
+from studies.benchmark.effects import effect_pairs, measure_effects
 from swim_env import EFFECT_NAMES, Scene, SimulationEndedError, SwimError, load_scene
 from swim_env.accuracy import Choice, Settings, choose, play
 from swim_env.accuracy import study as study_module
 from swim_env.accuracy import sweeps as sweeps_module
 from swim_env.accuracy.front import Measured, front_to_json, load_front, make_front
 from swim_env.accuracy.grid import Case, full_grid, study_scenes
-from swim_env.accuracy.held_out import DIRECT, direct_run, judge
 from swim_env.accuracy.outcome import Outcome, relative_error, solve
-from swim_env.accuracy.picture import draw_study
 from swim_env.accuracy.reference import FINE, PILOT, Reference, Refinements, reference_of
 from swim_env.accuracy.settings import PAPER_SETTINGS, settings_of
-from swim_env.accuracy.study import Study, Yardstick, timed_play
-from swim_env.benchmark.effects import effect_pairs, measure_effects
-from swim_env.command_line import BAD_INPUT, FAILED, add_scene_arguments, run, scene_of
 
 ROOT = Path(__file__).parents[2]
 
@@ -930,10 +930,10 @@ def test_held_out_scenes_are_judged(
 def test_choices_are_judged_by_a_direct_run_too(monkeypatch: pytest.MonkeyPatch) -> None:
     """Against it, not against the reference; and costs count where something else was timed."""
     rough = Settings("panels", 9, 4, "proportional", 0.01, "composed")
-    monkeypatch.setattr("swim_env.accuracy.held_out.DIRECT", rough)
+    monkeypatch.setattr("studies.accuracy.held_out.DIRECT", rough)
     pilot = functools.partial(reference_of, refinements=PILOT)
     monkeypatch.setattr(
-        "swim_env.accuracy.held_out.reference_of", lambda scene, duration, _: pilot(scene, duration)
+        "studies.accuracy.held_out.reference_of", lambda scene, duration, _: pilot(scene, duration)
     )
     scene = short({"episode.duration": 1.0})
     case = Case(scene, 1.0)
@@ -951,13 +951,13 @@ def test_choices_are_judged_by_a_direct_run_too(monkeypatch: pytest.MonkeyPatch)
 
     # A search by hand that finds something is timed against it.
     other = replace(FROZEN, elements=5)
-    monkeypatch.setattr("swim_env.accuracy.held_out._best_by_hand", lambda *_: (other, 0.02))
+    monkeypatch.setattr("studies.accuracy.held_out._best_by_hand", lambda *_: (other, 0.02))
     (one,) = judge([case], [0.03], [other])
     assert (one["timed"], one["best"]) == (True, other.label)
     assert one["cost_ratio"] != 1.0
 
     # Without a direct run there is nothing to say.
-    monkeypatch.setattr("swim_env.accuracy.held_out.direct_run", lambda _: None)
+    monkeypatch.setattr("studies.accuracy.held_out.direct_run", lambda _: None)
     (one,) = judge([case], [0.03], [other])
     assert (one["direct_error"], one["met_direct"], one["reference_gap"]) == (None, False, None)
 
@@ -970,14 +970,14 @@ def test_a_direct_run_that_ends_early_is_none(monkeypatch: pytest.MonkeyPatch) -
         played.append(scene)
         return replace(play(FROZEN.apply(scene), duration), termination_reason="turn_too_large")
 
-    monkeypatch.setattr("swim_env.accuracy.held_out.play", ending)
+    monkeypatch.setattr("studies.accuracy.held_out.play", ending)
     assert direct_run(case) is None
     assert [settings_of(scene) for scene in played] == [DIRECT]
 
     def refusing(scene: Scene, duration: float) -> Outcome:
         raise SimulationEndedError("outline_degenerate", 0.0, "made up")
 
-    monkeypatch.setattr("swim_env.accuracy.held_out.play", refusing)
+    monkeypatch.setattr("studies.accuracy.held_out.play", refusing)
     assert direct_run(case) is None
 
 

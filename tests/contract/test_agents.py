@@ -13,8 +13,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
-
-from agents import (
+from swim_agents import (
     POLICY_NAMES,
     Rollout,
     WavePolicy,
@@ -23,10 +22,11 @@ from agents import (
     tuned_wave,
     verify_rollout,
 )
-from agents.replay import replay_episode
-from agents.tuned_wave import load_tuned_wave
-from agents.tuning import check_candidates, net_displacements, search_wave
-from agents.verification import fine_scene
+from swim_agents.replay import replay_episode
+from swim_agents.tuned_wave import load_tuned_wave
+from swim_agents.tuning import check_candidates, net_displacements, search_wave
+from swim_agents.verification import fine_scene
+
 from swim_env import OptionError, Simulator, SwimEnv, SwimError, SwimTargetEnv, load_scene
 from swim_env.scene import Actuation
 

@@ -14,27 +14,27 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 import pytest
+from swim_agents.learning.config import load_config
 
-from agents.learning.config import load_config
-from agents.training_cost import PARTS, Timers, measure_training
-from swim_env import FLUID_MODELS, SwimError, load_scene
-from swim_env.benchmark import report
-from swim_env.benchmark.checkouts import compare_checkouts
-from swim_env.benchmark.environments import (
+from studies.benchmark import report
+from studies.benchmark.checkouts import compare_checkouts
+from studies.benchmark.environments import (
     Workload,
     batched_workload,
     single_loop,
     single_workload,
     wave_actions,
 )
-from swim_env.benchmark.growth import fit_growth, growth_of
-from swim_env.benchmark.memory import measure_memory
-from swim_env.benchmark.picture import draw_benchmark
-from swim_env.benchmark.report import REPORT_FILES, report_tables, write_report
-from swim_env.benchmark.subprocesses import run_python
-from swim_env.benchmark.suite import SECTIONS, kernel_scenes, measure_speeds
-from swim_env.benchmark.timing import ratio, spread_of, time_in_turn
-from swim_env.viewer import save_figure
+from studies.benchmark.growth import fit_growth, growth_of
+from studies.benchmark.memory import measure_memory
+from studies.benchmark.picture import draw_benchmark
+from studies.benchmark.report import REPORT_FILES, report_tables, write_report
+from studies.benchmark.subprocesses import run_python
+from studies.benchmark.suite import SECTIONS, kernel_scenes, measure_speeds
+from studies.benchmark.timing import ratio, spread_of, time_in_turn
+from studies.benchmark.training_cost import PARTS, Timers, measure_training
+from swim_env import FLUID_MODELS, SwimError, load_scene
+from swim_env.plots import save_figure
 
 ROOT = Path(__file__).parents[2]
 SPREAD = {"median", "low", "high", "smallest", "rounds"}
@@ -228,7 +228,7 @@ def test_a_ratio_is_that_of_speeds_round_by_round(monkeypatch):
     """Twice the steps in the same time is a ratio of 2, however the machine's speed drifts."""
     drift = np.array([1.0, 5.0, 0.3])
     monkeypatch.setattr(
-        "swim_env.benchmark.suite.time_in_turn",
+        "studies.benchmark.suite.time_in_turn",
         lambda calls, **_: {name: drift.copy() for name in calls},
     )
     work = {
@@ -317,7 +317,7 @@ def test_timers_count_nothing_twice():
     timers = Timers()
     clock = iter(range(100))  # one second at every look
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("agents.training_cost.time.perf_counter", lambda: next(clock))
+        patch.setattr("studies.benchmark.training_cost.time.perf_counter", lambda: next(clock))
         with timers.running("outer"), timers.running("inner"):
             pass
         with timers.running("outer"):

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from studies.benchmark import parts
+from studies.benchmark.floor import FLOOR_WAYS, floor_arrays, floor_calls, potentials_of_motions
+from studies.benchmark.parts import PARTS, measure_parts
 from swim_env import SceneError, Simulator, load_scene
-from swim_env.benchmark import parts
-from swim_env.benchmark.floor import FLOOR_WAYS, floor_arrays, floor_calls, potentials_of_motions
-from swim_env.benchmark.parts import PARTS, measure_parts
-from swim_env.bodies import Bodies, minimal_start
-from swim_env.physics.outline import LENGTH
+from swim_env.physics.fluid.outline import LENGTH
+from swim_env.sim.batch import Bodies, minimal_start
 
 
 @pytest.mark.parametrize("elements", [2, 9, 13])

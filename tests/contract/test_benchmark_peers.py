@@ -14,18 +14,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from swim_env import Initial, Scene, SceneError, Simulator, load_scene
-from swim_env.benchmark.elastica_peer import ElasticaRod, rod_workloads
-from swim_env.benchmark.mujoco_chain import (
+from studies.benchmark.elastica_peer import ElasticaRod, rod_workloads
+from studies.benchmark.mujoco_chain import (
     CHAIN_VARIANTS,
     WAYS,
     ChainVariant,
     MuJoCoChain,
     chain_xml,
 )
-from swim_env.benchmark.mujoco_peers import chain_step, chain_workloads, swimmer_workloads
-from swim_env.benchmark.peer_tools import PeerMissingError, largest_stable_step, load_peer
-from swim_env.benchmark.peers import PREPARATIONS, measure_mujoco_chain, peer_workloads
+from studies.benchmark.mujoco_peers import chain_step, chain_workloads, swimmer_workloads
+from studies.benchmark.peer_tools import PeerMissingError, largest_stable_step, load_peer
+from studies.benchmark.peers import PREPARATIONS, measure_mujoco_chain, peer_workloads
+from swim_env import Initial, Scene, SceneError, Simulator, load_scene
 from swim_env.errors import OptionError
 
 Array = NDArray[np.float64]

@@ -10,8 +10,8 @@ from contextlib import closing
 
 import pytest
 
+from studies.fresh_processes import Call, in_fresh_processes
 from swim_env.errors import SwimError
-from swim_env.fresh_processes import Call, in_fresh_processes
 
 
 def test_results_come_with_the_index_of_their_call() -> None:

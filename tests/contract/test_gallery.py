@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from swim_agents.commands.command_line import BAD_INPUT, run
 
-from agents.gallery import page as gallery
-from agents.gallery.page import GALLERY_FILES
-from agents.gallery.runs import FORWARD, FULL, QUICK, play_all, stored_curves
 from scripts.gallery import main
+from studies.gallery import page as gallery
+from studies.gallery.page import GALLERY_FILES
+from studies.gallery.runs import FORWARD, FULL, QUICK, play_all, stored_curves
 from swim_env import OptionError
-from swim_env.command_line import BAD_INPUT, run
 
 ROOT = Path(__file__).parents[2]
 PICTURES = [name for name in GALLERY_FILES if name.endswith(".png")]
@@ -88,7 +88,7 @@ def test_the_page_shows_every_picture_and_says_what_it_was_made_of(made: Made) -
 
 def test_figures_are_those_of_an_episode(made: Made) -> None:
     """The run at full strength is the one that replay plays with the same seed."""
-    from agents.replay import replay_episode
+    from swim_agents.replay import replay_episode
 
     record, _ = made
     scene = QUICK.scene()

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-LOAD = "from swim_env.assessment import load_assessment; load_assessment()"
+LOAD = "from swim_env.envs.assessment import load_assessment; load_assessment()"
 
 
 def load(cache: Path) -> subprocess.CompletedProcess[str]:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from swim_env import SwimEnv, SwimVectorEnv, episodes
-from swim_env.bodies import Bodies
+from swim_env.sim.batch import Bodies
 
 pytestmark = pytest.mark.slow
 

@@ -17,21 +17,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from swim_agents.commands.command_line import BAD_INPUT, INTERRUPTED, run
 
 from scripts.reproduce_paper import main
-from swim_env import load_scene
-from swim_env.command_line import BAD_INPUT, INTERRUPTED, run
-from swim_env.errors import SwimError
-from swim_env.kirchhoff import (
-    RigidMass,
-    growth_rate,
-    mass_matrix,
-    onset_by_kirchhoff,
-    rate_for_onset,
-    rigid_mass,
-)
-from swim_env.paper import units as units_module
-from swim_env.paper.bars import (
+from studies.paper import units as units_module
+from studies.paper.bars import (
     bar_of,
     bar_text,
     coarse_error,
@@ -39,9 +29,9 @@ from swim_env.paper.bars import (
     number_text,
     with_bar,
 )
-from swim_env.paper.book import verdicts_of, write_book
-from swim_env.paper.code import code_digest
-from swim_env.paper.constants import (
+from studies.paper.book import verdicts_of, write_book
+from studies.paper.code import code_digest
+from studies.paper.constants import (
     RESOLVED,
     internal_figures,
     internal_forces,
@@ -49,9 +39,9 @@ from swim_env.paper.constants import (
     momentum_figures,
     resolved,
 )
-from swim_env.paper.maps import LARGEST_BEND, is_verified
-from swim_env.paper.modes import bending_orders, modes_figures, natural_frequencies
-from swim_env.paper.onset import (
+from studies.paper.maps import LARGEST_BEND, is_verified
+from studies.paper.modes import bending_orders, modes_figures
+from studies.paper.onset import (
     LATERAL,
     PAPER_TIMES,
     fitted_rate,
@@ -60,14 +50,14 @@ from swim_env.paper.onset import (
     onset_units,
     perturbed,
 )
-from swim_env.paper.page import make_page
-from swim_env.paper.runs import NUMERALS, first_crossing, played, run_figures
-from swim_env.paper.sections.closing import GROUPS
-from swim_env.paper.statements import STATEMENTS, find_all
-from swim_env.paper.suite import all_units, collect
-from swim_env.paper.units import Arrays, Figures, Store, Unit, do_units
-from swim_env.paper.variants import of_variant, with_halved_turning
-from swim_env.paper.verdicts import (
+from studies.paper.page import make_page
+from studies.paper.runs import NUMERALS, first_crossing, played, run_figures
+from studies.paper.sections.closing import GROUPS
+from studies.paper.statements import STATEMENTS, find_all
+from studies.paper.suite import all_units, collect
+from studies.paper.units import Arrays, Figures, Store, Unit, do_units
+from studies.paper.variants import of_variant, with_halved_turning
+from studies.paper.verdicts import (
     AGREE,
     DIFFER,
     NOT_MEASURED,
@@ -79,7 +69,18 @@ from swim_env.paper.verdicts import (
     larger,
     within,
 )
-from swim_env.simulator import Simulator
+from swim_env import load_scene
+from swim_env.analysis.kirchhoff import (
+    RigidMass,
+    growth_rate,
+    mass_matrix,
+    onset_by_kirchhoff,
+    rate_for_onset,
+    rigid_mass,
+)
+from swim_env.analysis.modes import natural_frequencies
+from swim_env.errors import SwimError
+from swim_env.sim.simulator import Simulator
 
 ROOT = Path(__file__).parents[2]
 
@@ -678,37 +679,35 @@ def _nothing(unit: Unit) -> tuple[Figures, Arrays]:
 
 
 def test_keys_know_the_code_that_makes_figures_and_no_other(tmp_path: Path) -> None:
-    package = tmp_path / "swim_env"
-    for folder in ("paper",):
-        shutil.copytree(ROOT / "swim_env" / folder, package / folder)
-    shutil.copy(ROOT / "swim_env" / "kirchhoff.py", package)
+    for folder in ("studies/paper", "swim_env/analysis"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
     kinds = ("run", "onset", "variant", "modes", "map")
 
     def changed(module: str, text: str) -> set[str]:
-        file = package / module
-        before, source = [code_digest(kind, package) for kind in kinds], file.read_text()
+        file = tmp_path / module
+        before, source = [code_digest(kind, tmp_path) for kind in kinds], file.read_text()
         file.write_text(source + text)
         code_digest.cache_clear()
-        after = [code_digest(kind, package) for kind in kinds]
+        after = [code_digest(kind, tmp_path) for kind in kinds]
         file.write_text(source)
         code_digest.cache_clear()
         return {kind for kind, a, b in zip(kinds, before, after, strict=True) if a != b}
 
     code = "\nADDED = 1\n"
-    assert [code_digest(kind, package) for kind in kinds] == [code_digest(kind) for kind in kinds]
-    assert changed("paper/runs.py", code) == {"run", "onset", "variant"}
-    assert changed("paper/constants.py", code) == {"run", "onset", "variant"}
-    assert changed("paper/onset.py", code) == {"onset", "variant"}
-    assert changed("paper/variants.py", code) == {"variant"}
-    assert changed("paper/modes.py", code) == {"modes", "map"}
-    assert changed("paper/maps.py", code) == {"map"}
-    assert changed("kirchhoff.py", code) == {"onset", "variant", "modes", "map"}
+    assert [code_digest(kind, tmp_path) for kind in kinds] == [code_digest(kind) for kind in kinds]
+    assert changed("studies/paper/runs.py", code) == {"run", "onset", "variant"}
+    assert changed("studies/paper/constants.py", code) == {"run", "onset", "variant"}
+    assert changed("studies/paper/onset.py", code) == {"onset", "variant"}
+    assert changed("studies/paper/variants.py", code) == {"variant"}
+    assert changed("studies/paper/modes.py", code) == {"modes", "map"}
+    assert changed("studies/paper/maps.py", code) == {"map"}
+    assert changed("swim_env/analysis/kirchhoff.py", code) == {"onset", "variant", "modes", "map"}
     for module in (
         *("page", "charts", "statements", "measures", "verdicts", "bars", "book", "units"),
         *("judges/criteria", "judges/onset", "sections/onset", "sections/constants"),
     ):
-        assert changed(f"paper/{module}.py", code) == set(), module
-    assert changed("paper/runs.py", "\n# A comment.\n") == set()
+        assert changed(f"studies/paper/{module}.py", code) == set(), module
+    assert changed("studies/paper/runs.py", "\n# A comment.\n") == set()
 
 
 def test_other_code_makes_another_key(monkeypatch: pytest.MonkeyPatch) -> None:

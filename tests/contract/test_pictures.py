@@ -15,9 +15,14 @@ from matplotlib.text import Text
 from numpy.typing import NDArray
 
 from swim_env import Simulator, SwimError, Trajectory, load_scene
-from swim_env.energy import elastic_energy, elastic_moments, split_energy, velocity_of_start
-from swim_env.scene_parts import STRAIN_NAMES
-from swim_env.viewer import (
+from swim_env.analysis.energy import (
+    elastic_energy,
+    elastic_moments,
+    split_energy,
+    velocity_of_start,
+)
+from swim_env.envs.render.drawing import torque_colours
+from swim_env.plots import (
     draw_energy,
     draw_gaits,
     draw_kymographs,
@@ -28,10 +33,10 @@ from swim_env.viewer import (
     draw_torques,
     draw_training,
 )
-from swim_env.viewer.drawing import torque_colours
-from swim_env.viewer.heat_maps import curvature
-from swim_env.viewer.pareto import pareto_front
-from swim_env.viewer.style import diverging_map, new_figure, policy_looks, style_axes
+from swim_env.plots.heat_maps import curvature
+from swim_env.plots.pareto import pareto_front
+from swim_env.plots.style import diverging_map, new_figure, policy_looks, style_axes
+from swim_env.scene.blocks import STRAIN_NAMES
 
 Array = NDArray[np.float64]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from swim_env import load_scene
-from swim_env.bodies import Bodies
-from swim_env.physics.integrator import RECORD_NAMES
-from swim_env.recorder import Recorder
-from swim_env.trajectory import Trajectory
+from swim_env.physics.solve.integrator import RECORD_NAMES
+from swim_env.sim.batch import Bodies
+from swim_env.sim.recorder import Recorder
+from swim_env.sim.trajectory import Trajectory
 
 SCENE = load_scene("swimmer", {"beam.elements": 3, "fluid.model": "frozen", "recording": {}})
 

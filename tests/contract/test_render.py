@@ -19,16 +19,16 @@ from gymnasium.wrappers import RecordVideo
 from numpy.typing import NDArray
 
 from swim_env import OptionError, SwimEnv, SwimError, SwimTargetEnv, SwimVectorEnv, load_scene
-from swim_env.scene import Scene
-from swim_env.viewer import window
-from swim_env.viewer.drawing import torque_colours
-from swim_env.viewer.frames import (
+from swim_env.envs.render.drawing import torque_colours
+from swim_env.envs.render.frames import (
     BODY_COLOUR,
     GOAL_COLOUR,
     GRID_COLOUR,
     WATER_COLOUR,
     FramePainter,
 )
+from swim_env.plots import window
+from swim_env.scene import Scene
 
 Array = NDArray[np.float64]
 Frame = NDArray[np.uint8]
@@ -478,7 +478,7 @@ def test_a_missing_pillow_is_named(monkeypatch: pytest.MonkeyPatch, headless: No
     """Without Pillow frames are an error of this package, and a missing window still none."""
     monkeypatch.setitem(sys.modules, "PIL", None)
     for module in ("drawing", "frames"):
-        monkeypatch.delitem(sys.modules, f"swim_env.viewer.{module}")
+        monkeypatch.delitem(sys.modules, f"swim_env.plots.{module}")
     env = SwimEnv(overrides=SMALL, render_mode="rgb_array")
     env.reset()
     with pytest.raises(SwimError, match=r"Pillow.*swim-env\[view\]"):
@@ -554,10 +554,10 @@ def test_closing_the_window_ends_nothing(
 def test_nothing_is_imported_for_rendering_before_it_is_done() -> None:
     """An environment that is not rendered loads neither Pillow nor pygame."""
     script = (
-        "import sys, swim_env, swim_env.env, swim_env.vector_env\n"
+        "import sys, swim_env, swim_env.envs.single, swim_env.envs.vector\n"
         "env = swim_env.SwimEnv(overrides={'beam.elements': 3}); env.reset(seed=0)\n"
         "env.step([0.0, 0.0]); env.close()\n"
-        "assert not {'PIL', 'pygame', 'swim_env.viewer'} & set(sys.modules)\n"
+        "assert not {'PIL', 'pygame', 'swim_env.plots'} & set(sys.modules)\n"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from swim_env import SwimError, Trajectory, load_scene
-from swim_env.replay import RESULT_FILES, replay, steps_of, write_results
+from swim_env.plots.results import RESULT_FILES, write_results
+from swim_env.sim.replay import replay, steps_of
 
 ROOT = Path(__file__).parents[2]
 KEYS = {

@@ -24,8 +24,8 @@ from stable_baselines3.common.vec_env import (
     VecMonitor,
     VecNormalize,
 )
+from swim_agents.vec_env import SwimVecEnv, make_swim_vec_env
 
-from agents.vec_env import SwimVecEnv, make_swim_vec_env
 from swim_env import (
     ActionError,
     OptionError,
@@ -462,7 +462,7 @@ def test_without_stable_baselines3_the_extra_is_named(monkeypatch: pytest.Monkey
     for name in list(sys.modules):
         if name.split(".")[0] == "stable_baselines3":
             monkeypatch.setitem(sys.modules, name, None)
-    path = Path(__file__).parents[2] / "agents" / "vec_env.py"
+    path = Path(__file__).parents[2] / "agents" / "swim_agents" / "vec_env.py"
     spec = importlib.util.spec_from_file_location("vec_env_alone", path)
     module = importlib.util.module_from_spec(spec)
     with pytest.raises(SwimError, match=r"'train' \(pip install 'swim-env\[train\]'\)") as caught:

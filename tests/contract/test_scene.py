@@ -41,7 +41,7 @@ from swim_env.scene import (
     load_scene,
     scene_names,
 )
-from swim_env.scene_parts import STRAIN_NAMES
+from swim_env.scene.blocks import STRAIN_NAMES
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE_ROOM = ("errors", "files", "scene", "scene_checks", "scene_parts", "scene_yaml")

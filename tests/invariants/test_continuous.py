@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_simpson
 
 from swim_env import Scene, SimulationEndedError, Simulator, SwimError, load_scene
-from swim_env.bodies import Bodies
-from swim_env.continuous import METHODS, ContinuousRun, _Equations, integrate
+from swim_env.analysis.continuous import METHODS, ContinuousRun, _Equations, integrate
 from swim_env.physics.invariants import momentum_map
+from swim_env.sim.batch import Bodies
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from swim_env.errors import SceneError, SimulationEndedError, TorqueError
-from swim_env.physics.added_mass import FLUID_MODELS, FluidConstants
-from swim_env.physics.beam import BeamConstants, centres_of_trajectory
-from swim_env.physics.integrator import (
+from swim_env.physics.fluid.added_mass import FLUID_MODELS, FluidConstants
+from swim_env.physics.fluid.outline import FluidGeometry
+from swim_env.physics.planar.beam import BeamConstants, centres_of_trajectory
+from swim_env.physics.solve.integrator import (
     RECORD_NAMES,
     SolverConstants,
     advance,
@@ -20,7 +21,7 @@ from swim_env.physics.integrator import (
     weigh,
     work_sizes,
 )
-from swim_env.physics.multipliers import (
+from tests.reference.multipliers import (
     D1,
     D3,
     MultiplierTrajectory,
@@ -34,7 +35,6 @@ from swim_env.physics.multipliers import (
     redundant_velocity,
     simulate_with_multipliers,
 )
-from swim_env.physics.outline import FluidGeometry
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from agents.learning.config import TrainingConfig
+from swim_agents.learning.config import TrainingConfig
 
 #: Changes to `small_config`, by name.
 KINDS: dict[str, dict[str, Any]] = {
@@ -82,7 +82,7 @@ def table(folder: Path, name: str) -> list[list[str]]:
 
 def weights(folder: Path) -> dict[str, bytes]:
     """Return the bits of every parameter of an agent, critics included."""
-    from agents.learning.saved import load_agent
+    from swim_agents.learning.saved import load_agent
 
     policy = load_agent(folder)._policy
     return {name: value.numpy().tobytes() for name, value in policy.state_dict().items()}

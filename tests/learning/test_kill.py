@@ -15,9 +15,10 @@ import pytest
 
 pytest.importorskip("stable_baselines3")
 
-from agents.learning.checkpoints import load_checkpoint
-from agents.learning.config import TrainingConfig
-from agents.learning.trainer import run_status, train
+from swim_agents.learning.checkpoints import load_checkpoint
+from swim_agents.learning.config import TrainingConfig
+from swim_agents.learning.trainer import run_status, train
+
 from tests.learning.small_runs import assert_same_run, hidden, small_config, weights
 
 ROOT = Path(__file__).parents[2]
@@ -169,8 +170,8 @@ def patched(*arguments):
     return result
 
 setattr(owner, function, patched)
-from agents.learning.config import load_config
-from agents.learning.trainer import train
+from swim_agents.learning.config import load_config
+from swim_agents.learning.trainer import train
 train(load_config({config!r}), {folder!r}, {seed}, resume=True, threads=1)
 """
 

@@ -24,17 +24,17 @@ pytest.importorskip("stable_baselines3")
 import stable_baselines3
 import torch
 from gymnasium.vector import AutoresetMode
+from swim_agents.commands.command_line import run
+from swim_agents.evaluation import play_episodes
+from swim_agents.learning.config import TrainingConfig
+from swim_agents.learning.environment import make_batch, make_training_env
+from swim_agents.learning.models import make_model
+from swim_agents.learning.saved import AgentError, load_agent, load_bare_model, save_agent
+from swim_agents.learning.trainer import train
+from swim_agents.policies import load_policy
 
-from agents.evaluation import play_episodes
-from agents.learning.config import TrainingConfig
-from agents.learning.environment import make_batch, make_training_env
-from agents.learning.models import make_model
-from agents.learning.saved import AgentError, load_agent, load_bare_model, save_agent
-from agents.learning.trainer import train
-from agents.policies import load_policy
 from scripts.train import main
 from swim_env import OptionError, SwimError, load_scene
-from swim_env.command_line import run
 from tests.learning.small_runs import KINDS, contents, hidden, small_config
 
 ROOT = Path(__file__).parents[2]

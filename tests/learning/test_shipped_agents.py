@@ -8,19 +8,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from swim_agents import load_policy, play_episode, policy_names
+from swim_agents.policies import PRETRAINED_FOLDER, pretrained_names
 
-from agents import load_policy, play_episode, policy_names
-from agents.policies import PRETRAINED_FOLDER, pretrained_names
 from swim_env import OptionError, SwimEnv, SwimTargetEnv, load_scene
 
 pytest.importorskip("stable_baselines3")
 
-from agents.comparison.contest import FIRST_SEED, entries_of, hold_contest
-from agents.learning.config import config_names, load_config
-from agents.learning.logs import read_log
-from agents.learning.saved import AgentError, AgentPolicy, load_agent
-from agents.learning.shipping import SHIPPED_FILES, command_of, scores_of, ship_agent
-from agents.learning.trainer import train
+from swim_agents.comparison.contest import FIRST_SEED, entries_of, hold_contest
+from swim_agents.learning.config import config_names, load_config
+from swim_agents.learning.logs import read_log
+from swim_agents.learning.saved import AgentError, AgentPolicy, load_agent
+from swim_agents.learning.shipping import SHIPPED_FILES, command_of, scores_of, ship_agent
+from swim_agents.learning.trainer import train
+
 from tests.learning.small_runs import small_config
 
 NAMES = ("ppo_forward", "sac_forward", "ppo_target")

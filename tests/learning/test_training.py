@@ -19,12 +19,12 @@ import pytest
 pytest.importorskip("stable_baselines3")
 
 import torch
+from swim_agents.learning.checkpoints import CheckpointError, load_checkpoint
+from swim_agents.learning.config import ConfigError
+from swim_agents.learning.environment import make_training_env
+from swim_agents.learning.logs import read_log
+from swim_agents.learning.trainer import EVALUATION_COLUMNS, RunExistsError, run_status, train
 
-from agents.learning.checkpoints import CheckpointError, load_checkpoint
-from agents.learning.config import ConfigError
-from agents.learning.environment import make_training_env
-from agents.learning.logs import read_log
-from agents.learning.trainer import EVALUATION_COLUMNS, RunExistsError, run_status, train
 from swim_env import SwimError
 from tests.learning.small_runs import (
     KINDS,
@@ -41,7 +41,7 @@ from tests.learning.small_runs import (
 
 @pytest.fixture(autouse=True)
 def _a_line_of_progress_every_round_or_two(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("agents.learning.trainer._LOG_EVERY", 100)
+    monkeypatch.setattr("swim_agents.learning.trainer._LOG_EVERY", 100)
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +53,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
         if kind not in made:
             folder = tmp_path_factory.mktemp(kind) / "run"
             with pytest.MonkeyPatch.context() as patch:
-                patch.setattr("agents.learning.trainer._LOG_EVERY", 100)
+                patch.setattr("swim_agents.learning.trainer._LOG_EVERY", 100)
                 train(small_config(kind), folder, 3)
             made[kind] = folder
         return made[kind]
@@ -500,14 +500,14 @@ class FullDisk(io.FileIO):
 
 
 def full_at_write(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr("swim_env.files.open", FullDisk, raising=False)
+    patch.setattr("swim_env.files.atomic.open", FullDisk, raising=False)
 
 
 def full_at_fsync(patch: pytest.MonkeyPatch) -> None:
     def fsync(descriptor: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    patch.setattr("swim_env.files.os.fsync", fsync)
+    patch.setattr("swim_env.files.atomic.os.fsync", fsync)
 
 
 @pytest.mark.parametrize("fill", [full_at_write, full_at_fsync])

@@ -12,7 +12,8 @@ import yaml
 
 pytest.importorskip("stable_baselines3")
 
-from agents.learning.config import ConfigError, TrainingConfig, config_names, load_config
+from swim_agents.learning.config import ConfigError, TrainingConfig, config_names, load_config
+
 from swim_env import load_scene
 
 

@@ -12,18 +12,18 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from studies.stability import runs as runs_module
+from studies.stability.cases import CASES
+from studies.stability.drawn import draw_run
+from studies.stability.instability import measure_onset
+from studies.stability.report import failures_of, stability_tables
+from studies.stability.runs import LONGEST_STEP, HardRun, Verdict, _Watch, play
+from studies.stability.suite import ONSETS, drawn_runs, measure_stability, work_of
+from studies.stability.torques import Ramp, SquareWave, WhiteNoise
 from swim_env import TERMINATION_REASONS, SimulationEndedError, Simulator, load_scene
-from swim_env.bodies import Bodies
-from swim_env.physics.integrator import RECORD_NAMES
+from swim_env.physics.solve.integrator import RECORD_NAMES
 from swim_env.scene import Scene
-from swim_env.stability import runs as runs_module
-from swim_env.stability.cases import CASES
-from swim_env.stability.drawn import draw_run
-from swim_env.stability.instability import measure_onset
-from swim_env.stability.report import failures_of, stability_tables
-from swim_env.stability.runs import LONGEST_STEP, HardRun, Verdict, _Watch, play
-from swim_env.stability.suite import ONSETS, drawn_runs, measure_stability, work_of
-from swim_env.stability.torques import Ramp, SquareWave, WhiteNoise
+from swim_env.sim.batch import Bodies
 
 #: Steps of a run in a slice, and runs of every case in it.
 SLICE_STEPS, SLICE_RUNS = 60, 6

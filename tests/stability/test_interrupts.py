@@ -19,7 +19,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-import swim_env.accuracy.study as study_module
+import studies.accuracy.study as study_module
+from studies.accuracy.study import Study
 from swim_env import (
     Scene,
     SceneError,
@@ -33,8 +34,7 @@ from swim_env import (
 from swim_env.accuracy.grid import Case
 from swim_env.accuracy.reference import Reference
 from swim_env.accuracy.settings import Settings
-from swim_env.accuracy.study import Study
-from swim_env.replay import RESULT_FILES
+from swim_env.plots.results import RESULT_FILES
 
 ROOT = Path(__file__).parents[2]
 KILLED, TOO_LARGE = -signal.SIGKILL, -signal.SIGXFSZ
@@ -52,9 +52,9 @@ import errno, importlib, json, os, resource, signal, sys
 sys.path[:0] = [{root!r}, {root!r} + "/scripts"]
 import numpy as np
 from swim_env import Simulator
-from swim_env.assessment import load_assessment
-from swim_env.command_line import run
-import swim_env.replay
+from swim_env.envs.assessment import load_assessment
+from swim_agents.commands.command_line import run
+import swim_env.plots.results
 from matplotlib.figure import Figure
 load_assessment()
 scripts = {{name: importlib.import_module(name) for name in ("replay", "stability")}}
@@ -92,7 +92,7 @@ def arm(order):
 
 def work(order):
     if order.get("plain"):
-        swim_env.replay.draw_path = lambda trajectory: Figure((1.0, 1.0))
+        swim_env.plots.results.draw_path = lambda trajectory: Figure((1.0, 1.0))
     if order["script"] != "save":
         return run(scripts[order["script"]].main, order["arguments"])
     simulator = Simulator("paper_iv")

@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from swim_env.stability.cases import CASES, hard_runs
-from swim_env.stability.digest import code_of, kernel_digest
-from swim_env.stability.report import failures_of, stability_tables
+from studies.stability.cases import CASES, hard_runs
+from studies.stability.digest import code_of, kernel_digest
+from studies.stability.report import failures_of, stability_tables
 
 FOLDER = Path(__file__).parents[2] / "docs" / "stability"
 

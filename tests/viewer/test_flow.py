@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 
 from swim_env import OptionError, Simulator, load_scene
-from swim_env.flow import BodyFlow, Flow, flow_of_sources, pressure_between
-from swim_env.physics.outline import CT, CX, CY, LENGTH, ST, X, Y, padded
-from swim_env.physics.panels import LAYERS, influence, normal_influence
+from swim_env.analysis.flow import BodyFlow, Flow, flow_of_sources, pressure_between
+from swim_env.physics.fluid.outline import CT, CX, CY, LENGTH, ST, X, Y, padded
+from swim_env.physics.fluid.panels import LAYERS, influence, normal_influence
 
 Array = NDArray[np.float64]
 

@@ -22,8 +22,8 @@ from swim_env import (
     SwimTargetVectorEnv,
     SwimVectorEnv,
 )
-from swim_env.viewer.recording import RecordEpisodes, RecordVectorEpisodes, read_recording
-from swim_env.viewer.recording.schema import GROUPS, UNSPLIT_ENERGY
+from swim_env.recording import RecordEpisodes, RecordVectorEpisodes, read_recording
+from swim_env.recording.schema import GROUPS, UNSPLIT_ENERGY
 
 ROOT = Path(__file__).parents[2]
 SHORT = {"episode": {"duration": 0.2}}
@@ -115,7 +115,7 @@ def test_a_program_that_fails_leaves_a_file(tmp_path):
     code = (
         "import numpy as np\n"
         "from swim_env import SwimEnv\n"
-        "from swim_env.viewer.recording import RecordEpisodes\n"
+        "from swim_env.recording import RecordEpisodes\n"
         f"env = RecordEpisodes(SwimEnv(), {str(tmp_path)!r}, flow_rate=10.0)\n"
         "env.reset(seed=0)\n"
         "for _ in range(7): env.step(np.ones(8))\n"
@@ -414,7 +414,7 @@ def test_a_failing_disk_costs_no_episode(tmp_path, monkeypatch):
     def full(path, write):
         raise OSError(errno.ENOSPC, "No space left on device", str(path))
 
-    monkeypatch.setattr("swim_env.viewer.recording.writer.write_atomically", full)
+    monkeypatch.setattr("swim_env.recording.writer.write_atomically", full)
     env = record(tmp_path)
     why = "an episode was not recorded: cannot write the recording: No space left"
     with pytest.warns(UserWarning, match=why):
@@ -500,7 +500,7 @@ def test_members_may_be_an_array(tmp_path):
 
 def test_cost_is_measured():
     """Every figure of the page, and a frame takes far less than one logged by itself."""
-    from swim_env.viewer.recording.cost import measure_cost
+    from studies.benchmark.recording_cost import measure_cost
 
     found = measure_cost(1)
     assert 0.0 < found["frame_seconds"] < 2e-4

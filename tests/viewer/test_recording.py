@@ -12,10 +12,10 @@ import pytest
 import rerun
 
 from swim_env import OptionError, Simulator, SwimError, load_scene
-from swim_env.energy import elastic_energy, split_energy
-from swim_env.flow import BodyFlow
+from swim_env.analysis.energy import elastic_energy, split_energy
+from swim_env.analysis.flow import BodyFlow
 from swim_env.physics.invariants import momentum_drift
-from swim_env.viewer.recording import (
+from swim_env.recording import (
     SCHEMA_VERSION,
     RecordingError,
     Swimmer,
@@ -23,12 +23,12 @@ from swim_env.viewer.recording import (
     recording_file,
     write_recording,
 )
-from swim_env.viewer.recording.reader import ReadRecording
-from swim_env.viewer.recording.schema import DETAILS, GROUPS, UNSPLIT_ENERGY, label_of
-from swim_env.viewer.recording.show import rerun_command
-from swim_env.viewer.recording.swimmer import frames_of
-from swim_env.viewer.recording.water import picture_of, pressure_of
-from swim_env.viewer.recording.writer import _fixed_parts
+from swim_env.recording.reader import ReadRecording
+from swim_env.recording.schema import DETAILS, GROUPS, UNSPLIT_ENERGY, label_of
+from swim_env.recording.show import rerun_command
+from swim_env.recording.swimmer import frames_of
+from swim_env.recording.water import picture_of, pressure_of
+from swim_env.recording.writer import _fixed_parts
 
 #: Three tenths of a second of the prescribed wave, with flow, written by schema 1; without its
 #: blueprint and legend, which are not read.
@@ -317,7 +317,7 @@ def test_stored_recordings_stay_readable():
 
 def test_later_schemas_are_refused(recording, monkeypatch):
     """In one line that says what to do."""
-    monkeypatch.setattr("swim_env.viewer.recording.reader.SCHEMA_VERSION", 0)
+    monkeypatch.setattr("swim_env.recording.reader.SCHEMA_VERSION", 0)
     with pytest.raises(RecordingError, match="has schema 1, this version of swim_env reads up to"):
         read_recording(recording[0])
 
@@ -368,7 +368,7 @@ def test_a_full_disk_is_one_line(tmp_path, swimmer, monkeypatch):
         with open("/dev/full", "wb", buffering=0) as file:
             write(file)
 
-    monkeypatch.setattr("swim_env.viewer.recording.writer.write_atomically", full)
+    monkeypatch.setattr("swim_env.recording.writer.write_atomically", full)
     with pytest.raises(SwimError, match="cannot write the recording: No space left on device"):
         write_recording(tmp_path / "x.rrd", [swimmer], flow_rate=None)
 
@@ -378,7 +378,7 @@ def test_without_rerun_and_pillow(tmp_path):
     code = (
         "import sys\n"
         "sys.modules.update(PIL=None, rerun=None)\n"
-        "from swim_env.viewer.recording import recording_file\n"
+        "from swim_env.recording import recording_file\n"
         "import importlib.util\n"
         "importlib.util.find_spec = lambda name: None\n"
         "recording_file('x', 'y')\n"

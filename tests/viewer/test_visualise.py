@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from swim_agents.commands.command_line import run
 
 from swim_env import Simulator, SwimError, load_scene
-from swim_env.command_line import run
-from swim_env.viewer.recording import open_viewer, read_recording, take_picture
-from swim_env.viewer.recording.show import _runtime_folder
+from swim_env.recording import open_viewer, read_recording, take_picture
+from swim_env.recording.show import _runtime_folder
 
 ROOT = Path(__file__).parents[2]
 
@@ -167,7 +167,7 @@ def test_a_display_that_does_not_answer(tmp_path, monkeypatch, code, told):
     program.write_text(f"#!/bin/sh\nexit {code}\n")
     program.chmod(0o755)
     monkeypatch.setenv("DISPLAY", ":99")
-    monkeypatch.setattr("swim_env.viewer.recording.show.rerun_command", lambda: str(program))
+    monkeypatch.setattr("swim_env.recording.show.rerun_command", lambda: str(program))
     line = open_viewer("some.rrd")
     assert (line is not None) == told
     if line is not None:
@@ -225,7 +225,7 @@ def test_compare_records(command, tmp_path):
 
 def test_train_records_every_evaluation(command, tmp_path):
     """A file an evaluation, under its number of steps."""
-    from agents.learning.logs import read_log
+    from swim_agents.learning.logs import read_log
 
     done = command(
         "train", "demo", "--set", "steps=256", "evaluation.every=128", "evaluation.episodes=2",
@@ -263,7 +263,7 @@ def test_reruns_viewer_shows_it(tmp_path, monkeypatch):
     """In the real viewer, without a window: no complaints, the body and its colours are there."""
     from PIL import Image
 
-    from swim_env.viewer.recording import Swimmer, write_recording
+    from swim_env.recording import Swimmer, write_recording
 
     scene = load_scene("swimmer")
     torques = np.tile([[1.0] * 4 + [-1.0] * 4], (100, 1))

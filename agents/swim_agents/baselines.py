@@ -1,0 +1,217 @@
+"""Policies that learn nothing: the paper's wave, the tuned wave, no torque, random torques.
+
+Each has the `predict` call of a model of stable-baselines3, for one observation or a batch, and
+looks at nothing but the clock, which travels in `state` as for a recurrent model.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from swim_agents.tuned_wave import load_tuned_wave, wave_on
+from swim_env.envs.assessment import observation_size
+from swim_env.errors import OptionError
+from swim_env.scene import Actuation, Scene
+
+__all__ = [
+    "POLICY_NAMES",
+    "Policy",
+    "RandomPolicy",
+    "WavePolicy",
+    "ZeroPolicy",
+    "paper_wave",
+    "tuned_wave",
+]
+
+Array = NDArray[np.float64]
+
+#: Names that `load_policy` knows.
+POLICY_NAMES = ("paper_wave", "tuned_wave", "zero", "random")
+
+
+class Policy(Protocol):
+    """What plays an environment: the call that models of stable-baselines3 have."""
+
+    def predict(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = False,
+    ) -> tuple[Any, Any]:
+        """Return actions, and the state to hand over at the next call.
+
+        Parameters
+        ----------
+        observation : (n,) or (M, n) array_like
+            One observation or a batch.
+        state : optional
+            What the last call returned; None at the start.
+        episode_start : (M,) array_like of bool, optional
+            Members that have just been reset.
+        deterministic : bool
+            Whether to leave out what a policy does at random.
+
+        Returns
+        -------
+        actions : (N - 1,) or (M, N - 1) array
+            Actions in [-1, 1].
+        state : object
+            For the next call.
+        """
+        ...
+
+
+class _Baseline:
+    """What the policies of this file share: the shapes of a scene."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        elements = scene.beam.elements
+        self.joints = elements - 1
+        self._sizes = (observation_size(elements, False), observation_size(elements, True))
+
+    def _members(self, observation: ArrayLike) -> tuple[int, bool]:
+        """Return the number of members, and whether there is a single one without an axis."""
+        shape = np.shape(observation)
+        if len(shape) not in (1, 2) or shape[-1] not in self._sizes:
+            raise OptionError(
+                f"observation must have shape (n,) or (M, n) with n = {self._sizes[0]} (or "
+                f"{self._sizes[1]} with a target), as scene {self.scene.name} gives them, "
+                f"got {shape}"
+            )
+        return (1, True) if len(shape) == 1 else (shape[0], False)
+
+
+def _clock(members: int, state: Any, episode_start: ArrayLike | None) -> NDArray[np.int64]:
+    """Return the actions that members have taken since their start, (M,)."""
+    clock = np.zeros(members, dtype=np.int64) if state is None else np.array(state)
+    if clock.shape != (members,) or clock.dtype.kind != "i":
+        raise OptionError(
+            f"state must be whole numbers of shape ({members},), got {clock.dtype} of shape "
+            f"{clock.shape}"
+        )
+    if episode_start is not None:
+        clock[np.broadcast_to(np.asarray(episode_start, dtype=np.bool_), clock.shape)] = 0
+    return clock
+
+
+class WavePolicy(_Baseline):
+    """A travelling wave of torque, tau = A cos(f t - kappa s/l + phase), held over each action.
+
+    Parameters
+    ----------
+    scene : Scene
+        Gives the joints' places, the torque limit and the control interval.
+    wave : Actuation
+        The wave. Where its torques are beyond the scene's limit, they are cut off, and what is
+        played is no longer a cosine.
+    """
+
+    def __init__(self, scene: Scene, wave: Actuation) -> None:
+        super().__init__(scene)
+        self.wave = wave
+        self._limit = scene.torque_limit
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = False,
+    ) -> tuple[Array, NDArray[np.int64]]:
+        """Return the wave's actions, (N - 1,) or (M, N - 1), and the clock.
+
+        The clock counts the actions since each member's start, (M,) int64; as times are whole
+        multiples of the control interval, they carry no rounding of their own.
+
+        Raises
+        ------
+        OptionError
+            If the observation or the state does not fit the scene.
+        """
+        members, alone = self._members(observation)
+        clock = _clock(members, state, episode_start)
+        times = clock * self.scene.episode.control_interval
+        actions = np.clip(self.wave.torques(times, self.scene.beam) / self._limit, -1.0, 1.0)
+        return (actions[0] if alone else actions), clock + 1
+
+
+class ZeroPolicy(_Baseline):
+    """No torque at all."""
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = False,
+    ) -> tuple[Array, Any]:
+        """Return actions of zero, (N - 1,) or (M, N - 1), and the state as it came."""
+        members, alone = self._members(observation)
+        return np.zeros(self.joints if alone else (members, self.joints)), state
+
+
+class RandomPolicy(_Baseline):
+    """Actions drawn uniformly from [-1, 1], independent of each other.
+
+    They follow from the seed, the member and the clock alone, so an episode that is played again
+    with the same policy is the same.
+
+    Parameters
+    ----------
+    scene : Scene
+        Gives the number of joints.
+    seed : int, optional
+        Seed of the numbers.
+
+    Raises
+    ------
+    OptionError
+        If the seed is not a whole number of at least 0.
+    """
+
+    def __init__(self, scene: Scene, seed: int | None = None) -> None:
+        super().__init__(scene)
+        try:
+            # Not the stream that an environment draws its start from with the same seed.
+            self._key = np.random.SeedSequence(seed).generate_state(4).tolist()
+        except (TypeError, ValueError):
+            raise OptionError(
+                f"seed must be a whole number of at least 0, or None, got {seed!r}"
+            ) from None
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = False,
+    ) -> tuple[Array, NDArray[np.int64]]:
+        """Return random actions, (N - 1,) or (M, N - 1), and the clock, as `WavePolicy` does."""
+        members, alone = self._members(observation)
+        clock = _clock(members, state, episode_start)
+        actions = np.stack(
+            [
+                np.random.default_rng([*self._key, member, now]).uniform(-1.0, 1.0, self.joints)
+                for member, now in enumerate(clock.tolist())
+            ]
+        )
+        return (actions[0] if alone else actions), clock + 1
+
+
+def paper_wave(scene: Scene) -> WavePolicy:
+    """Return the wave that the scene prescribes, no torque where it prescribes none.
+
+    In the shipped scenes it is the paper's own.
+    """
+    return WavePolicy(scene, scene.actuation or Actuation(amplitude=0.0))
+
+
+def tuned_wave(scene: Scene) -> WavePolicy:
+    """Return the wave that swims farthest on scene swimmer, see `swim_agents.tuning`."""
+    found = load_tuned_wave()["wave"]
+    return WavePolicy(scene, wave_on(scene, **found))

@@ -1,0 +1,441 @@
+"""Policies on the same scene and the same starts, with every score checked."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+
+from swim_agents.baselines import Policy
+from swim_agents.comparison.performance import Performance, measure_performance
+from swim_agents.evaluation import play_episodes
+from swim_agents.policies import load_policy, policy_names
+from swim_agents.recording import swimmer_of
+from swim_agents.rollout import Rollout
+from swim_agents.tuned_wave import load_tuned_wave
+from swim_agents.verification import TOLERANCE, fine_scene, verify_rollout
+from swim_env import __version__
+from swim_env.envs.task import TARGET_RADIUS, check_task
+from swim_env.envs.vector import VECTOR_ENVIRONMENTS
+from swim_env.errors import OptionError
+from swim_env.files.provenance import where_and_when
+from swim_env.physics.runtime.threads import usable_threads
+from swim_env.recording import Swimmer
+from swim_env.scene import Scene
+from swim_env.sim.trajectory import Trajectory
+
+__all__ = [
+    "FIRST_SEED",
+    "REFERENCES",
+    "Contest",
+    "Entry",
+    "entries_of",
+    "hold_contest",
+    "steps_to_play",
+]
+
+#: What every score is put beside.
+REFERENCES = ("paper_wave", "tuned_wave")
+
+#: Scores are taken from starts with this seed and those after it: trainings draw theirs from below
+#: the evaluations' seeds, which begin at 1,000,000.
+FIRST_SEED = 2_000_000
+
+#: Figures of a `Performance` that are summed up by their medians.
+_FIGURES = (
+    "net_displacement",
+    "fine_displacement",
+    "speed",
+    "displacement_per_cycle",
+    "positive_work",
+    "cost_of_transport",
+    "torque_squared",
+    "heading_change",
+    "energy_drift",
+)
+_GAIT_FIGURES = (
+    "frequency",
+    "torque_frequency",
+    "wave_number",
+    "travelling_share",
+    "mode_share",
+    "torque_travelling_share",
+)
+_WAVE_FIGURES = ("amplitude", "frequency", "wave_number", "phase", "explained")
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """One policy in a contest.
+
+    Attributes
+    ----------
+    name : str
+        What it is called in the tables.
+    group : str
+        The same for agents that differ in nothing but their training seed.
+    policy : Policy
+        Who plays.
+    about : dict
+        For an agent what ``agent.json`` says of its training, else empty.
+    source : str
+        What it was asked for by.
+    """
+
+    name: str
+    group: str
+    policy: Policy
+    about: dict[str, Any]
+    source: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Contest:
+    """What came of a contest.
+
+    Attributes
+    ----------
+    scene : Scene
+        What swam.
+    task : str
+        ``forward`` or ``target``.
+    seeds : tuple of int
+        Of the starts.
+    performances : dict of str to list of Performance
+        For each entry one for each seed.
+    rollouts, trajectories : dict of str to list
+        For each entry its first episodes, as many as were to be kept.
+    record : dict
+        All figures as plain values; see `hold_contest`.
+    """
+
+    scene: Scene
+    task: str
+    seeds: tuple[int, ...]
+    performances: dict[str, list[Performance]]
+    rollouts: dict[str, list[Rollout]]
+    trajectories: dict[str, list[Trajectory]]
+    record: dict[str, Any]
+
+    def swimmers(self) -> list[Swimmer]:
+        """Return the first episode of every entry for a recording, the references last."""
+        names = [name for name in self.rollouts if name not in REFERENCES]
+        names += [name for name in REFERENCES if name in self.rollouts]
+        radius = self.record.get("target_radius", TARGET_RADIUS)
+        return [
+            swimmer_of(name, self.rollouts[name][0], self.trajectories[name][0], radius)
+            for name in names
+        ]
+
+
+def entries_of(
+    names: Sequence[str], scene: Scene, task: str = "forward", trust: bool = False
+) -> list[Entry]:
+    """Load the policies of a contest.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names and paths for `load_policy`. A folder with runs ``seed_0``, ``seed_1`` ... stands for
+        all of them, which are then summed up as one group. The REFERENCES are added in front.
+    scene : Scene
+        What they are to play.
+    task : str
+        ``forward`` or ``target``.
+    trust : bool
+        See `load_policy`.
+
+    Raises
+    ------
+    OptionError, AgentError
+        If a policy cannot be found, read, or used on the scene.
+    """
+    found: list[Entry] = []
+    for name in dict.fromkeys([*REFERENCES, *names]):
+        runs = [] if name in policy_names() else _runs_in(Path(name))
+        places: list[Path | None] = [*runs] if runs else [None]
+        for path in places:
+            policy = load_policy(name if path is None else path, scene, 0, task, trust)
+            about = dict(getattr(policy, "description", {}))
+            label, group = _labels(name, path, policy)
+            while any(entry.group == group for entry in found if entry.source != name):
+                label, group = label.replace(group, f"{group}'", 1), f"{group}'"
+            found.append(Entry(label, group, policy, dict(about.get("training", {})), name))
+    return found
+
+
+def _runs_in(folder: Path) -> list[Path]:
+    """Return the runs seed_0, seed_1 ... of a folder that have an agent, in that order."""
+    found = (path for path in folder.glob("seed_*") if (path / "agent").is_dir())
+    return sorted(found, key=lambda path: (len(path.name), path.name))
+
+
+def _labels(name: str, run: Path | None, policy: Policy) -> tuple[str, str]:
+    """Return what a policy and its group are called: an agent by its own name, and its run."""
+    known = str(getattr(policy, "name", name))
+    if run is not None:
+        return f"{known}/{run.name}", known
+    place = Path(name)
+    place = place.parent if place.name in ("agent", "final_agent") else place
+    label = f"{known}/{place.name}" if place.name.startswith("seed_") else known
+    return label, label
+
+
+def steps_to_play(scene: Scene, entries: int, seeds: int) -> int:
+    """Return what `hold_contest` reports progress of: simulated seconds, played and checked."""
+    return math.ceil(2 * entries * seeds * scene.episode.duration)
+
+
+def hold_contest(
+    scene: Scene,
+    entries: Sequence[Entry],
+    seeds: Sequence[int],
+    task: str = "forward",
+    noise: float = 1.0,
+    environment: Mapping[str, Any] | None = None,
+    keep: int = 1,
+    threads: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Contest:
+    """Let policies play the same starts, and check every score.
+
+    Parameters
+    ----------
+    scene : Scene
+        What swims; its episode says for how long.
+    entries : sequence of Entry
+        Who plays; in the forward task the REFERENCES must be among them.
+    seeds : sequence of int
+        Of the starts and, in the target task, of the targets.
+    task : str
+        ``forward`` or ``target``.
+    noise : float
+        Factor on the start's noise.
+    environment : mapping, optional
+        Arguments of the task, such as ``target_radius``.
+    keep : int
+        Episodes of each entry that are kept for pictures.
+    threads : int, optional
+        As many as numba is told to use unless given.
+    progress : callable, optional
+        Called with the simulated seconds that were played or checked since the last call.
+
+    Returns
+    -------
+    Contest
+        Its record holds ``scene``, ``task``, ``seeds``, ``duration``, ``tolerance``; in
+        ``policies`` for each entry lists over seeds (``net_displacement``, ``fine_displacement``,
+        ``verified`` and the other figures), medians under ``median``, ``ratio_to_paper_wave`` and
+        ``ratio_to_tuned_wave`` of the medians with the same from the finer computation under
+        ``fine_ratio_to_...``, ``success_rate``, ``verified_success_rate`` (reached, verified, and
+        in the finer computation at most TOLERANCE of the target's radius outside of it) and the
+        ``training``; ``net_displacement`` and ``ratios`` again by entry; in ``groups`` the spread
+        over training seeds; version, machine, commit.
+
+    Raises
+    ------
+    OptionError
+        If there are no seeds, or some are equal or negative; if there is no such task, or one of
+        the REFERENCES does not take part in the forward task.
+    """
+    count = len(seeds)
+    if not seeds or len(set(seeds)) < count or min(seeds) < 0:
+        raise OptionError(f"seeds must be different whole numbers of at least 0, got {list(seeds)}")
+    check_task(task)
+    missing = [name for name in REFERENCES if name not in [entry.name for entry in entries]]
+    if missing and task == "forward":
+        raise OptionError(
+            f"every contest needs {' and '.join(REFERENCES)}, {missing[0]} is missing"
+        )
+    workers = threads or usable_threads()
+    made = VECTOR_ENVIRONMENTS[task]
+    performances: dict[str, list[Performance]] = {}
+    kept: dict[str, list[Rollout]] = {}
+    trajectories: dict[str, list[Trajectory]] = {}
+
+    interval = scene.episode.control_interval * count
+    fine_step = fine_scene(scene).integrator.time_step
+
+    lock = threading.Lock()
+
+    def told(seconds: float) -> None:
+        if progress is not None:
+            with lock:
+                progress(seconds)
+
+    def played(actions: int) -> None:
+        told(actions * interval)
+
+    def checked(steps: int) -> None:
+        told(steps * fine_step)
+
+    def judge(rollout: Rollout) -> tuple[Performance, Trajectory]:
+        trajectory = rollout.simulate()
+        verification = verify_rollout(rollout, progress=checked)
+        return measure_performance(rollout, trajectory, verification), trajectory
+
+    for entry in entries:
+        env = made(
+            count,
+            scene,
+            autoreset_mode=AutoresetMode.NEXT_STEP,
+            num_threads=workers,
+            **(environment or {}),
+        )
+        radius = env.task.radius
+        rollouts = play_episodes(env, entry.policy, seeds, {"noise": noise}, progress=played)
+        env.close()
+        # The kernels release the interpreter's lock.
+        with ThreadPoolExecutor(workers) as pool:
+            judged = list(pool.map(judge, rollouts))
+        performances[entry.name] = [performance for performance, _ in judged]
+        kept[entry.name] = rollouts[:keep]
+        trajectories[entry.name] = [trajectory for _, trajectory in judged[:keep]]
+    settings = {"noise": noise, "environment": dict(environment or {})}
+    if task == "target":
+        settings["target_radius"] = radius
+    record = _record(scene, entries, seeds, task, settings, performances)
+    return Contest(scene, task, tuple(seeds), performances, kept, trajectories, record)
+
+
+def _record(
+    scene: Scene,
+    entries: Sequence[Entry],
+    seeds: Sequence[int],
+    task: str,
+    settings: dict[str, Any],
+    performances: dict[str, list[Performance]],
+) -> dict[str, Any]:
+    policies = {
+        entry.name: {
+            **_summary(performances[entry.name], settings.get("target_radius")),
+            "training": entry.about,
+        }
+        for entry in entries
+    }
+    for kind in ("net_displacement", "fine_displacement"):
+        prefix = "" if kind == "net_displacement" else "fine_"
+        for reference in REFERENCES:
+            # Waves aim at no target: being so many times as near to it as they are means nothing.
+            base = policies[reference]["median"][kind] if task == "forward" else None
+            for one in policies.values():
+                one[f"{prefix}ratio_to_{reference}"] = _ratio(one["median"][kind], base)
+    return {
+        "scene": scene.name,
+        "task": task,
+        "duration": scene.episode.duration,
+        **settings,
+        "tuned_on": _tuned_on(scene),
+        "seeds": list(seeds),
+        "tolerance": TOLERANCE,
+        "net_displacement": {name: one["net_displacement"] for name, one in policies.items()},
+        "ratios": {
+            name: {reference: one[f"ratio_to_{reference}"] for reference in REFERENCES}
+            for name, one in policies.items()
+        },
+        "policies": policies,
+        "groups": _groups(entries, policies),
+        "version": __version__,
+        **where_and_when(),
+        "scene_fields": scene.to_dict(),
+    }
+
+
+def _ratio(value: float | None, base: float | None) -> float | None:
+    """Return a ratio; None where the base got nowhere, or backwards."""
+    if value is None or base is None or base < 1e-9:
+        return None
+    return value / base
+
+
+def _median(values: Sequence[float | None], missing: float | None = None) -> float | None:
+    """Return the median of what is known; None where that is nothing or infinite."""
+    known = [missing if value is None else value for value in values]
+    numbers = [value for value in known if value is not None]
+    median = float(np.median(numbers)) if numbers else math.inf
+    return median if math.isfinite(median) else None
+
+
+def _tuned_on(scene: Scene) -> str | None:
+    """Return the name of the scene that the tuned wave was tuned on, None where it is this one."""
+    record = load_tuned_wave()
+    kept, here = record["scene_fields"], scene.to_dict()
+    same = all(kept.get(block) == here.get(block) for block in ("beam", "fluid", "damping"))
+    return None if same else str(record["scene"])
+
+
+def _summary(performances: Sequence[Performance], radius: float | None) -> dict[str, Any]:
+    """Return lists over seeds, and their medians."""
+    rows = [performance.to_dict() for performance in performances]
+    gaits = [row.pop("gait") for row in rows]
+    data: dict[str, Any] = {name: [row[name] for row in rows] for name in rows[0]}
+    data["gait"] = gaits
+    # A start that gets nowhere has an infinite cost, which counts.
+    missing = {"cost_of_transport": math.inf}
+    data["median"] = {name: _median(data[name], missing.get(name)) for name in _FIGURES}
+    known = [gait for gait in gaits if gait is not None]
+    data["median"]["gait"] = {
+        name: _median([gait[name] for gait in known]) for name in _GAIT_FIGURES
+    }
+    # Medians of phases mean nothing; the wave is that of the episode in the middle.
+    data["median"]["wave"] = _middle_wave(rows, gaits)
+    data["verified_share"] = float(np.mean(data["verified"]))
+    successes = [row["success"] for row in rows]
+    data["success_rate"] = None if successes[0] is None else float(np.mean(successes))
+    data["verified_success_rate"] = None
+    if radius is not None:
+        reach = (1.0 + TOLERANCE) * radius
+        sure = [
+            row["success"] and row["verified"] and row["fine_distance"] <= reach for row in rows
+        ]
+        data["verified_success_rate"] = float(np.mean(sure))
+    return data
+
+
+def _middle_wave(
+    rows: Sequence[dict[str, Any]], gaits: Sequence[dict[str, Any] | None]
+) -> dict[str, float] | None:
+    """Return the wave of the episode whose net displacement is the (lower) median."""
+    known = sorted(
+        (i for i, gait in enumerate(gaits) if gait is not None),
+        key=lambda i: rows[i]["net_displacement"],
+    )
+    if not known:
+        return None
+    gait = gaits[known[(len(known) - 1) // 2]]
+    assert gait is not None
+    return {name: gait["wave"][name] for name in _WAVE_FIGURES}
+
+
+def _groups(entries: Sequence[Entry], policies: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Return the spread over training seeds of groups with more than one member."""
+    groups: dict[str, Any] = {}
+    for group in dict.fromkeys(entry.group for entry in entries):
+        members = [entry.name for entry in entries if entry.group == group]
+        if len(members) < 2:
+            continue
+        found: dict[str, Any] = {"members": members}
+        names = ["median net_displacement", "median fine_displacement", "verified_share"]
+        names += [f"ratio_to_{reference}" for reference in REFERENCES]
+        names += [f"fine_ratio_to_{reference}" for reference in REFERENCES]
+        names += ["success_rate", "verified_success_rate"]
+        for name in names:
+            inside = name.startswith("median ")
+            key = name.removeprefix("median ")
+            values = [policies[m]["median"][key] if inside else policies[m][key] for m in members]
+            known = [value for value in values if value is not None]
+            if known and all(map(math.isfinite, known)):
+                found[key] = {
+                    "median": float(np.median(known)),
+                    "min": min(known),
+                    "max": max(known),
+                }
+        groups[group] = found
+    return groups

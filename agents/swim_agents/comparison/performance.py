@@ -1,0 +1,157 @@
+"""An episode in figures: how far, how fast, at what cost, and in what gait."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from swim_agents.comparison.gait import Gait, analyse_gait
+from swim_agents.rollout import Rollout
+from swim_agents.verification import Verification
+from swim_env.sim.trajectory import Trajectory
+
+__all__ = ["Performance", "measure_gait", "measure_performance"]
+
+#: Share of an episode, from its start, that does not count for the gait: it gets going there.
+GETTING_GOING = 0.25
+#: Fewer actions than this after it are no gait.
+_FEWEST_ACTIONS = 16
+
+
+@dataclass(frozen=True)
+class Performance:
+    """What came of an episode.
+
+    Attributes
+    ----------
+    seed : int
+        Of the start.
+    net_displacement : float
+        Along the goal's direction or towards its point (BL).
+    fine_displacement : float
+        The same from the trust check's finer computation (BL).
+    verified : bool
+        Whether the two agree, see `agents.verify_rollout`.
+    duration : float
+        Simulated time (s), shorter than the scene's where an end came early.
+    speed : float
+        Net displacement per time (BL/s).
+    displacement_per_cycle : float
+        Net displacement per period of the bending's dominant frequency (BL); NaN without a gait.
+    positive_work : float
+        Work of the torques, its positive parts over joints and time steps (J).
+    cost_of_transport : float
+        Positive work per body mass and net displacement (J/(kg m)); infinite where there is none
+        or it is backwards.
+    torque_squared : float
+        Integral of the squared torques over time, summed over joints (N^2 m^2 s).
+    heading_change : float
+        Change of the mean element angle (rad).
+    energy_drift : float
+        Of the run, see `swim_env.Trajectory.summary`.
+    success : bool or None
+        Whether the target was reached; None where there is none.
+    fine_distance : float or None
+        How near the finer computation comes to the target (BL).
+    termination_reason : str
+        Why it ended early, empty where it did not.
+    gait : Gait or None
+        None where the episode is too short for one or nothing moves.
+    """
+
+    seed: int
+    net_displacement: float
+    fine_displacement: float
+    verified: bool
+    duration: float
+    speed: float
+    displacement_per_cycle: float
+    positive_work: float
+    cost_of_transport: float
+    torque_squared: float
+    heading_change: float
+    energy_drift: float
+    success: bool | None
+    fine_distance: float | None
+    termination_reason: str
+    gait: Gait | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON; what is not finite as null."""
+        data: dict[str, Any] = {}
+        for name, value in vars(self).items():
+            if isinstance(value, Gait):
+                data[name] = value.to_dict()
+            elif isinstance(value, float) and not math.isfinite(value):
+                data[name] = None
+            else:
+                data[name] = value
+        return data
+
+
+def measure_performance(
+    rollout: Rollout, trajectory: Trajectory, verification: Verification
+) -> Performance:
+    """Sum up an episode.
+
+    Parameters
+    ----------
+    rollout : Rollout
+        The episode.
+    trajectory : Trajectory
+        The same motion with energy and work, from `Rollout.simulate`.
+    verification : Verification
+        Of the same episode.
+    """
+    scene = rollout.scene
+    beam = scene.beam
+    net, duration = rollout.net_displacement, trajectory.duration
+    gait = measure_gait(rollout, trajectory)
+    cycles = gait.frequency * duration if gait is not None else 0.0
+    work = float(trajectory.positive_work.sum())
+    mass = beam.line_density * beam.length
+    return Performance(
+        seed=-1 if rollout.seed is None else rollout.seed,
+        net_displacement=net,
+        fine_displacement=verification.fine_displacement,
+        verified=verification.verified,
+        duration=duration,
+        speed=net / duration if duration else 0.0,
+        displacement_per_cycle=net / cycles if cycles else math.nan,
+        positive_work=work,
+        cost_of_transport=work / (mass * net * beam.length) if net > 0.0 else math.inf,
+        torque_squared=float((trajectory.torques**2).sum()) * scene.integrator.time_step,
+        heading_change=trajectory.heading_change,
+        energy_drift=float(trajectory.summary()["energy_drift"]),
+        success=rollout.info.get("success"),
+        fine_distance=verification.fine_distance,
+        termination_reason=rollout.info["termination_reason"],
+        gait=gait,
+    )
+
+
+def measure_gait(rollout: Rollout, trajectory: Trajectory) -> Gait | None:
+    """Return the gait of an episode after its start; None where there is none.
+
+    Parameters
+    ----------
+    rollout : Rollout
+        The episode.
+    trajectory : Trajectory
+        The same motion, from `Rollout.simulate`.
+    """
+    scene = rollout.scene
+    hold = scene.steps_per_action
+    whole = trajectory.steps // hold
+    first = math.ceil(GETTING_GOING * whole)
+    if whole - first < _FEWEST_ACTIONS:
+        return None
+    bending = np.diff(trajectory.angles, axis=1)[: whole * hold : hold][first:]
+    torques = rollout.torques[first:whole]
+    if np.ptp(bending) == 0.0:
+        return None
+    times = np.arange(first, whole) * scene.episode.control_interval
+    return analyse_gait(times, bending, torques, scene.beam.joint_fractions)

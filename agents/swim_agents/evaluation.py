@@ -1,0 +1,113 @@
+"""Playing many episodes side by side, one for each seed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+
+from swim_agents.baselines import Policy
+from swim_agents.rollout import Rollout
+from swim_env.envs.vector import SwimVectorEnv
+from swim_env.errors import OptionError
+
+__all__ = ["play_episodes"]
+
+
+def play_episodes(
+    env: SwimVectorEnv,
+    policy: Policy,
+    seeds: Sequence[int],
+    options: Mapping[str, Any] | None = None,
+    deterministic: bool = True,
+    progress: Callable[[int], object] | None = None,
+) -> list[Rollout]:
+    """Play one episode for each seed.
+
+    With the same actions an episode is bit for bit the one that `agents.play_episode` plays. The
+    actions of a network can differ from those in the last digit, since a product of matrices may
+    round otherwise for a batch.
+
+    Parameters
+    ----------
+    env : SwimVectorEnv
+        A batch of as many members, in autoreset mode NEXT_STEP.
+    policy : Policy
+        Who plays.
+    seeds : sequence of int
+        Of the starts.
+    options : mapping, optional
+        For the reset, the same for all.
+    deterministic : bool
+        Whether to leave out what a policy does at random.
+    progress : callable, optional
+        Called with 1 after every action of the batch.
+
+    Returns
+    -------
+    list of Rollout
+        One for each seed.
+
+    Raises
+    ------
+    OptionError
+        If the batch has another size or mode.
+    """
+    count = len(seeds)
+    if env.num_envs != count or env.autoreset_mode is not AutoresetMode.NEXT_STEP:
+        raise OptionError(
+            f"play_episodes needs a batch of {count} members in mode NextStep, got "
+            f"{env.num_envs} in mode {env.autoreset_mode.value}"
+        )
+    observations, infos = env.reset(
+        seed=list(seeds), options=None if options is None else dict(options)
+    )
+    episodes = env.episodes
+    coordinates, velocities = episodes.bodies.coordinates, episodes.bodies.velocities
+    coordinates, velocities = coordinates.copy(), velocities.copy()
+    goals = episodes.goals.copy()
+    torques: list[list[Any]] = [[] for _ in seeds]
+    rewards: list[list[float]] = [[] for _ in seeds]
+    paths: list[list[Any]] = [[place.copy()] for place in infos["position"]]
+    ends: dict[int, tuple[dict[str, Any], bool, bool, int]] = {}
+    state: Any = None
+    start = np.ones(count, dtype=np.bool_)
+    while len(ends) < count:
+        actions, state = policy.predict(observations, state, start, deterministic)
+        observations, gains, terminated, truncated, infos = env.step(actions)
+        start = np.zeros(count, dtype=np.bool_)
+        for member in range(count):
+            if member in ends:
+                continue
+            torques[member].append(episodes.torques[member, 0].copy())
+            rewards[member].append(float(gains[member]))
+            paths[member].append(infos["position"][member].copy())
+            if terminated[member] or truncated[member]:
+                ends[member] = (
+                    episodes.info(member),
+                    bool(terminated[member]),
+                    bool(truncated[member]),
+                    int(episodes.bodies.steps_taken[member]),
+                )
+        if progress is not None:
+            progress(1)
+    return [
+        Rollout(
+            scene=env.scene,
+            seed=int(seed),
+            coordinates=coordinates[member],
+            velocity=velocities[member],
+            goal=goals[member],
+            goal_is_point=env.task.goal_is_point,
+            torques=np.array(torques[member]),
+            steps=ends[member][3],
+            rewards=np.array(rewards[member]),
+            path=np.array(paths[member]),
+            info=ends[member][0],
+            terminated=ends[member][1],
+            truncated=ends[member][2],
+        )
+        for member, seed in enumerate(seeds)
+    ]

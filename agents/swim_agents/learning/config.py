@@ -1,0 +1,437 @@
+"""A training run's configuration: one YAML file, one dataclass, everything that decides the run."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from swim_agents.learning.settings import (
+    ALGORITHMS,
+    BLOCKS,
+    MOST,
+    Evaluations,
+    Network,
+    PPOSettings,
+    SACSettings,
+    build_settings,
+    store,
+)
+from swim_env.envs.task import TASKS, Task
+from swim_env.errors import SceneError, SwimError
+from swim_env.files.atomic import write_atomically
+from swim_env.scene import Scene, load_scene
+from swim_env.scene.blocks import plain
+from swim_env.scene.checks import (
+    check_fields,
+    check_integer,
+    check_name,
+    check_real,
+    check_text,
+    got,
+    nearest,
+)
+from swim_env.scene.yaml import dump_yaml, parse_overrides, parse_yaml, read_text
+
+__all__ = [
+    "ConfigError",
+    "TrainingConfig",
+    "config_names",
+    "load_config",
+]
+
+_TASK_OPTIONS = {
+    "forward": ("effort_weight", "heading_weight"),
+    "target": (
+        "effort_weight",
+        "heading_weight",
+        "target_bearing",
+        "target_distance",
+        "target_radius",
+    ),
+}
+
+
+class ConfigError(SwimError, ValueError):
+    """A training configuration cannot be used.
+
+    Parameters
+    ----------
+    problem : str
+        What is wrong, in which field, and what would be right.
+    source : str, optional
+        Where the configuration came from.
+    """
+
+    def __init__(self, problem: str, source: str | None = None) -> None:
+        problem = " ".join(problem.splitlines())
+        super().__init__(problem, source)
+        self.problem, self.source = problem, source
+
+    def __str__(self) -> str:
+        """Return the message, with the source in brackets where known."""
+        return self.problem if self.source is None else f"{self.problem} ({self.source})"
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """Everything that decides a training run but its seed.
+
+    Attributes
+    ----------
+    name : str
+        Of the agent.
+    description : str
+        What it is for, and why the settings are what they are.
+    algorithm : str
+        One of ALGORITHMS.
+    task : str
+        A key of TASKS.
+    scene : Scene
+        What swims.
+    environment : dict
+        Arguments of the task, such as ``effort_weight`` or ``target_distance``.
+    members : int
+        Episodes that are played side by side.
+    steps : int
+        Environment steps (actions) in all.
+    discount : float
+        gamma, in (0, 1).
+    learning_rate, final_learning_rate : float
+        Of Adam, at the start and at the end, linear in between; constant where the final one is
+        not given.
+    reward_scale : float or None
+        What the learner sees is the reward times this. With PPO it may be None: the reward over the
+        running standard deviation of the discounted return.
+    state_dependent_noise, noise_hold : bool, int
+        Whether exploration is a random function of the state (gSDE, Raffin et al. 2022), drawn anew
+        every `noise_hold` actions, instead of independent noise at every joint and action.
+    network : Network
+        Of policy and critic.
+    ppo : PPOSettings or None
+        With algorithm PPO, and with it alone.
+    sac : SACSettings or None
+        With algorithm SAC, and with it alone.
+    evaluation : Evaluations
+        The periodic evaluation.
+    checkpoint_every : int
+        Environment steps between checkpoints.
+    torch_threads : int
+        Threads of PyTorch. One is fastest for networks of this size, and only a fixed number gives
+        the same run twice.
+    """
+
+    name: str = "agent"
+    description: str = ""
+    algorithm: str = "PPO"
+    task: str = "forward"
+    scene: Scene = field(default_factory=lambda: load_scene("swimmer"))
+    environment: dict[str, Any] = field(default_factory=dict)
+    members: int = 64
+    steps: int = 1_000_000
+    discount: float = 0.998
+    learning_rate: float = 3e-4
+    final_learning_rate: float | None = None
+    reward_scale: float | None = None
+    state_dependent_noise: bool = True
+    noise_hold: int = 4
+    network: Network = field(default_factory=Network)
+    ppo: PPOSettings | None = None
+    sac: SACSettings | None = None
+    evaluation: Evaluations = field(default_factory=Evaluations)
+    checkpoint_every: int = 250_000
+    torch_threads: int = 1
+
+    def __post_init__(self) -> None:
+        """Check every field, and that they fit together."""
+        try:
+            self._check()
+        except SceneError as error:
+            raise ConfigError(error.problem) from None
+
+    def _check(self) -> None:
+        name = check_text(self.name, "name")
+        if name in ("", ".", "..") or not name.isprintable() or set(name) & set("/\\"):
+            raise ConfigError(f"name must be a short text without slashes, got {name!r}")
+        if not isinstance(self.state_dependent_noise, bool):
+            raise ConfigError(
+                "state_dependent_noise must be true or false, got "
+                + got(self.state_dependent_noise)
+            )
+        final = self.final_learning_rate
+        store(
+            self,
+            description=check_text(self.description, "description"),
+            algorithm=check_name(self.algorithm, "algorithm", ALGORITHMS),
+            task=check_name(self.task, "task", tuple(TASKS)),
+            members=check_integer(self.members, "members", 1, 100_000),
+            steps=check_integer(self.steps, "steps", 1, MOST),
+            discount=_discount(self.discount),
+            learning_rate=check_real(self.learning_rate, "learning_rate", above=0.0, at_most=1.0),
+            final_learning_rate=None
+            if final is None
+            else check_real(final, "final_learning_rate", at_least=0.0, at_most=1.0),
+            reward_scale=None
+            if self.reward_scale is None
+            else check_real(self.reward_scale, "reward_scale", above=0.0),
+            noise_hold=check_integer(self.noise_hold, "noise_hold", 1, 1_000_000),
+            checkpoint_every=check_integer(self.checkpoint_every, "checkpoint_every", 1, MOST),
+            torch_threads=check_integer(self.torch_threads, "torch_threads", 1, 1024),
+        )
+        for name in BLOCKS:
+            if getattr(self, name) is not None or name in ("network", "evaluation"):
+                store(self, **{name: build_settings(name, getattr(self, name))})
+        if not isinstance(self.scene, Scene):
+            raise ConfigError(f"scene must be a Scene, got {got(self.scene)}")
+        self._check_algorithm()
+        self._check_task()
+
+    def _check_algorithm(self) -> None:
+        own, other = ("ppo", "sac") if self.algorithm == "PPO" else ("sac", "ppo")
+        if getattr(self, other) is not None:
+            raise ConfigError(f"a block {other} has no meaning with algorithm {self.algorithm}")
+        if getattr(self, own) is None:
+            store(self, **{own: PPOSettings() if own == "ppo" else SACSettings()})
+        if self.sac is not None and self.reward_scale is None:
+            raise ConfigError(
+                "reward_scale must be a number with algorithm SAC, whose buffer keeps rewards for "
+                "long, got null"
+            )
+        if self.ppo is not None:
+            samples = self.members * self.ppo.rollout
+            if samples % self.ppo.minibatch:
+                raise ConfigError(
+                    f"ppo.minibatch must divide members * ppo.rollout = {samples}, "
+                    f"got {self.ppo.minibatch}"
+                )
+        if self.sac is not None and self.sac.buffer < self.members:
+            raise ConfigError(
+                f"sac.buffer must be at least members = {self.members}, got {self.sac.buffer}"
+            )
+
+    def _check_task(self) -> None:
+        known = _TASK_OPTIONS[self.task]
+        if not isinstance(self.environment, Mapping):
+            raise ConfigError(
+                f"environment must be a mapping of arguments, got {got(self.environment)}"
+            )
+        for name in self.environment:
+            if name not in known:
+                raise ConfigError(
+                    f"unknown field environment.{name}{nearest(str(name), known)}; known fields "
+                    f"with task {self.task}: {', '.join(known)}"
+                )
+        store(self, environment={key: plain(value) for key, value in self.environment.items()})
+        try:
+            self.make_task()
+        except SwimError as error:
+            raise ConfigError(f"environment: {error}") from None
+        # Refuses a control interval that is no whole number of time steps, as an environment would.
+        _ = self.scene.steps_per_action
+
+    # ---- what follows from it ------------------------------------------------------------------
+
+    def make_task(self) -> Task:
+        """Return the task, with the arguments in `environment`."""
+        short = {name.removeprefix("target_"): value for name, value in self.environment.items()}
+        return TASKS[self.task](self.scene, **short)
+
+    @property
+    def round_steps(self) -> int:
+        """Environment steps of one round, a rollout of all members and the updates after it."""
+        settings = self.ppo or self.sac
+        assert settings is not None
+        return self.members * settings.rollout
+
+    def learning_rate_at(self, steps: int) -> float:
+        """Return the learning rate after a number of environment steps."""
+        if self.final_learning_rate is None:
+            return self.learning_rate
+        done = min(1.0, steps / self.steps)
+        return self.learning_rate + done * (self.final_learning_rate - self.learning_rate)
+
+    # ---- to and from YAML ----------------------------------------------------------------------
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, the scene in full, from which `from_dict` makes the same again."""
+        data: dict[str, Any] = {}
+        for spec in fields(self):
+            value = getattr(self, spec.name)
+            if spec.name == "scene":
+                data["scene"] = value.to_dict()
+            elif value is not None or spec.name in ("final_learning_rate", "reward_scale"):
+                data[spec.name] = dict(value) if isinstance(value, dict) else plain(value)
+        return data
+
+    def to_yaml(self) -> str:
+        """Return the resolved configuration as YAML."""
+        return dump_yaml(self.to_dict())
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the resolved configuration as YAML, whole or not at all.
+
+        Raises
+        ------
+        OSError
+            If the file cannot be written.
+        """
+        text = self.to_yaml().encode("utf-8")
+        write_atomically(path, lambda file: file.write(text))
+
+    @classmethod
+    def from_dict(cls, mapping: Mapping[str, Any], source: str | None = None) -> TrainingConfig:
+        """Make a configuration from plain values.
+
+        Parameters
+        ----------
+        mapping : mapping
+            The fields. ``scene`` is a shipped name, a path, or the scene's own fields; beside it
+            there may be ``overrides``, changes to the scene by dotted path.
+        source : str, optional
+            Where the mapping came from, for messages.
+
+        Raises
+        ------
+        ConfigError
+            If a field is unknown (the nearest known one is named), of the wrong type, out of range,
+            or if fields do not fit together.
+        """
+        known = [spec.name for spec in fields(cls)]
+        try:
+            if not isinstance(mapping, Mapping):
+                raise ConfigError(
+                    f"a configuration must be a mapping of fields, got {got(mapping)}"
+                )
+            given = check_fields(mapping, "", [*known, "overrides"])
+            try:
+                given["scene"] = _scene(given.pop("scene", "swimmer"), given.pop("overrides", None))
+            except (SceneError, ConfigError) as error:
+                raise ConfigError(f"scene: {error.problem}", source or error.source) from None
+            for name in BLOCKS:
+                if given.get(name) is not None:
+                    given[name] = build_settings(name, given[name])
+                else:
+                    given.pop(name, None)
+            return cls(**given)
+        except (ConfigError, SceneError) as error:
+            raise ConfigError(error.problem, error.source or source) from None
+
+    def change(self, changes: Mapping[str, Any]) -> TrainingConfig:
+        """Return a configuration with fields changed.
+
+        Parameters
+        ----------
+        changes : mapping
+            New values by name or dotted path: ``steps``, ``ppo.epochs``,
+            ``scene.beam.elements``.
+
+        Raises
+        ------
+        ConfigError
+            If a path is unknown or the changed configuration is not valid.
+        """
+        data = self.to_dict()
+        scene: dict[str, Any] = {}
+        for path, value in changes.items():
+            block, _, rest = str(path).partition(".")
+            if block == "scene" and rest:
+                scene[rest] = value
+            elif rest and (block in BLOCKS or block == "environment"):
+                inner = data.get(block) or {}
+                if not isinstance(inner, Mapping):
+                    raise ConfigError(f"{block} must be a mapping of fields, got {got(inner)}")
+                data[block] = {**inner, rest: value}
+            else:
+                data[path] = value
+        if scene:
+            try:
+                data["scene"] = _scene(data["scene"], scene).to_dict()
+            except SceneError as error:
+                raise ConfigError(f"scene: {error.problem}") from None
+        return TrainingConfig.from_dict(data)
+
+
+def _discount(value: object) -> float:
+    number = check_real(value, "discount", above=0.0)
+    if not number < 1.0:
+        raise ConfigError(f"discount must be below 1, got {number:g}")
+    return number
+
+
+def _scene(scene: object, overrides: object) -> Scene:
+    """Return the scene that a configuration names or holds, with its overrides."""
+    if isinstance(scene, Mapping):
+        scene = Scene.from_dict(scene, "the configuration's scene")
+    changes: Any = overrides
+    if overrides is not None and not isinstance(overrides, (Mapping, list)):
+        raise ConfigError(f"overrides must be a mapping or a list, got {got(overrides)}")
+    return load_scene(scene, changes)  # type: ignore[arg-type]
+
+
+# ---- finding configurations --------------------------------------------------------------------
+
+
+def _config_folder() -> Path:
+    """Return the folder of the shipped configurations: in the wheel, or beside the package."""
+    here = Path(__file__).parents[1]
+    beside = here.parents[1] / "configs" / "agents"
+    inside = here / "configs" / "agents"
+    return inside if inside.is_dir() else beside
+
+
+def config_names() -> tuple[str, ...]:
+    """Return the names of the shipped configurations, sorted."""
+    return tuple(sorted(path.stem for path in _config_folder().glob("*.yaml")))
+
+
+def load_config(
+    config: str | os.PathLike[str], overrides: list[str] | Mapping[str, Any] | None = None
+) -> TrainingConfig:
+    """Read a configuration and change fields of it.
+
+    Parameters
+    ----------
+    config : str or os.PathLike
+        A shipped name (see `config_names`) or the path of a YAML file.
+    overrides : list of str or mapping, optional
+        Changes such as ``"steps=100000"`` or ``"ppo.epochs=10"``, the values read as YAML.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such file, or it or an override cannot be used.
+
+    Examples
+    --------
+    >>> load_config("ppo_forward", ["steps=1000000"]).steps
+    1000000
+    """
+    given = os.fspath(config)
+    path, source = Path(given), given
+    if given in config_names():
+        path, source = _config_folder() / f"{given}.yaml", f"configs/agents/{given}.yaml"
+    if not path.exists():
+        names = config_names()
+        raise ConfigError(
+            f"no such configuration: {given}{nearest(path.stem, names)}; shipped: "
+            f"{', '.join(names) or 'none'}"
+        )
+    try:
+        text = read_text(path, source)
+        data: Any = parse_yaml(text, source)
+    except SceneError as error:
+        problem = error.problem.replace("the scene file", "the configuration")
+        raise ConfigError(problem, error.source) from None
+    if data is None:
+        raise ConfigError("the file is empty, must hold a training configuration", source)
+    if isinstance(data, dict):
+        data = {"name": path.stem, **data}
+    found = TrainingConfig.from_dict(data, source)
+    if not overrides:
+        return found
+    try:
+        return found.change(parse_overrides(overrides))
+    except (ConfigError, SceneError) as error:
+        raise ConfigError(error.problem, f"{source} with overrides") from None

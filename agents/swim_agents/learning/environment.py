@@ -1,0 +1,135 @@
+"""The batch that a training run plays in."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from swim_agents.learning.config import TrainingConfig
+from swim_agents.vec_env import SwimVecEnv
+from swim_env.envs.episodes import EpisodesSnapshot
+from swim_env.envs.interface import EnvSnapshot
+from swim_env.envs.vector import VECTOR_ENVIRONMENTS, SwimVectorEnv
+
+# After swim_agents.vec_env, which says in one line what is missing where this is not installed.
+from stable_baselines3.common.running_mean_std import RunningMeanStd  # isort: skip
+from stable_baselines3.common.vec_env import VecEnvWrapper, VecMonitor  # isort: skip
+
+__all__ = ["TrainingEnv", "make_batch", "make_training_env"]
+
+#: What a running standard deviation consists of; and what is added to its square, so that the
+#: first rewards, before it is known, are not divided by nothing.
+_SPREAD = ("mean", "var", "count")
+_SMALL = 1e-8
+
+
+def make_batch(
+    config: TrainingConfig,
+    members: int,
+    threads: int | None = None,
+    mode: AutoresetMode = AutoresetMode.SAME_STEP,
+) -> SwimVectorEnv:
+    """Make a batch of a configuration's scene and task."""
+    return VECTOR_ENVIRONMENTS[config.task](
+        members, config.scene, autoreset_mode=mode, num_threads=threads, **config.environment
+    )
+
+
+class TrainingEnv(VecEnvWrapper):  # type: ignore[misc]
+    """A batch whose rewards are scaled for the learner, and whose state can be kept.
+
+    Episode statistics in the infos are those of the rewards as they are.
+
+    Parameters
+    ----------
+    venv : VecMonitor
+        Around a `SwimVecEnv`.
+    reward_scale : float, optional
+        What rewards are multiplied by. Unless given they are divided by the running standard
+        deviation of the discounted return, which is the scale of what a critic has to learn.
+    discount : float
+        Of that return.
+    """
+
+    def __init__(
+        self, venv: VecMonitor, reward_scale: float | None = None, discount: float = 0.99
+    ) -> None:
+        super().__init__(venv)
+        self.reward_scale = reward_scale
+        self.discount = discount
+        self._spread = RunningMeanStd(shape=())
+        self._returns = np.zeros(self.num_envs)
+
+    @property
+    def batch(self) -> SwimVectorEnv:
+        """The batched environment inside."""
+        env: SwimVectorEnv = self.venv.venv.env
+        return env
+
+    def reset(self) -> NDArray[np.float32]:
+        """Start all members; returns observations, (M, n)."""
+        observations: NDArray[np.float32] = self.venv.reset()
+        self._returns[:] = 0.0
+        return observations
+
+    def step_wait(
+        self,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Return what the batch returns, the rewards scaled."""
+        observations, rewards, dones, infos = self.venv.step_wait()
+        return observations, rewards * np.float32(self._scale(rewards, dones)), dones, infos
+
+    def _scale(self, rewards: NDArray[np.float32], dones: NDArray[np.bool_]) -> float:
+        if self.reward_scale is not None:
+            return self.reward_scale
+        self._returns = self._returns * self.discount + rewards
+        self._spread.update(self._returns)
+        self._returns[dones] = 0.0
+        return 1.0 / float(np.sqrt(self._spread.var + _SMALL))
+
+    def state(self) -> dict[str, Any]:
+        """Return all that decides how the episodes go on, as arrays and plain values."""
+        episodes = self.batch.snapshot().episodes
+        return {
+            "arrays": episodes.arrays,
+            "randoms": episodes.randoms,
+            "returns": self.venv.episode_returns.copy(),
+            "lengths": self.venv.episode_lengths.copy(),
+            "count": self.venv.episode_count,
+            "discounted_returns": self._returns.copy(),
+            "spread": [float(getattr(self._spread, name)) for name in _SPREAD],
+        }
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Go on from what `state` returned."""
+        self.venv.reset()  # gives every member a generator, whose state is then replaced
+        task = self.batch.episodes.task.identity
+        snapshot = EpisodesSnapshot(task, state["arrays"], state["randoms"])
+        self.batch.restore(EnvSnapshot(snapshot, True))
+        self.venv.episode_returns = state["returns"].copy()
+        self.venv.episode_lengths = state["lengths"].copy()
+        self.venv.episode_count = state["count"]
+        self._returns = state["discounted_returns"].copy()
+        for name, value in zip(_SPREAD, state["spread"], strict=True):
+            setattr(self._spread, name, np.float64(value))
+
+
+def make_training_env(config: TrainingConfig, seed: int, threads: int | None = None) -> TrainingEnv:
+    """Make the batch that a training run plays in.
+
+    Parameters
+    ----------
+    config : TrainingConfig
+        The run.
+    seed : int
+        Member i is seeded with ``seed * members + i``, so runs with different seeds share no start.
+    threads : int, optional
+        Threads of the batch; as many as numba is told to use unless given. The results do not
+        depend on it.
+    """
+    venv = SwimVecEnv(make_batch(config, config.members, threads))
+    venv.seed(seed * config.members)
+    return TrainingEnv(VecMonitor(venv), config.reward_scale, config.discount)

@@ -1,0 +1,241 @@
+"""Models of stable-baselines3, made from a configuration; their state, kept without pickle."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+from collections import deque
+from collections.abc import Iterator
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from swim_agents.learning.config import TrainingConfig
+from swim_agents.learning.settings import Network
+from swim_agents.vec_env import TrainingExtraError
+
+try:
+    import stable_baselines3
+    import torch
+    from stable_baselines3.common.base_class import BaseAlgorithm
+    from stable_baselines3.common.policies import BasePolicy
+except ImportError as _error:  # pragma: no cover - swim_agents.vec_env has said so already
+    raise TrainingExtraError(f"training needs stable-baselines3 ({_error})") from _error
+
+__all__ = [
+    "checked_device",
+    "make_model",
+    "make_policy",
+    "model_state",
+    "policy_arguments",
+    "set_model_state",
+    "torch_threads",
+]
+
+_ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
+
+
+@contextlib.contextmanager
+def torch_threads(threads: int) -> Iterator[None]:
+    """Let PyTorch use that many threads, and set the number back afterwards."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(threads)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def checked_device(device: str) -> str:
+    """Return a device that PyTorch can use; ``auto`` is a GPU where there is one.
+
+    Raises
+    ------
+    SwimError
+        If there is no such device.
+    """
+    from swim_env.errors import SwimError
+
+    if device == "auto":
+        return "cuda" if torch.cuda.is_available() else "cpu"
+    try:
+        torch.zeros(1, device=device).cpu()
+    except (RuntimeError, AssertionError, NotImplementedError) as error:
+        reason = str(error).splitlines()[0]
+        raise SwimError(f"cannot train on device {device!r}: {reason}; cpu always works") from None
+    return device
+
+
+def policy_arguments(network: Network, algorithm: str) -> dict[str, Any]:
+    """Return the arguments of a policy of stable-baselines3 that a network stands for."""
+    arguments: dict[str, Any] = {
+        "net_arch": list(network.layers),
+        "activation_fn": _ACTIVATIONS[network.activation],
+        "log_std_init": network.log_std,
+    }
+    if algorithm == "PPO":
+        layers = list(network.layers)
+        arguments["net_arch"] = {"pi": layers, "vf": layers}
+    return arguments
+
+
+def make_policy(
+    algorithm: str,
+    observation_space: gymnasium.spaces.Box,
+    action_space: gymnasium.spaces.Box,
+    network: Network,
+    state_dependent: bool,
+) -> BasePolicy:
+    """Make an untrained policy, of the shape that a saved agent's weights have."""
+    made = getattr(stable_baselines3, algorithm).policy_aliases["MlpPolicy"]
+    return made(
+        observation_space,
+        action_space,
+        lambda _: 0.0,
+        use_sde=state_dependent,
+        **policy_arguments(network, algorithm),
+    )
+
+
+def make_model(config: TrainingConfig, env: Any, seed: int, device: str) -> BaseAlgorithm:
+    """Make the untrained model of a run.
+
+    Parameters
+    ----------
+    config : TrainingConfig
+        The run.
+    env : TrainingEnv
+        Its batch.
+    seed : int
+        Of the network's first weights, of exploration and of minibatches.
+    device : str
+        For PyTorch.
+    """
+    common: dict[str, Any] = {
+        "policy": "MlpPolicy",
+        "env": env,
+        "gamma": config.discount,
+        # The rate is set before every round, since a round knows nothing of the whole run.
+        "learning_rate": config.learning_rate,
+        "use_sde": config.state_dependent_noise,
+        "sde_sample_freq": config.noise_hold,
+        "policy_kwargs": policy_arguments(config.network, config.algorithm),
+        "seed": seed,
+        "device": device,
+        "verbose": 0,
+    }
+    if config.ppo is not None:
+        model = stable_baselines3.PPO(
+            n_steps=config.ppo.rollout,
+            batch_size=config.ppo.minibatch,
+            n_epochs=config.ppo.epochs,
+            gae_lambda=config.ppo.gae_lambda,
+            clip_range=config.ppo.clip_range,
+            ent_coef=config.ppo.entropy_coefficient,
+            vf_coef=config.ppo.value_coefficient,
+            max_grad_norm=config.ppo.max_gradient_norm,
+            target_kl=config.ppo.target_kl,
+            **common,
+        )
+    else:
+        assert config.sac is not None
+        entropy = config.sac.target_entropy
+        model = stable_baselines3.SAC(
+            buffer_size=config.sac.buffer,
+            batch_size=config.sac.minibatch,
+            train_freq=config.sac.rollout,
+            gradient_steps=config.sac.updates,
+            learning_starts=config.sac.learning_starts,
+            tau=config.sac.tau,
+            n_steps=config.sac.return_steps,
+            ent_coef=f"auto_{config.sac.temperature!r}",
+            target_entropy="auto" if entropy is None else entropy,
+            **common,
+        )
+    # The constructor seeds the batch with the model's seed; a run's members have their own.
+    env.seed(seed * config.members)
+    return model
+
+
+# ---- state -------------------------------------------------------------------------------------
+
+#: Counters of a model, beside its parameters.
+_COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
+
+
+def model_state(model: BaseAlgorithm) -> dict[str, Any]:
+    """Return all that decides how training goes on, as tensors, arrays and plain values."""
+    state: dict[str, Any] = {
+        "parameters": model.get_parameters(),
+        "counters": {name: getattr(model, name) for name in _COUNTERS},
+        "last_observations": model._last_obs,
+        "last_starts": model._last_episode_starts,
+        "episodes": [{key: float(x) for key, x in one.items()} for one in model.ep_info_buffer],
+        "successes": [float(x) for x in model.ep_success_buffer],
+        "random": {
+            "torch": torch.get_rng_state(),
+            "numpy": _plain_numpy_state(),
+            "python": _listed(random.getstate()),
+            "actions": model.action_space.np_random.bit_generator.state,
+        },
+    }
+    if torch.cuda.is_available():
+        state["random"]["cuda"] = torch.cuda.get_rng_state_all()
+    entropy = getattr(model, "log_ent_coef", None)
+    if entropy is not None:
+        state["log_entropy_coefficient"] = entropy.detach().cpu()
+    buffer = getattr(model, "replay_buffer", None)
+    if buffer is not None:
+        filled = buffer.buffer_size if buffer.full else buffer.pos
+        state["buffer"] = {
+            "position": buffer.pos,
+            "full": buffer.full,
+            **{name: getattr(buffer, name)[:filled] for name in _BUFFER_ARRAYS},
+        }
+    return state
+
+
+_BUFFER_ARRAYS = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
+
+
+def set_model_state(model: BaseAlgorithm, state: dict[str, Any]) -> None:
+    """Go on from what `model_state` returned."""
+    model.set_parameters(state["parameters"], exact_match=True, device=model.device)
+    for name, value in state["counters"].items():
+        setattr(model, name, value)
+    model._last_obs = state["last_observations"]
+    model._last_episode_starts = state["last_starts"]
+    window = model._stats_window_size
+    model.ep_info_buffer = deque(state["episodes"], maxlen=window)
+    model.ep_success_buffer = deque(state["successes"], maxlen=window)
+    if "log_entropy_coefficient" in state:
+        with torch.no_grad():
+            model.log_ent_coef.copy_(state["log_entropy_coefficient"])
+    if "buffer" in state:
+        buffer, kept = model.replay_buffer, state["buffer"]
+        buffer.pos, buffer.full = kept["position"], kept["full"]
+        for name in _BUFFER_ARRAYS:
+            getattr(buffer, name)[: len(kept[name])] = kept[name]
+    numbers = state["random"]
+    torch.set_rng_state(numbers["torch"])
+    if "cuda" in numbers and torch.cuda.is_available():
+        torch.cuda.set_rng_state_all(numbers["cuda"])
+    name, keys, *rest = numbers["numpy"]
+    np.random.set_state((name, np.asarray(keys, dtype=np.uint32), *rest))
+    random.setstate(_tupled(numbers["python"]))
+    model.action_space.np_random.bit_generator.state = numbers["actions"]
+
+
+def _plain_numpy_state() -> list[Any]:
+    """Return the state of numpy's global generator, which replay buffers and minibatches use."""
+    name, keys, position, has_gauss, cached = np.random.get_state()
+    return [name, np.asarray(keys).tolist(), int(position), int(has_gauss), float(cached)]
+
+
+def _listed(value: Any) -> Any:
+    return [_listed(item) for item in value] if isinstance(value, tuple) else value
+
+
+def _tupled(value: Any) -> Any:
+    return tuple(_tupled(item) for item in value) if isinstance(value, list) else value

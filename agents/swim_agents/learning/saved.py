@@ -1,0 +1,387 @@
+"""Saved agents: a folder with the model and a description of what it was trained on.
+
+``model.zip`` is a file of stable-baselines3, which its own ``load`` reads too. Such files hold
+pickled Python objects beside the weights, and unpickling runs whatever code they contain. An agent
+is therefore rebuilt from ``agent.json`` and the weights alone, which PyTorch reads without running
+code (``weights_only``); only a bare model file without a description has to be trusted, and only
+on request.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import pickle
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from swim_agents.learning.config import ConfigError, TrainingConfig
+from swim_agents.learning.settings import ALGORITHMS, network_of
+from swim_env.envs.assessment import OBSERVATION_LAYOUT, observation_size
+from swim_env.envs.interface import action_space_of, observation_space_of
+from swim_env.envs.task import TASKS, Task
+from swim_env.errors import OptionError, SceneError, SwimError
+from swim_env.files.folders import write_folder
+from swim_env.scene import Beam, Scene
+from swim_env.scene.blocks import plain
+from swim_env.scene.checks import check_name, check_text
+
+__all__ = [
+    "AGENT_FILES",
+    "AgentError",
+    "AgentPolicy",
+    "load_agent",
+    "load_bare_model",
+    "save_agent",
+]
+
+#: What an agent's folder holds, and what a training run may put beside it.
+AGENT_FILES = ("agent.json", "model.zip")
+FORMAT_VERSION = 1
+
+#: What must be the same in the scene that an agent plays: the body, its fluid, its joints.
+_SAME = (
+    *(f"beam.{spec.name}" for spec in fields(Beam)),
+    "fluid.model",
+    "fluid.density",
+    "axial_added_mass",
+    "torque_limit",
+    "actuation.active_until",
+    "episode.control_interval",
+)
+
+
+class AgentError(SwimError, ValueError):
+    """A saved agent cannot be read, or does not fit what it is to play."""
+
+
+class AgentPolicy:
+    """A trained policy, with the `predict` call of a model of stable-baselines3.
+
+    Parameters
+    ----------
+    policy : stable_baselines3.common.policies.BasePolicy
+        The network.
+    description : mapping
+        What ``agent.json`` says of it.
+
+    Attributes
+    ----------
+    description : dict
+        Name, algorithm, task, scene and the record of the training.
+    """
+
+    def __init__(self, policy: Any, description: Mapping[str, Any]) -> None:
+        self._policy = policy
+        self.description = dict(description)
+
+    @property
+    def name(self) -> str:
+        """The agent's name."""
+        return str(self.description["name"])
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that it was trained on."""
+        return Scene.from_dict(self.description["scene"])
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Any]:
+        """Return actions, (N - 1,) or (M, N - 1), and the state as it came.
+
+        Raises
+        ------
+        OptionError
+            If the observation has another shape than those it was trained with.
+        """
+        shape = np.shape(observation)
+        size = self._policy.observation_space.shape[0]
+        if len(shape) not in (1, 2) or shape[-1] != size:
+            raise OptionError(
+                f"observation must have shape ({size},) or (M, {size}), as agent {self.name} was "
+                f"trained with, got {shape}"
+            )
+        actions, _ = self._policy.predict(
+            np.asarray(observation, dtype=np.float32), deterministic=deterministic
+        )
+        return actions, state
+
+    def check(self, scene: Scene, task: str | None = None) -> None:
+        """Refuse a scene or a task that the agent was not trained for.
+
+        The body, its fluid, the torque limit and the control interval must be the same. The time
+        step, the panels, damping, the start and its noise may differ.
+
+        Raises
+        ------
+        AgentError
+            If something differs; the message says what.
+        """
+        trained = self.description["task"]
+        if task is not None and task != trained:
+            raise AgentError(f"agent {self.name} was trained for task {trained}, not for {task}")
+        own = self.scene
+        found = _differences(own, scene)
+        if found:
+            field, here, there = found[0]
+            more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+            raise AgentError(
+                f"agent {self.name} was trained on scene {own.name} and cannot play scene "
+                f"{scene.name}: {field} is {there}, it was {here} in training{more}"
+            )
+
+
+def _differences(own: Scene, other: Scene) -> list[tuple[str, Any, Any]]:
+    """Return the fields that must agree and do not: name, the agent's value, the scene's."""
+    found = []
+    for path in _SAME:
+        here, there = _value(own, path), _value(other, path)
+        if here != there:
+            found.append((path, here, there))
+    return found
+
+
+def _value(scene: Scene, path: str) -> Any:
+    """Return a field by its path, as a file would have it; None inside an absent block."""
+    value: Any = scene
+    for name in path.split("."):
+        value = getattr(value, name, None)
+    return plain(value)
+
+
+# ---- writing and reading -----------------------------------------------------------------------
+
+
+def save_agent(
+    folder: str | os.PathLike[str],
+    model: Any,
+    config: TrainingConfig,
+    record: Mapping[str, Any],
+) -> None:
+    """Write an agent's folder, whole or not at all; one of an earlier agent is replaced.
+
+    Parameters
+    ----------
+    folder : str or os.PathLike
+        The folder.
+    model : stable_baselines3.common.base_class.BaseAlgorithm
+        The model.
+    config : TrainingConfig
+        How it was trained.
+    record : mapping
+        Seed, steps, seconds, scores, versions ... as plain values, for ``agent.json``.
+
+    Raises
+    ------
+    SwimError
+        If it cannot be written; an earlier agent is untouched.
+    """
+    data = config.to_dict()
+    description = {
+        "format_version": FORMAT_VERSION,
+        **{name: data[name] for name in ("name", "description", "algorithm", "task")},
+        "environment": data["environment"],
+        "network": data["network"],
+        "state_dependent_noise": data["state_dependent_noise"],
+        "observation": {
+            "layout": OBSERVATION_LAYOUT,
+            "size": observation_size(config.scene.beam.elements, TASKS[config.task].goal_is_point),
+        },
+        "training": dict(record),
+        "scene": data["scene"],
+    }
+
+    def write(ready: Path) -> None:
+        text = json.dumps(description, indent=1, allow_nan=False)
+        (ready / "agent.json").write_text(text + "\n", encoding="utf-8")
+        model.save(ready / "model.zip")
+
+    write_folder(folder, AGENT_FILES, write)
+
+
+def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
+    """Read an agent's folder. No code from it is run: see this module's first lines.
+
+    Parameters
+    ----------
+    folder : str or os.PathLike
+        With ``agent.json`` and ``model.zip``.
+
+    Raises
+    ------
+    AgentError
+        If a file is missing or damaged, if the two do not belong together, or if the agent observes
+        other quantities than this version of the environment gives.
+    """
+    where = os.fspath(folder)
+    description = _description(Path(folder) / "agent.json")
+    from swim_agents.learning.models import make_policy
+
+    try:
+        scene = Scene.from_dict(description["scene"])
+        task: Task = TASKS[description["task"]](scene)
+        network = network_of(description["network"])
+        layout = description["observation"]
+        algorithm = check_name(description["algorithm"], "algorithm", ALGORITHMS)
+        gsde = bool(description["state_dependent_noise"])
+        name = check_text(description["name"], "name")
+        if not name.isprintable():
+            raise SceneError("name must be text on one line")
+    except (KeyError, TypeError, SceneError, ConfigError) as error:
+        raise AgentError(f"agent.json does not describe an agent: {error} ({where})") from None
+    expected = {"layout": OBSERVATION_LAYOUT, "size": task.observation_size}
+    if not isinstance(layout, Mapping):
+        raise AgentError(f"agent.json does not describe an agent: observation ({where})")
+    if layout != expected:
+        raise AgentError(
+            f"agent {name} observes layout {layout.get('layout')} with {layout.get('size')} "
+            f"numbers, this version gives layout {expected['layout']} with {expected['size']} "
+            f"({where})"
+        )
+    weights = _weights(Path(folder) / "model.zip")
+    try:
+        policy = make_policy(
+            algorithm, observation_space_of(task), action_space_of(task), network, gsde
+        )
+        policy.load_state_dict(weights)
+    except (RuntimeError, AttributeError, TypeError):
+        raise AgentError(
+            f"the weights in model.zip are not those of the agent that agent.json describes "
+            f"({where})"
+        ) from None
+    policy.set_training_mode(False)
+    return AgentPolicy(policy, description)
+
+
+def _description(path: Path) -> dict[str, Any]:
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise AgentError(f"no agent there: {path.name} is missing ({path.parent})") from None
+    except (OSError, ValueError, RecursionError) as error:
+        raise AgentError(f"agent.json cannot be read: {error} ({path.parent})") from None
+    version = data.get("format_version") if isinstance(data, dict) else None
+    if version != FORMAT_VERSION:
+        raise AgentError(
+            f"agent.json must be of format version {FORMAT_VERSION}, got {version} ({path.parent})"
+        )
+    return dict(data)
+
+
+def _weights(path: Path) -> Any:
+    """Return the policy's weights out of a file of stable-baselines3, reading only them."""
+    import torch
+
+    try:
+        with zipfile.ZipFile(path) as archive:
+            content = archive.read("policy.pth")
+        return torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
+    except FileNotFoundError:
+        raise AgentError(f"no agent there: {path.name} is missing ({path.parent})") from None
+    except OSError as error:
+        raise AgentError(f"cannot read the model: {error.strerror or error} ({path})") from None
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        KeyError,
+        AttributeError,
+        TypeError,
+        RuntimeError,
+        EOFError,
+        ValueError,
+        pickle.UnpicklingError,
+    ):
+        raise AgentError(
+            f"the model is damaged or cut short, or no file of stable-baselines3 ({path})"
+        ) from None
+
+
+def load_bare_model(path: str | os.PathLike[str], scene: Scene, trust: bool) -> AgentPolicy:
+    """Read a model file of stable-baselines3 that comes without ``agent.json``.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        The file.
+    scene : Scene
+        What it is to play, taken to be what it was trained on.
+    trust : bool
+        Whether to unpickle what the file holds, which runs its code.
+
+    Raises
+    ------
+    AgentError
+        If it is not to be trusted, cannot be read, or does not fit the scene.
+    """
+    name = os.fspath(path)
+    if not trust:
+        raise AgentError(
+            f"{name} has no agent.json beside it, so reading it would unpickle, that is run, what "
+            "it contains; if you trust where it came from, say so (trust=True, or --trust)"
+        )
+    import stable_baselines3
+
+    for algorithm in ("PPO", "SAC"):
+        try:
+            model = getattr(stable_baselines3, algorithm).load(
+                path, device="cpu", custom_objects={"replay_buffer_class": None}
+            )
+            break
+        except (
+            zipfile.BadZipFile,
+            KeyError,
+            RuntimeError,
+            EOFError,
+            pickle.UnpicklingError,
+            ValueError,
+            AttributeError,
+            TypeError,
+            AssertionError,
+            ImportError,
+            IndexError,
+        ):
+            continue
+        except OSError as error:
+            raise AgentError(f"cannot read the model: {error.strerror or error} ({name})") from None
+    else:
+        raise AgentError(f"the model is damaged or cut short, or neither PPO nor SAC ({name})")
+    spaces = {task: observation_space_of(made(scene)).shape for task, made in TASKS.items()}
+    actions = action_space_of(TASKS["forward"](scene)).shape
+    seen, acted = model.observation_space, model.action_space
+    tasks = [
+        task
+        for task, shape in spaces.items()
+        if isinstance(seen, gymnasium.spaces.Box) and seen.shape == shape
+    ]
+    if not tasks or not isinstance(acted, gymnasium.spaces.Box) or acted.shape != actions:
+        raise AgentError(
+            f"the model observes {_shape(seen)} and acts in {_shape(acted)} numbers; scene "
+            f"{scene.name} has {spaces['forward']} (or {spaces['target']} with a target) and "
+            f"{actions} ({name})"
+        )
+    description = {
+        "name": Path(path).stem,
+        "algorithm": algorithm,
+        "task": tasks[0],
+        "scene": scene.to_dict(),
+        "training": {},
+    }
+    return AgentPolicy(model.policy, description)
+
+
+def _shape(space: gymnasium.Space[Any]) -> str:
+    return str(space.shape) if isinstance(space, gymnasium.spaces.Box) else type(space).__name__

@@ -1,0 +1,557 @@
+"""A training run: rounds of stable-baselines3 between which everything can be kept and taken up.
+
+A run is one folder:
+
+============================  ======================================================================
+``config.yaml``               the resolved configuration, the scene in full
+``run.json``                  seed, device, versions, machine and commit; how far it has come
+``progress.csv``              a line per log interval; ``tensorboard/`` has the same
+``evaluations.csv``           a line per periodic evaluation
+``checkpoint.zip``            all that decides how the run goes on, replaced whole
+``agent/``                    the agent with the best evaluation so far, replaced whole
+``final_agent/``              the agent at the end
+============================  ======================================================================
+
+A run that was killed goes on from its last checkpoint and gives bit for bit what it would have
+given without the kill: the checkpoint has the networks and their optimisers, the replay buffer,
+every generator of random numbers and the state of every episode.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+
+try:
+    import fcntl
+except ImportError:  # no such locks on this system
+    fcntl = None  # type: ignore[assignment]
+
+from swim_agents.evaluation import play_episodes
+from swim_agents.learning.checkpoints import load_checkpoint, save_checkpoint
+from swim_agents.learning.config import ConfigError, TrainingConfig, load_config
+from swim_agents.learning.environment import make_batch, make_training_env
+from swim_agents.learning.logs import CsvLog, TensorBoardLog
+from swim_agents.learning.models import (
+    checked_device,
+    make_model,
+    model_state,
+    set_model_state,
+    torch_threads,
+)
+from swim_agents.learning.saved import save_agent
+from swim_agents.recording import swimmer_of
+from swim_env import __version__
+from swim_env.errors import SwimError
+from swim_env.files.atomic import write_atomically
+from swim_env.files.provenance import where_and_when
+from swim_env.recording import recording_file, write_recording
+
+# After swim_agents.vec_env, which says in one line what is missing where this is not installed.
+from stable_baselines3.common.utils import FloatSchedule, set_random_seed  # isort: skip
+
+__all__ = ["EVALUATION_COLUMNS", "RunExistsError", "check_run", "run_status", "train"]
+
+#: Columns of ``progress.csv`` that every algorithm has, and those of each.
+_COMMON = ("steps", "seconds", "return_mean", "length_mean", "success_rate", "learning_rate")
+_OWN = {
+    "PPO": (
+        "approx_kl",
+        "clip_fraction",
+        "explained_variance",
+        "policy_gradient_loss",
+        "value_loss",
+        "std",
+    ),
+    "SAC": ("actor_loss", "critic_loss", "ent_coef", "ent_coef_loss"),
+}
+
+#: Columns of ``evaluations.csv``: net displacement in BL over the episodes.
+EVALUATION_COLUMNS = (
+    "steps",
+    "seconds",
+    "net_displacement_median",
+    "net_displacement_min",
+    "net_displacement_max",
+    "return_mean",
+    "success_rate",
+    "ended_early",
+)
+
+#: Environment steps between lines of ``progress.csv``, unless a round is longer.
+_LOG_EVERY = 8192
+
+
+class RunExistsError(SwimError):
+    """A folder holds a run already, or another process is at it."""
+
+
+def run_status(folder: str | os.PathLike[str]) -> dict[str, Any] | None:
+    """Return what ``run.json`` of a run's folder says, None where there is no run.
+
+    Raises
+    ------
+    SwimError
+        If the file is there but cannot be read.
+    """
+    path = Path(folder) / "run.json"
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        raise SwimError(f"cannot read the run's record: {error} ({path})") from None
+    if (
+        not isinstance(found, dict)
+        or not isinstance(found.get("steps"), int)
+        or not {"finished", "seed", "device"} <= found.keys()
+    ):
+        raise SwimError(f"not the record of a training run ({path})")
+    return found
+
+
+def train(
+    config: TrainingConfig,
+    folder: str | os.PathLike[str],
+    seed: int = 0,
+    *,
+    resume: bool = False,
+    device: str = "cpu",
+    threads: int | None = None,
+    command: str | None = None,
+    record: str | os.PathLike[str] | None = None,
+    progress: Callable[[int, str], object] | None = None,
+) -> dict[str, Any]:
+    """Train an agent, or go on with a run.
+
+    Parameters
+    ----------
+    config : TrainingConfig
+        The run.
+    folder : str or os.PathLike
+        Where the run goes; made where it is missing.
+    seed : int
+        Of starts, first weights, exploration and minibatches.
+    resume : bool
+        Whether to go on from the folder's last checkpoint; a run without one starts anew, and a
+        finished one is left as it is.
+    device : str
+        For PyTorch: ``cpu``, ``cuda``, ``auto``.
+    threads : int, optional
+        Threads of the batch; the results do not depend on it.
+    command : str, optional
+        What the user typed, for the record.
+    record : str or os.PathLike, optional
+        Folder for a recording of every evaluation's first episode; nothing of the training hangs
+        on it but its time.
+    progress : callable, optional
+        Called with the number of environment steps since the last call (or since the start, after
+        a resume) and a short text on how it goes.
+
+    Returns
+    -------
+    dict
+        What ``run.json`` says: ``steps``, ``seconds``, ``finished``, ``best`` and the
+        ``last`` evaluation (EVALUATION_COLUMNS), seed, versions, machine, commit.
+
+    Raises
+    ------
+    ConfigError
+        If the folder's run has another configuration.
+    RunExistsError
+        If the folder holds a run and `resume` is not set, or another process is at it.
+    CheckpointError, SwimError
+        If a file cannot be written or read; the last checkpoint is intact.
+    """
+    place = Path(folder)
+    _check_seed(config, seed)
+    device = checked_device(device)
+    recordings = None
+    if record is not None:
+        recordings = recording_file(Path(record) / "any.rrd", "any").parent
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SwimError(f"cannot make the run's folder: {error.strerror} ({place})") from None
+    with _alone(place), torch_threads(config.torch_threads):
+        before = _run_before(config, place, seed, resume, device)
+        _clear_scratch(place)
+        if before is not None and before["finished"]:
+            return before
+        run = _Run(config, place, seed, device, threads, command, before)
+        run.recordings = recordings
+        try:
+            return run.play(progress)
+        finally:
+            run.close()
+
+
+def check_run(
+    config: TrainingConfig,
+    folder: str | os.PathLike[str],
+    seed: int,
+    *,
+    resume: bool = False,
+    device: str = "cpu",
+) -> dict[str, Any] | None:
+    """Refuse what `train` would refuse, without touching anything.
+
+    Returns
+    -------
+    dict or None
+        What ``run.json`` says of the run that would be gone on with, None without one.
+
+    Raises
+    ------
+    ConfigError, RunExistsError, SwimError
+        As `train` does.
+    """
+    place = Path(folder)
+    _check_seed(config, seed)
+    device = checked_device(device)
+    if not (place / ".lock").exists():
+        return _run_before(config, place, seed, resume, device)
+    with _alone(place):
+        return _run_before(config, place, seed, resume, device)
+
+
+def _check_seed(config: TrainingConfig, seed: int) -> None:
+    most = config.evaluation.seed // config.members
+    if isinstance(seed, bool) or not 0 <= seed < most:
+        raise ConfigError(
+            f"seed must be a whole number from 0 to {most - 1}, so that training draws other "
+            f"starts than evaluations, got {seed!r}"
+        )
+
+
+def _run_before(
+    config: TrainingConfig, place: Path, seed: int, resume: bool, device: str
+) -> dict[str, Any] | None:
+    """Return the record of the run that is to be gone on with, None without one."""
+    before = run_status(place)
+    if before is None:
+        if (place / "checkpoint.zip").exists():
+            raise RunExistsError(
+                "the folder holds a checkpoint but no run.json, so that nothing says which run it "
+                f"belongs to; name another folder ({place})"
+            )
+        return None
+    _check_same(before, config, seed, device, place, resume)
+    return before
+
+
+def _clear_scratch(folder: Path) -> None:
+    """Remove what a killed process was writing; nobody else is at it, see `_alone`.
+
+    A process that was killed while one agent took another's place has left the older one aside,
+    from where it is put back.
+    """
+    for path in folder.glob(".*.tmp"):
+        path.unlink(missing_ok=True)
+    for name in ("agent", "final_agent"):
+        for aside in folder.glob(f".{name}.*"):
+            if (aside / "old").is_dir() and not (folder / name).exists():
+                (aside / "old").rename(folder / name)
+            shutil.rmtree(aside, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Keep other processes out of a run's folder; a lock of a killed process is gone with it."""
+    try:
+        file = open(folder / ".lock", "w", encoding="utf-8")  # noqa: SIM115
+    except OSError as error:
+        raise SwimError(
+            f"cannot write into the run's folder: {error.strerror} ({folder})"
+        ) from None
+    with file:
+        try:
+            if fcntl is not None:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise RunExistsError(f"another process is training there ({folder})") from None
+        yield
+
+
+def _check_same(
+    before: dict[str, Any],
+    config: TrainingConfig,
+    seed: int,
+    device: str,
+    folder: Path,
+    resume: bool,
+) -> None:
+    """Refuse to go on with a run that is another one."""
+    if not resume:
+        state = "finished" if before["finished"] else f"at {before['steps']:,} steps"
+        raise RunExistsError(
+            f"the folder holds a run ({state}); go on with --resume, or name another folder "
+            f"({folder})"
+        )
+    try:
+        kept = load_config(folder / "config.yaml").to_dict()
+    except ConfigError as error:
+        raise SwimError(f"cannot read the run's configuration: {error} ({folder})") from None
+    now = config.to_dict()
+    for name in dict.fromkeys([*kept, *now]):
+        if kept.get(name) != now.get(name):
+            raise ConfigError(
+                f"the run was begun with another configuration, {name} differs; go on with the "
+                f"configuration in {folder / 'config.yaml'}, or name another folder"
+            )
+    for name, value in (("seed", seed), ("device", device)):
+        if before[name] != value:
+            raise ConfigError(
+                f"the run was begun with {name} {before[name]}, not {value} ({folder})"
+            )
+
+
+class _Run:
+    """A run in progress."""
+
+    def __init__(
+        self,
+        config: TrainingConfig,
+        folder: Path,
+        seed: int,
+        device: str,
+        threads: int | None,
+        command: str | None,
+        before: dict[str, Any] | None,
+    ) -> None:
+        self.config, self.folder = config, folder
+        self.seconds = 0.0
+        self.best: dict[str, float] | None = None
+        self.last: dict[str, float] | None = None
+        #: Folder for a recording of every evaluation.
+        self.recordings: Path | None = None
+        self.env = make_training_env(config, seed, threads)
+        self.judge = make_batch(
+            config, config.evaluation.episodes, threads, AutoresetMode.NEXT_STEP
+        )
+        self.model = make_model(config, self.env, seed, device)
+        self.about: dict[str, Any] = {
+            "name": config.name,
+            "seed": seed,
+            "device": device,
+            "command": command,
+            "version": __version__,
+            **where_and_when(),
+        }
+        if before is not None:
+            # What a run was begun with stays; what goes on with it is added.
+            now = {name: self.about[name] for name in ("command", "commit", "versions", "date")}
+            self.about = {name: before[name] for name in self.about if name in before}
+            self.about["resumed"] = [*before.get("resumed", []), now]
+        self.model.set_logger(_quiet_logger())
+        self._kept = folder / "checkpoint.zip"
+        if self._kept.exists():
+            self._take_up()
+        else:
+            # The numbers that a run draws do not depend on what was played before in the process.
+            self.model._last_obs = self.env.reset()
+            self.model._last_episode_starts = np.ones(config.members, dtype=np.bool_)
+            _seed_everything(self.model, seed)
+        steps = self.steps
+        columns = (*_COMMON, *_OWN[config.algorithm])
+        self.progress_log = CsvLog(folder / "progress.csv", columns, steps)
+        self.evaluation_log = CsvLog(folder / "evaluations.csv", EVALUATION_COLUMNS, steps)
+        self.board = TensorBoardLog(folder / "tensorboard", steps)
+        try:
+            config.save(folder / "config.yaml")
+        except OSError as error:
+            raise SwimError(
+                f"cannot write the run's configuration: {error.strerror or error} ({folder})"
+            ) from None
+        self._write_record(finished=False)
+
+    @property
+    def steps(self) -> int:
+        """Environment steps taken."""
+        return int(self.model.num_timesteps)
+
+    def close(self) -> None:
+        """Close what is open."""
+        if hasattr(self, "board"):
+            self.board.close()
+        self.env.close()
+        self.judge.close()
+
+    def play(self, progress: Callable[[int, str], object] | None) -> dict[str, Any]:
+        """Train to the end."""
+        config = self.config
+        told = 0
+        begin = time.perf_counter() - self.seconds
+        if self.steps == 0:
+            self._evaluate()
+        while self.steps < config.steps:
+            before = self.steps
+            self._set_learning_rate()
+            self.model.learn(config.round_steps, log_interval=None, reset_num_timesteps=False)
+            now = self.steps
+            self.seconds = time.perf_counter() - begin
+            ends = now >= config.steps
+            if ends or _passed(before, now, max(_LOG_EVERY, config.round_steps)):
+                self._log()
+            if ends or _passed(before, now, config.evaluation.every):
+                self._evaluate()
+                self.seconds = time.perf_counter() - begin
+            if ends or _passed(before, now, config.checkpoint_every):
+                self._keep()
+            if progress is not None:
+                progress(now - told, self._how_it_goes())
+                told = now
+        save_agent(self.folder / "final_agent", self.model, config, self._record())
+        return self._write_record(finished=True)
+
+    # ---- parts of a run ------------------------------------------------------------------------
+
+    def _set_learning_rate(self) -> None:
+        rate = self.config.learning_rate_at(self.steps)
+        self.model.learning_rate = rate
+        self.model.lr_schedule = FloatSchedule(rate)
+
+    def _log(self) -> None:
+        model, config = self.model, self.config
+        recorded = model.logger.name_to_value
+        episodes = model.ep_info_buffer
+        values: dict[str, float] = {"learning_rate": config.learning_rate_at(self.steps)}
+        if episodes:
+            values["return_mean"] = float(np.mean([float(one["r"]) for one in episodes]))
+            values["length_mean"] = float(np.mean([one["l"] for one in episodes]))
+        if model.ep_success_buffer:
+            values["success_rate"] = float(np.mean(model.ep_success_buffer))
+        for name in _OWN[config.algorithm]:
+            if f"train/{name}" in recorded:
+                values[name] = float(recorded[f"train/{name}"])
+        values = {name: value for name, value in values.items() if np.isfinite(value)}
+        self.board.add({f"train/{name}": value for name, value in values.items()}, self.steps)
+        self.progress_log.add({"steps": self.steps, "seconds": round(self.seconds, 3), **values})
+
+    def _evaluate(self) -> None:
+        """Play the fixed starts without exploration; keep the agent if it is the best so far."""
+        config = self.config
+        first = config.evaluation.seed
+        with _random_numbers_kept():
+            rollouts = play_episodes(
+                self.judge,
+                self.model.policy,
+                range(first, first + config.evaluation.episodes),
+            )
+        reached = [one.net_displacement for one in rollouts]
+        values = {
+            "net_displacement_median": float(np.median(reached)),
+            "net_displacement_min": min(reached),
+            "net_displacement_max": max(reached),
+            "return_mean": float(np.mean([one.rewards.sum() for one in rollouts])),
+            "success_rate": float(np.mean([one.info.get("success", False) for one in rollouts])),
+            "ended_early": float(
+                np.mean([one.terminated and not one.info.get("success") for one in rollouts])
+            ),
+        }
+        self.board.add({f"evaluation/{name}": value for name, value in values.items()}, self.steps)
+        self.last = {"steps": self.steps, "seconds": round(self.seconds, 3), **values}
+        self.evaluation_log.add(self.last)
+        if self.recordings is not None:
+            swimmer = swimmer_of(
+                f"{config.name}-{self.steps}", rollouts[0], target_radius=self.judge.task.radius
+            )
+            file = self.recordings / f"evaluation-{self.steps}.rrd"
+            write_recording(file, [swimmer], flow_rate=None)
+        if self.best is None or self._merit(values) > self._merit(self.best):
+            self.best = self.last
+            save_agent(self.folder / "agent", self.model, config, self._record())
+
+    def _merit(self, values: dict[str, float]) -> tuple[float, float]:
+        """Return what decides which of two evaluations is better."""
+        if self.config.task == "target":
+            return (values["success_rate"], values["return_mean"])
+        # Episodes all count: an agent that cannot start from some poses is no better for the rest.
+        return (values["net_displacement_median"] + values["net_displacement_min"], 0.0)
+
+    def _how_it_goes(self) -> str:
+        if self.last is None:
+            return ""
+        if self.config.task == "target":
+            return f"{self.last['success_rate']:.0%} of targets"
+        return f"{self.last['net_displacement_median']:.2f} BL"
+
+    def _record(self) -> dict[str, Any]:
+        return {
+            **self.about,
+            "steps": self.steps,
+            "seconds": round(self.seconds, 1),
+            "evaluation": self.last,
+        }
+
+    def _write_record(self, finished: bool) -> dict[str, Any]:
+        record = {**self._record(), "finished": finished, "best": self.best}
+        record["last"] = record.pop("evaluation")
+        text = json.dumps(record, indent=1, allow_nan=False) + "\n"
+        try:
+            write_atomically(self.folder / "run.json", lambda file: file.write(text.encode()))
+        except OSError as error:
+            raise SwimError(
+                f"cannot write the run's record: {error.strerror or error} ({self.folder}); the "
+                "last checkpoint is intact, go on with --resume"
+            ) from None
+        return record
+
+    # ---- checkpoints ---------------------------------------------------------------------------
+
+    def _keep(self) -> None:
+        state = {
+            "model": model_state(self.model),
+            "environment": self.env.state(),
+            "seconds": self.seconds,
+            "best": self.best,
+            "last": self.last,
+        }
+        save_checkpoint(self._kept, state)
+        self._write_record(finished=False)
+
+    def _take_up(self) -> None:
+        state = load_checkpoint(self._kept)
+        self.env.set_state(state["environment"])
+        set_model_state(self.model, state["model"])
+        self.seconds, self.best, self.last = state["seconds"], state["best"], state["last"]
+
+
+def _passed(before: int, now: int, every: int) -> bool:
+    """Return whether a multiple of `every` lies between two numbers of steps."""
+    return now // every > before // every
+
+
+def _quiet_logger() -> Any:
+    """Return a logger that keeps the last values and writes nothing."""
+    from stable_baselines3.common.logger import Logger
+
+    return Logger(folder=None, output_formats=[])
+
+
+def _seed_everything(model: Any, seed: int) -> None:
+    """Seed the generators that stable-baselines3 draws from, but not the environment's."""
+    set_random_seed(seed, using_cuda=model.device.type == "cuda")
+    model.action_space.seed(seed)
+
+
+@contextlib.contextmanager
+def _random_numbers_kept() -> Iterator[None]:
+    """Leave PyTorch's and numpy's generators as they were."""
+    import torch
+
+    numbers, others = torch.get_rng_state(), np.random.get_state()
+    try:
+        yield
+    finally:
+        torch.set_rng_state(numbers)
+        np.random.set_state(others)

@@ -1,0 +1,129 @@
+"""Finding a policy by its name, or by where it was saved."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from swim_agents.baselines import (
+    POLICY_NAMES,
+    Policy,
+    RandomPolicy,
+    ZeroPolicy,
+    paper_wave,
+    tuned_wave,
+)
+from swim_env.envs.interface import SceneLike
+from swim_env.errors import OptionError
+from swim_env.scene import Scene, load_scene
+from swim_env.scene.checks import nearest
+
+__all__ = ["PRETRAINED_FOLDER", "load_policy", "policy_names", "pretrained_names"]
+
+_HERE = Path(__file__).parent
+#: The trained agents that ship, a folder each: inside the package in a wheel, else beside it.
+PRETRAINED_FOLDER = next(
+    folder for folder in (_HERE / "pretrained", _HERE.parent / "pretrained") if folder.is_dir()
+)
+
+
+def pretrained_names() -> tuple[str, ...]:
+    """Return the names of the trained agents that ship, sorted."""
+    return tuple(sorted(path.parent.name for path in PRETRAINED_FOLDER.glob("*/agent.json")))
+
+
+def policy_names() -> tuple[str, ...]:
+    """Return all names that `load_policy` knows."""
+    return (*POLICY_NAMES, *pretrained_names())
+
+
+def load_policy(
+    policy: str | os.PathLike[str],
+    scene: SceneLike | None = None,
+    seed: int | None = None,
+    task: str | None = None,
+    trust: bool = False,
+) -> Policy:
+    """Return a policy for a scene.
+
+    Parameters
+    ----------
+    policy : str or os.PathLike
+        ``paper_wave``: the scene's prescribed wave, no torque where it has none. ``tuned_wave``:
+        the wave that was found to swim farthest on scene swimmer. ``zero``: no torque. ``random``:
+        uniform torques. A trained agent that ships, see `pretrained_names`. Or a path: an agent's
+        folder, the folder of a training run (its best agent), or a model file (.zip) of
+        stable-baselines3.
+    scene : Scene, str or os.PathLike, optional
+        The scene that it is to play; unless given, ``swimmer`` for what was not trained, and for an
+        agent the one it was trained on.
+    seed : int, optional
+        Seed of a random policy.
+    task : str, optional
+        ``forward`` or ``target``, to refuse an agent that was trained for the other one.
+    trust : bool
+        Whether to unpickle a model file that comes without an ``agent.json``, which runs its code.
+        Agents with that file are read without running any.
+
+    Returns
+    -------
+    Policy
+        With the call ``predict(observation, state, episode_start, deterministic)``.
+
+    Raises
+    ------
+    OptionError
+        If there is no such policy.
+    AgentError
+        If a saved agent cannot be read, or was trained on another body or for another task.
+    SceneError
+        If there is no such scene.
+    """
+    found = load_scene("swimmer" if scene is None else scene)
+    own = None if scene is None else found
+    name = os.fspath(policy)
+    if name == "paper_wave":
+        return paper_wave(found)
+    if name == "tuned_wave":
+        return tuned_wave(found)
+    if name == "zero":
+        return ZeroPolicy(found)
+    if name == "random":
+        return RandomPolicy(found, seed)
+    if name in pretrained_names():
+        return _load_agent(PRETRAINED_FOLDER / name, own, task)
+    path = Path(name)
+    if path.is_dir():
+        inside = path / "agent"
+        return _load_agent(inside if inside.is_dir() else path, own, task)
+    if path.suffix == ".zip" or path.is_file():
+        return _load_file(path, found, own, task, trust)
+    names = policy_names()
+    hint = nearest(name, names)
+    raise OptionError(
+        f"unknown policy {name!r}{hint}; policies: {', '.join(names)}, or the path of an agent"
+    )
+
+
+def _load_agent(folder: Path, scene: Scene | None, task: str | None) -> Policy:
+    """Read an agent's folder; what it takes is imported only here."""
+    from swim_agents.learning.saved import load_agent
+
+    agent = load_agent(folder)
+    agent.check(agent.scene if scene is None else scene, task)
+    return agent
+
+
+def _load_file(
+    path: Path, scene: Scene, own: Scene | None, task: str | None, trust: bool
+) -> Policy:
+    """Read a model file, by its description where there is one, else for a scene."""
+    from swim_agents.learning.saved import AgentError, load_bare_model
+
+    if not path.exists():
+        raise AgentError(f"no such model file: {path}")
+    if path.name == "model.zip" and (path.parent / "agent.json").is_file():
+        return _load_agent(path.parent, own, task)
+    agent = load_bare_model(path, scene, trust)
+    agent.check(scene, task)
+    return agent

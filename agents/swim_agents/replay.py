@@ -1,0 +1,177 @@
+"""Playing a baseline as an episode of the environment, with the figures of a replay."""
+
+from __future__ import annotations
+
+import errno
+import os
+import tempfile
+import time
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+
+from swim_agents.policies import load_policy
+from swim_agents.rollout import Rollout, play_episode
+from swim_env.envs.registration import FORWARD_ID, TARGET_ID
+from swim_env.envs.task import check_task
+from swim_env.errors import SwimError
+from swim_env.files.atomic import write_atomically
+from swim_env.scene import Scene
+from swim_env.sim.trajectory import Trajectory
+
+__all__ = ["replay_episode"]
+
+#: Environment of each task.
+_ENVIRONMENTS = {"forward": FORWARD_ID, "target": TARGET_ID}
+
+
+def replay_episode(
+    scene: Scene,
+    policy: str = "paper_wave",
+    task: str = "forward",
+    seed: int = 0,
+    noise: float = 1.0,
+    video_folder: str | os.PathLike[str] | None = None,
+    progress: Callable[[int], object] | None = None,
+) -> tuple[Rollout, Trajectory, dict[str, Any]]:
+    """Play one episode through Gymnasium, and its torques again in the simulator.
+
+    Parameters
+    ----------
+    scene : Scene
+        What swims; its episode says for how long, and how often the policy acts.
+    policy : str
+        A name or a path that `load_policy` knows.
+    task : str
+        A key of `swim_env.envs.task.TASKS`.
+    seed : int
+        Of the start's noise, and of a random policy.
+    noise : float
+        Factor on the start's noise; 0 starts exactly as the scene says.
+    video_folder : path, optional
+        Where a video of the episode goes, by Gymnasium's own wrapper.
+    progress : callable, optional
+        Called with 1 after every action.
+
+    Returns
+    -------
+    rollout : Rollout
+        The episode.
+    trajectory : Trajectory
+        The same motion, to the bit, with energy, momentum and work.
+    summary : dict
+        `Trajectory.summary`; ``wall_seconds`` that the episode took; ``policy``, ``task``,
+        ``seed``, ``noise``; ``actions`` and ``control_interval`` (s); ``return``, the sum of the
+        rewards, and ``net_displacement`` (BL); ``terminated``, ``truncated`` and the last
+        ``info``; ``video``, where one was made.
+
+    Raises
+    ------
+    SwimError
+        If an argument cannot be used or the video cannot be written.
+    """
+    check_task(task)
+    if seed < 0:
+        raise SwimError(f"the seed must be a whole number of at least 0, got {seed!r}")
+    chosen = load_policy(policy, scene, seed, task)
+    video = None
+    if video_folder is not None:
+        video = Path(video_folder) / f"{scene.name}-{task}-{Path(policy).name}-{seed}.mp4"
+        _make_folder(video)
+    with tempfile.TemporaryDirectory() as scratch:
+        mode = None if video_folder is None else "rgb_array"
+        env = gymnasium.make(_ENVIRONMENTS[task], scene=scene, render_mode=mode)
+        if video_folder is not None:
+            env = _recorded(env, scratch)
+        try:
+            start = time.perf_counter()
+            rollout = play_episode(env, chosen, seed, {"noise": noise}, progress=progress)
+            seconds = time.perf_counter() - start
+        finally:
+            env.close()
+        if video is not None:
+            _keep(scratch, video)
+    trajectory = rollout.simulate()
+    summary = {
+        **trajectory.summary(),
+        "termination_reason": rollout.info["termination_reason"],
+        "wall_seconds": seconds,
+        "policy": policy,
+        "task": task,
+        "seed": seed,
+        "noise": noise,
+        "actions": len(rollout.rewards),
+        "control_interval": scene.episode.control_interval,
+        "return": float(rollout.rewards.sum()),
+        "net_displacement": rollout.net_displacement,
+        "terminated": rollout.terminated,
+        "truncated": rollout.truncated,
+        "info": {
+            key: value.tolist() if hasattr(value, "tolist") else value
+            for key, value in rollout.info.items()
+            if key != "episode"
+        },
+    }
+    if video is not None:
+        summary["video"] = os.fspath(video)
+    return rollout, trajectory, summary
+
+
+def _recorded(env: gymnasium.Env[Any, Any], folder: str) -> gymnasium.Env[Any, Any]:
+    """Return the environment in Gymnasium's wrapper that records videos."""
+    with warnings.catch_warnings():
+        # The folder is there already, and empty.
+        warnings.filterwarnings("ignore", message=".*Overwriting existing videos.*")
+        try:
+            return gymnasium.wrappers.RecordVideo(
+                env, folder, episode_trigger=lambda episode: True, disable_logger=True
+            )
+        except gymnasium.error.DependencyNotInstalled as error:
+            raise SwimError(
+                f"videos need the extra 'view' (pip install 'swim-env[view]'): {error}"
+            ) from None
+
+
+def _make_folder(video: Path) -> None:
+    """Make the folder of a video before anything is played for it."""
+    try:
+        video.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SwimError(
+            f"cannot make the folder for the video: {error.strerror or error} "
+            f"({os.fspath(video.parent)})"
+        ) from None
+
+
+def _keep(scratch: str, video: Path) -> None:
+    """Move the finished video to its place."""
+    made = sorted(Path(scratch).glob("*.mp4"))
+    if len(made) != 1:
+        raise SwimError(f"one video was to be made, found {len(made)}")
+    try:
+        content = made[0].read_bytes()
+        if not _is_whole_video(content):
+            # The encoder does not say so where it runs out of space.
+            raise OSError(errno.EIO, "the encoder left only a part of it; is the disk full?")
+        write_atomically(video, lambda file: file.write(content))
+    except OSError as error:
+        raise SwimError(
+            f"cannot write the video: {error.strerror or error} ({os.fspath(video)})"
+        ) from None
+
+
+def _is_whole_video(content: bytes) -> bool:
+    """Tell whether an MP4 file's boxes fill it exactly and its index is among them."""
+    kinds, at = set(), 0
+    while at + 8 <= len(content):
+        size, header = int.from_bytes(content[at : at + 4], "big"), 8
+        if size == 1:  # it stands behind, with more digits
+            size, header = int.from_bytes(content[at + 8 : at + 16], "big"), 16
+        if size < header:
+            return False
+        kinds.add(content[at + 4 : at + 8])
+        at += size
+    return at == len(content) and {b"mdat", b"moov"} <= kinds

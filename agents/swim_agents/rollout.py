@@ -1,0 +1,170 @@
+"""Playing an episode and keeping what it takes to play it again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_agents.baselines import Policy
+from swim_env.envs.single import SwimEnv
+from swim_env.errors import OptionError
+from swim_env.scene import Scene
+from swim_env.sim.simulator import Simulator
+from swim_env.sim.trajectory import Trajectory
+
+__all__ = ["Rollout", "play_episode", "score"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Rollout:
+    """An episode of T actions.
+
+    Attributes
+    ----------
+    scene : Scene
+        What was played.
+    seed : int or None
+        Seed of the start.
+    coordinates, velocity : (N + 2,) arrays
+        The start, as for `Simulator.reset_to`.
+    goal : (2,) array
+        Direction in which the task counts displacement, or its point (m).
+    goal_is_point : bool
+        Which of the two.
+    torques : (T, N - 1) array
+        Torques held over each control interval (N m).
+    steps : int
+        Time steps that were taken; fewer than the torques stand for where an end came in the middle
+        of an action.
+    rewards : (T,) array
+        Rewards.
+    path : (T + 1, 2) array
+        Mean element centre after each action (m).
+    info : dict
+        The last info.
+    terminated, truncated : bool
+        How it ended; neither where it was stopped.
+    """
+
+    scene: Scene
+    seed: int | None
+    coordinates: Array
+    velocity: Array
+    goal: Array
+    goal_is_point: bool
+    torques: Array
+    steps: int
+    rewards: Array
+    path: Array
+    info: dict[str, Any]
+    terminated: bool
+    truncated: bool
+
+    @property
+    def net_displacement(self) -> float:
+        """Net displacement along the goal's direction, or towards its point (BL)."""
+        return score(self, self.path[-1])
+
+    def simulate(
+        self, scene: Scene | None = None, progress: Callable[[int], object] | None = None
+    ) -> Trajectory:
+        """Play the torques again in the simulator, each for as long as it was held.
+
+        Parameters
+        ----------
+        scene : Scene, optional
+            Another scene with the same body in it, for example with a smaller time step; by
+            default the same one, and then the motion is the episode's to the bit.
+        progress : callable, optional
+            Called with the number of steps taken since the last call.
+        """
+        played = self.scene if scene is None else scene
+        simulator = Simulator(played)
+        simulator.reset_to(self.coordinates, self.velocity)
+        hold = played.steps_per_action
+        steps = self.steps * hold // self.scene.steps_per_action
+        return simulator.rollout(np.repeat(self.torques, hold, axis=0)[:steps], progress)
+
+
+def score(rollout: Rollout, position: Array) -> float:
+    """Return how far a position is along a rollout's way (BL)."""
+    start, length = rollout.path[0], rollout.scene.beam.length
+    if rollout.goal_is_point:
+        before, after = (float(np.hypot(*(rollout.goal - at))) for at in (start, position))
+        return (before - after) / length
+    return float((position - start) @ rollout.goal) / length
+
+
+def play_episode(
+    env: gymnasium.Env[Any, Any],
+    policy: Policy,
+    seed: int | None = None,
+    options: Mapping[str, Any] | None = None,
+    deterministic: bool = True,
+    progress: Callable[[int], object] | None = None,
+) -> Rollout:
+    """Play one episode.
+
+    Parameters
+    ----------
+    env : gymnasium.Env
+        A `SwimEnv`, with or without wrappers that leave observations and actions alone.
+    policy : Policy
+        Who plays.
+    seed, options : optional
+        For the reset.
+    deterministic : bool
+        Whether to leave out what a policy does at random.
+    progress : callable, optional
+        Called with 1 after every action.
+
+    Returns
+    -------
+    Rollout
+        The episode.
+
+    Raises
+    ------
+    OptionError
+        If the environment is not one of this package.
+    """
+    swimmer = env.unwrapped
+    if not isinstance(swimmer, SwimEnv):
+        raise OptionError(f"play_episode needs a SwimEnv, got {type(swimmer).__name__}")
+    observation, info = env.reset(seed=seed, options=None if options is None else dict(options))
+    coordinates, velocity = swimmer.coordinates, swimmer.velocity
+    torques, rewards, path = [], [], [info["position"]]
+    state: Any = None
+    terminated = truncated = False
+    start = np.ones(1, dtype=np.bool_)
+    while not (terminated or truncated):
+        action, state = policy.predict(observation, state, start, deterministic)
+        observation, reward, terminated, truncated, info = env.step(action)
+        start = np.zeros(1, dtype=np.bool_)
+        torques.append(swimmer.torques)
+        rewards.append(float(reward))
+        path.append(info["position"])
+        if progress is not None:
+            progress(1)
+    return Rollout(
+        scene=swimmer.scene,
+        seed=seed,
+        coordinates=coordinates,
+        velocity=velocity,
+        goal=swimmer.goal,
+        goal_is_point=swimmer.task.goal_is_point,
+        torques=np.array(torques),
+        steps=swimmer.steps,
+        rewards=np.array(rewards),
+        path=np.array(path),
+        info=info,
+        terminated=terminated,
+        truncated=truncated,
+    )

@@ -1,0 +1,62 @@
+"""The stored result of the search for the best travelling wave."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from swim_env.errors import SwimError
+from swim_env.scene import Actuation, Scene
+
+__all__ = ["TUNED_WAVE_FILE", "WAVE_FIELDS", "load_tuned_wave", "wave_on"]
+
+#: Where the result and the record of the search are kept; see `swim_agents.tuning`.
+TUNED_WAVE_FILE = Path(__file__).with_name("tuned_wave.json")
+
+#: What tells one wave from another: fields of an `Actuation`.
+WAVE_FIELDS = ("amplitude", "frequency", "wave_number", "phase")
+
+
+@cache
+def load_tuned_wave() -> dict[str, Any]:
+    """Return the stored record; ``wave`` holds WAVE_FIELDS in the units of an `Actuation`.
+
+    Raises
+    ------
+    SwimError
+        If the file is missing or damaged.
+    """
+    try:
+        data = json.loads(TUNED_WAVE_FILE.read_text(encoding="utf-8"))
+        wave = {name: float(data["wave"][name]) for name in WAVE_FIELDS}
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise SwimError(
+            f"cannot read the tuned wave ({TUNED_WAVE_FILE.name}): {error!r}; "
+            "scripts/tune_wave.py makes it anew"
+        ) from None
+    return {**data, "wave": wave}
+
+
+def wave_on(
+    scene: Scene, amplitude: float, frequency: float, wave_number: float, phase: float
+) -> Actuation:
+    """Return a wave that never ends, on the joints that the scene drives and with its limit.
+
+    Parameters
+    ----------
+    scene : Scene
+        What swims.
+    amplitude, frequency, wave_number, phase : float
+        N m, rad/s, rad per body length, rad.
+    """
+    return replace(
+        scene.actuation or Actuation(amplitude=0.0),
+        amplitude=amplitude,
+        frequency=frequency,
+        wave_number=wave_number,
+        phase=phase,
+        end_time=None,
+    )

@@ -1,0 +1,436 @@
+"""The batched environments as a `VecEnv` of stable-baselines3.
+
+`DummyVecEnv` steps single environments one after another. Here the whole batch is stepped at once,
+in threads, and the results are bit for bit the same.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from swim_env import EnvSnapshot, OptionError, SwimError, SwimVectorEnv
+from swim_env.envs.interface import checked_render_mode
+
+
+class TrainingExtraError(SwimError, ImportError):
+    """What it takes to train is not installed."""
+
+
+try:
+    from stable_baselines3.common.vec_env import VecEnv
+except ImportError as _error:
+    raise TrainingExtraError(
+        f"training needs stable-baselines3 ({_error}): install the extra 'train' "
+        "(pip install 'swim-env[train]')"
+    ) from _error
+
+__all__ = ["SwimVecEnv", "TrainingExtraError", "make_swim_vec_env"]
+
+Members = int | Iterable[int] | None
+
+#: What a member has in common with all others.
+_SHARED = ("action_space", "metadata", "observation_space", "render_mode", "scene", "spec", "task")
+#: Those of them that may be set, for all members at once.
+_SETTABLE = ("render_mode", "spec")
+#: What every member has of its own.
+_OWN = ("coordinates", "goal", "torques", "velocity")
+#: What a member can be asked to do: nothing that would move it without the others.
+_METHODS = ("render", "snapshot")
+
+
+class SwimVecEnv(VecEnv):  # type: ignore[misc]
+    """M swimmers for the algorithms of stable-baselines3, all stepped at once.
+
+    Observations, rewards, dones, infos and `reset_infos` are bit for bit those of a `DummyVecEnv`
+    of M `SwimEnv` with the same seeds. Episode statistics need a `VecMonitor` around it, as for
+    every environment that is batched by itself.
+
+    `get_attr` reads what `SwimEnv` has: ``scene``, ``task``, ``spec``, ``render_mode``,
+    ``metadata``, ``action_space`` and ``observation_space``, which all members share, and the
+    member's own ``coordinates``, ``velocity``, ``torques`` and ``goal``. `set_attr` sets
+    ``render_mode`` and ``spec``, for all members together. `env_method` calls ``render`` and
+    ``snapshot``. A member is no object of its own and cannot be moved without the others:
+    what does move them is `reset`, `step`, and `restore` of the batch itself, `env`.
+
+    Parameters
+    ----------
+    env : SwimVectorEnv
+        The batch, in autoreset mode SAME_STEP.
+
+    Attributes
+    ----------
+    env : SwimVectorEnv
+        The batch.
+    num_envs : int
+        Number M of members.
+    action_space, observation_space : gymnasium.spaces.Box
+        Spaces of one member, (N - 1,) and (n,).
+    reset_infos : list of dict
+        Each member's info of its last start.
+
+    Raises
+    ------
+    OptionError
+        If it is another environment or in another mode.
+    """
+
+    env: SwimVectorEnv
+
+    def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
+        if not isinstance(env, SwimVectorEnv):
+            raise OptionError(
+                f"env must be a SwimVectorEnv or SwimTargetVectorEnv, got {type(env).__name__}"
+            )
+        if env.autoreset_mode is not AutoresetMode.SAME_STEP:
+            raise OptionError(
+                "stable-baselines3 starts members in the step of their end: make the environment "
+                f"with autoreset_mode='SameStep', not {env.autoreset_mode.value!r}"
+            )
+        self.env = env
+        self._actions: NDArray[Any] | None = None
+        self._was_reset = False
+        super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
+        self.metadata = self._metadata()
+
+    @property
+    def spec(self) -> gymnasium.envs.registration.EnvSpec | None:
+        """What `gymnasium.make_vec` made the batch of; None without it."""
+        return self.env.spec
+
+    # ---- running -------------------------------------------------------------------------------
+
+    def set_options(
+        self, options: Sequence[Mapping[str, Any]] | Mapping[str, Any] | None = None
+    ) -> None:
+        """Keep options for the next reset, and for that alone.
+
+        Parameters
+        ----------
+        options : mapping or sequence of M mappings, optional
+            Those of `SwimEnv.reset`, the same for all members or one for each.
+
+        Raises
+        ------
+        OptionError
+            If there is not one for each member. What they say is checked by `reset`.
+        """
+        if isinstance(options, Mapping):
+            options = dict(options)
+        elif options is not None:
+            options = list(options)
+            if len(options) != self.num_envs:
+                raise OptionError(
+                    f"options must be one mapping or {self.num_envs} of them, got {len(options)}"
+                )
+        super().set_options(options)
+
+    def reset(self) -> NDArray[np.float32]:
+        """Start all members, with the seeds and options that wait for it.
+
+        An action that waits for `step_wait` is forgotten.
+
+        Returns
+        -------
+        (M, n) array of float32
+            Observations.
+
+        Raises
+        ------
+        gymnasium.error.Error
+            If a seed is not a whole number of at least 0.
+        OptionError
+            If an option cannot be used. Nothing has changed after either; the seeds and options
+            wait until a reset succeeds.
+        SimulationEndedError
+            If a start cannot be simulated.
+        """
+        # Options are the same object for all members where they were given once for all.
+        groups: dict[int, list[int]] = {}
+        for member, options in enumerate(self._options):
+            groups.setdefault(id(options) if options else 0, []).append(member)
+        for members in groups.values():
+            self.env.task.plan_start(self._options[members[0]] or {})
+        self._actions = None
+        for members in groups.values():
+            options = dict(self._options[members[0]] or {})
+            # The batch's first reset has to start all members. The other groups start once more
+            # then, from their seeds, or from random numbers that nobody has seen.
+            if self._was_reset:
+                options["reset_mask"] = np.isin(np.arange(self.num_envs), members)
+            observations, batch = self.env.reset(seed=self._seeds, options=options)
+            self._was_reset = True
+            for member, info in zip(members, _dicts(batch, members), strict=True):
+                self.reset_infos[member] = info
+        self._reset_seeds()
+        self._reset_options()
+        return observations
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Keep actions, (M, N - 1), for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(
+        self,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Hold the actions over one control interval, and start anew who is at the end.
+
+        Returns
+        -------
+        observations : (M, n) array of float32
+            Those of the new episodes where the old ones ended.
+        rewards : (M,) array of float32
+            Rewards.
+        dones : (M,) array of bool
+            Who ended.
+        infos : list of dict
+            Each member's info of this action, as from `SwimEnv.step`, and
+            ``TimeLimit.truncated``: whether nothing but the time ended the episode. Where it
+            ended there is also ``terminal_observation``, (n,) float32.
+
+        Raises
+        ------
+        ActionError
+            If the actions are not finite numbers of that shape; no member has moved.
+        gymnasium.error.ResetNeeded
+            Before the first reset.
+        SwimError
+            If no actions wait.
+        """
+        if self._actions is None:
+            raise SwimError("no actions to wait for: call step, or step_async before step_wait")
+        actions, self._actions = self._actions, None
+        observations, rewards, terminated, truncated, batch = self.env.step(actions)
+        last, last_observations = batch.pop("final_info", None), batch.pop("final_obs", None)
+        infos = _dicts(batch)
+        dones = terminated | truncated
+        ended = np.flatnonzero(dones)
+        if ended.size:
+            # The batch's infos are those of the new starts there.
+            for member, info in zip(ended.tolist(), _dicts(last, ended), strict=True):
+                self.reset_infos[member] = infos[member]
+                infos[member] = info
+        for info, out_of_time in zip(infos, (truncated & ~terminated).tolist(), strict=True):
+            info["TimeLimit.truncated"] = out_of_time
+        for member in ended.tolist():
+            infos[member]["terminal_observation"] = last_observations[member]
+        return observations, rewards.astype(np.float32), dones, infos
+
+    def close(self) -> None:
+        """Close the batch. Closing twice does no harm."""
+        self.env.close()
+
+    # ---- members -------------------------------------------------------------------------------
+
+    def get_attr(self, attr_name: str, indices: Members = None) -> list[Any]:
+        """Return an attribute of members.
+
+        Parameters
+        ----------
+        attr_name : str
+            One of those of `SwimVecEnv`; methods count.
+        indices : int or iterable of int, optional
+            Which members; all unless given.
+
+        Raises
+        ------
+        AttributeError
+            If a member has no such attribute.
+        """
+        members = self._members(indices)
+        if attr_name in _OWN:
+            return [self._own(attr_name, member) for member in members]
+        if attr_name in _METHODS:
+            return [partial(self._call, attr_name, member) for member in members]
+        if attr_name not in _SHARED:
+            known = ", ".join(sorted((*_SHARED, *_OWN, *_METHODS)))
+            raise AttributeError(
+                f"a member of the batch has no attribute {attr_name!r}; it has {known}"
+            )
+        if attr_name in ("action_space", "observation_space"):
+            attr_name = f"single_{attr_name}"
+        value = self._metadata() if attr_name == "metadata" else getattr(self.env, attr_name)
+        return [value] * len(members)
+
+    def set_attr(self, attr_name: str, value: Any, indices: Members = None) -> None:
+        """Set an attribute for all members.
+
+        Parameters
+        ----------
+        attr_name : {"render_mode", "spec"}
+            Which one.
+        value : object
+            Its value.
+        indices : int or iterable of int, optional
+            Which members: all of them, as they share it.
+
+        Raises
+        ------
+        AttributeError
+            If there is no such attribute, or it is fixed when the batch is made.
+        OptionError
+            If some members are left out, or there is no such render mode.
+        """
+        members = self._members(indices)
+        if attr_name not in _SETTABLE:
+            if attr_name in (*_SHARED, *_OWN, *_METHODS):
+                raise AttributeError(
+                    f"{attr_name} of a batch cannot be set; what can is {', '.join(_SETTABLE)}"
+                )
+            raise AttributeError(f"a member of the batch has no attribute {attr_name!r}")
+        if len(set(members)) < self.num_envs:
+            raise OptionError(
+                f"all members share {attr_name}: it cannot be set for {len(set(members))} of "
+                f"{self.num_envs}"
+            )
+        if attr_name == "render_mode":
+            self.render_mode = checked_render_mode(value)
+        setattr(self.env, attr_name, value)
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: Members = None, **method_kwargs: Any
+    ) -> list[Any]:
+        """Call a method of members.
+
+        Parameters
+        ----------
+        method_name : {"snapshot", "render"}
+            ``snapshot`` returns a member's state as `SwimEnv.snapshot` does; a `SwimEnv` of the
+            same scene can `restore` it and goes on bit for bit as the member would, with its own
+            number of actions in an episode. ``render`` returns a member's frame.
+        indices : int or iterable of int, optional
+            Which members; all unless given.
+
+        Raises
+        ------
+        AttributeError
+            If a member has no such method.
+        SwimError
+            For ``snapshot`` before the first reset.
+        """
+        members = self._members(indices)
+        if method_name not in _METHODS:
+            hint = ""
+            if callable(getattr(self.env, method_name, None)):
+                hint = f"; call it for the whole batch, as SwimVecEnv.env.{method_name}"
+            raise AttributeError(
+                f"a member of the batch has no method {method_name!r} of its own, only "
+                f"{' and '.join(_METHODS)}{hint}"
+            )
+        if method_args or method_kwargs:
+            raise TypeError(f"{method_name} takes no arguments")
+        if method_name == "render":
+            frames = self.env.render()
+            return [None if frames is None else frames[member] for member in members]
+        return _snapshots(self.env.snapshot(), members)
+
+    def env_is_wrapped(
+        self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: Members = None
+    ) -> list[bool]:
+        """Return False for every member: wrappers of single environments cannot be in a batch."""
+        return [False] * len(self._members(indices))
+
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+        """Return a frame of every member, (height, width, 3) uint8, in render mode "rgb_array"."""
+        if self.render_mode != "rgb_array":
+            warnings.warn(
+                f"images need the render mode 'rgb_array', this is {self.render_mode!r}",
+                stacklevel=2,
+            )
+            return [None] * self.num_envs
+        return self.env_method("render")
+
+    def _members(self, indices: Members) -> list[int]:
+        """Return members by their numbers, those from the end too.
+
+        Raises
+        ------
+        IndexError
+            If there is no such member.
+        """
+        everyone = range(self.num_envs)
+        if indices is None:
+            return list(everyone)
+        if isinstance(indices, (int, np.integer)):
+            indices = [int(indices)]
+        return [everyone[index] for index in indices]
+
+    def _metadata(self) -> dict[str, Any]:
+        """Return the metadata of a single environment, which knows no autoreset mode."""
+        return {key: value for key, value in self.env.metadata.items() if key != "autoreset_mode"}
+
+    def _own(self, name: str, member: int) -> NDArray[np.float64]:
+        episodes = self.env.episodes
+        values = {
+            "coordinates": episodes.bodies.coordinates,
+            "goal": episodes.goals,
+            "torques": episodes.torques[:, 0],
+            "velocity": episodes.bodies.velocities,
+        }
+        return np.array(values[name][member])
+
+    def _call(self, name: str, member: int, *args: Any, **kwargs: Any) -> Any:
+        return self.env_method(name, *args, indices=member, **kwargs)[0]
+
+
+def make_swim_vec_env(
+    env_id: str = "swim_env/KirchhoffSwimmer-v0",
+    num_envs: int = 64,
+    seed: int | None = None,
+    **kwargs: Any,
+) -> SwimVecEnv:
+    """Make a `SwimVecEnv`.
+
+    Parameters
+    ----------
+    env_id : str
+        Name of one of this package's environments.
+    num_envs : int
+        Number M of members.
+    seed : int, optional
+        The first reset seeds member i with seed + i; random unless given.
+    **kwargs
+        Arguments of the environment: scene, overrides, max_episode_steps ...
+
+    Raises
+    ------
+    SceneError, OptionError
+        As the environment does.
+    """
+    kwargs.setdefault("autoreset_mode", AutoresetMode.SAME_STEP.value)
+    venv = SwimVecEnv(gymnasium.make_vec(env_id, num_envs=num_envs, **kwargs))
+    if seed is not None:
+        venv.seed(seed)
+        venv.action_space.seed(seed)
+    return venv
+
+
+def _dicts(
+    batch: Mapping[str, Any], members: Sequence[int] | NDArray[np.int64] | None = None
+) -> list[dict[str, Any]]:
+    """Return the infos of members, all unless given, one dict each with plain Python values.
+
+    Called in every step, so each key is converted once for all members.
+    """
+    names = []
+    columns: list[list[Any]] = []
+    for name, values in batch.items():
+        if name[0] == "_":  # the mask of another key
+            continue
+        if members is not None:
+            values = values[members]
+        names.append(name)
+        columns.append(values.tolist() if values.ndim == 1 else list(values))
+    return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
+
+
+def _snapshots(batch: EnvSnapshot, members: Sequence[int]) -> list[EnvSnapshot]:
+    """Return the parts of a batch's snapshot as snapshots of single environments."""
+    return [EnvSnapshot(batch.episodes.member(member), True) for member in members]

@@ -1,0 +1,249 @@
+"""Two sweeps that the study's scenes do not show: over the bend, and across the first resonance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from swim_env.accuracy.outcome import Outcome, play, relative_error
+from swim_env.accuracy.settings import PAPER_SETTINGS, Settings
+from swim_env.errors import SimulationEndedError
+from swim_env.plots.style import (
+    AMBER,
+    BLUE,
+    GREEN,
+    LINE,
+    ORANGE,
+    SILVER,
+    SKY,
+    SMALL,
+    new_figure,
+    require_matplotlib,
+    style_axes,
+)
+from swim_env.scene import Scene, load_scene
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["draw_sweeps", "sweep_bends", "sweep_frequencies", "sweep_tables"]
+
+Record = Mapping[str, Any]
+
+#: Torque amplitudes of the soft, heavily damped body (N m), and how it is computed.
+_AMPLITUDES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
+_BENT = Settings("panels", 9, 8, "proportional", 0.005, "composed")
+_MODELS = ("strip", "frozen", "expansion")
+_BENT_SECONDS = 4.0
+
+#: Frequencies across the first resonance of `paper_i` (Hz), about 5.1 Hz.
+_FREQUENCIES = tuple(float(f) for f in np.arange(3.0, 8.01, 0.25))
+_RESONANT_SECONDS = 20.0
+#: Ways to compute it. All are frozen with the same panels: the differences are those of time.
+_WAYS: dict[str, Settings] = {
+    "paper, 10 ms": replace(PAPER_SETTINGS, fluid_model="frozen"),
+    "paper, 10 ms, mean angles": replace(
+        PAPER_SETTINGS, fluid_model="frozen", strain="mean_angles"
+    ),
+    "composed, 10 ms": replace(PAPER_SETTINGS, fluid_model="frozen", scheme="composed"),
+    "composed, 10 ms, mean angles": replace(
+        PAPER_SETTINGS, fluid_model="frozen", scheme="composed", strain="mean_angles"
+    ),
+    "composed, 1.25 ms": replace(
+        PAPER_SETTINGS, fluid_model="frozen", scheme="composed", time_step=0.00125
+    ),
+}
+_CONVERGED = "composed, 1.25 ms"
+_COLOURS = (BLUE, SKY, ORANGE, AMBER)
+
+
+def sweep_bends(progress: Callable[[int], object] | None = None) -> list[dict[str, Any]]:
+    """Bend a soft body further and further, and compare the fluid models with panels.
+
+    Returns
+    -------
+    list of dict
+        ``amplitude`` (N m), ``largest_bend`` of a joint (rad), ``errors`` of the displacement by
+        model, relative to panels; None where a run ended early, with ``reasons`` by model.
+    """
+    soft = load_scene("swimmer").replace(
+        {
+            "name": "soft",
+            "beam.bending_stiffness": 0.2,
+            "damping.retardation_time": 0.05,
+            "actuation.wave_number": math.pi,
+        }
+    )
+    found = []
+    for amplitude in _AMPLITUDES:
+        scene = soft.replace("actuation.amplitude", amplitude)
+        full = _played(_BENT.apply(scene), _BENT_SECONDS)
+        errors: dict[str, float | None] = {}
+        reasons: dict[str, str] = {}
+        for model in _MODELS:
+            other = _played(replace(_BENT, fluid_model=model).apply(scene), _BENT_SECONDS)
+            errors[model] = None
+            if isinstance(full, Outcome) and isinstance(other, Outcome):
+                errors[model] = relative_error(other.displacement, full.displacement, 1.0)
+            else:
+                reasons[model] = f"{full if isinstance(full, str) else other}"
+        bend = full.largest_bend if isinstance(full, Outcome) else None
+        found.append(
+            {"amplitude": amplitude, "largest_bend": bend, "errors": errors, "reasons": reasons}
+        )
+        if progress is not None:
+            progress(1)
+    return found
+
+
+def sweep_frequencies(
+    scene: Scene, progress: Callable[[int], object] | None = None
+) -> list[dict[str, Any]]:
+    """Drive a scene across its first resonance and compute it in several ways.
+
+    Returns
+    -------
+    list of dict
+        ``frequency`` (Hz), ``displacement`` along x (m) by way, None where a run ended early, and
+        the ``reasons`` for it.
+    """
+    found = []
+    for frequency in _FREQUENCIES:
+        driven = scene.replace("actuation.frequency", 2.0 * math.pi * frequency)
+        values: dict[str, float | None] = {}
+        reasons: dict[str, str] = {}
+        for way, settings in _WAYS.items():
+            outcome = _played(settings.apply(driven), _RESONANT_SECONDS)
+            if isinstance(outcome, Outcome):
+                values[way] = float(outcome.displacement[0])
+            else:
+                values[way] = None
+                reasons[way] = outcome
+        found.append({"frequency": frequency, "displacement": values, "reasons": reasons})
+        if progress is not None:
+            progress(1)
+    return found
+
+
+def _played(scene: Scene, duration: float) -> Outcome | str:
+    """Return a run, or the reason why it ended early."""
+    try:
+        outcome = play(scene, duration)
+    except SimulationEndedError as error:
+        return error.reason
+    return outcome.termination_reason or outcome
+
+
+def sweep_tables(bends: list[dict[str, Any]], resonance: Mapping[str, Any]) -> str:
+    """Return the sweeps as Markdown."""
+    lines = [
+        "# Sweeps",
+        "",
+        "## Fluid models over the bend",
+        "",
+        "A soft body (EI = 0.2 N m², 50 ms of damping) under half a wave of torque for 4 s: error "
+        "of the displacement relative to panels, everything else the same.",
+        "",
+        "| amplitude (N m) | largest joint angle (rad) | " + " | ".join(_MODELS) + " |",
+        "|---" * (2 + len(_MODELS)) + "|",
+    ]
+    for one in bends:
+        bend = "" if one["largest_bend"] is None else f"{one['largest_bend']:.2f}"
+        cells = [
+            one["reasons"].get(model, "")
+            if one["errors"][model] is None
+            else f"{one['errors'][model]:.1e}"
+            for model in _MODELS
+        ]
+        lines.append(f"| {one['amplitude']:g} | {bend} | " + " | ".join(cells) + " |")
+    for name, sweep in resonance.items():
+        lines += [
+            "",
+            f"## Across the first resonance: {name}",
+            "",
+            "Displacement along x after 20 s (m), frozen added mass, 9 elements, 4 panels.",
+            "",
+            "| frequency (Hz) | " + " | ".join(_WAYS) + " |",
+            "|---" * (1 + len(_WAYS)) + "|",
+        ]
+        for one in sweep:
+            cells = [
+                one["reasons"].get(way, "")
+                if one["displacement"][way] is None
+                else f"{one['displacement'][way]:+.4f}"
+                for way in _WAYS
+            ]
+            lines.append(f"| {one['frequency']:g} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def draw_sweeps(bends: list[dict[str, Any]], resonance: Mapping[str, Any]) -> Figure:
+    """Draw both sweeps.
+
+    Raises
+    ------
+    SwimError
+        If matplotlib is not installed.
+    """
+    require_matplotlib()
+    figure = new_figure(9.5, 3.6)
+    axes = figure.subplots(1, 1 + len(resonance))
+    _draw_bends(axes[0], bends)
+    for place, (name, sweep) in zip(axes[1:], resonance.items(), strict=True):
+        _draw_resonance(place, sweep)
+        place.set_title(f"resonance: {name}", fontsize=SMALL + 1)
+    figure.legend(
+        handles=axes[1].get_lines(),
+        loc="outside lower right",
+        ncols=4,
+        fontsize=SMALL,
+        frameon=False,
+    )
+    return figure
+
+
+def _draw_bends(axes: Axes, bends: list[dict[str, Any]]) -> None:
+    colours = {"strip": SILVER, "frozen": BLUE, "expansion": GREEN}
+    for model in _MODELS:
+        some = [one for one in bends if one["errors"][model] is not None]
+        axes.plot(
+            [one["largest_bend"] for one in some],
+            [one["errors"][model] for one in some],
+            marker="o",
+            markersize=3,
+            linewidth=LINE,
+            color=colours[model],
+            label=model,
+        )
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_title("models against panels", fontsize=SMALL + 1)
+    axes.legend(fontsize=SMALL, frameon=False)
+    style_axes(axes, "largest joint angle (rad)", "relative error of displacement")
+
+
+def _draw_resonance(axes: Axes, sweep: list[dict[str, Any]]) -> None:
+    for way, colour in zip([name for name in _WAYS if name != _CONVERGED], _COLOURS, strict=True):
+        points = []
+        for one in sweep:
+            value, fine = one["displacement"][way], one["displacement"][_CONVERGED]
+            if value is not None and fine is not None:
+                points.append((one["frequency"], abs(value - fine) / max(abs(fine), 0.01)))
+        axes.plot(
+            [point[0] for point in points],
+            [point[1] for point in points],
+            color=colour,
+            linewidth=LINE,
+            linestyle="--" if "mean" in way else "-",
+            marker="o",
+            markersize=2.5,
+            label=way,
+        )
+    axes.set_yscale("log")
+    axes.set_ylim(1e-4, 10.0)
+    style_axes(axes, "frequency of the drive (Hz)", f"relative difference to {_CONVERGED}")

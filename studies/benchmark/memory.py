@@ -1,0 +1,136 @@
+"""Memory of the environments: what their arrays hold, and what a process grows by."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from studies.benchmark.subprocesses import run_python
+from swim_env.envs.vector import SwimVectorEnv
+from swim_env.scene import Scene, load_scene
+
+__all__ = ["held_bytes", "measure_memory"]
+
+_MANY_ELEMENTS = 81
+
+
+def held_bytes(envs: SwimVectorEnv) -> int:
+    """Return the bytes of all arrays that a batch holds: states, work space, results, constants."""
+    found: dict[int, int] = {}
+
+    def add(value: object) -> None:
+        if isinstance(value, np.ndarray):
+            # Views count as the whole that they are part of, and that once.
+            while isinstance(value.base, np.ndarray):
+                value = value.base
+            found[id(value)] = value.nbytes
+        elif isinstance(value, (list, tuple)):
+            for part in value:
+                add(part)
+
+    for owner in (envs.episodes, envs.episodes.bodies):
+        for value in vars(owner).values():
+            add(value)
+    return sum(found.values())
+
+
+def measure_memory(
+    scene: Scene | str = "swimmer", members: tuple[int, ...] = (1, 64, 256)
+) -> dict[str, Any]:
+    """Measure what batches of a scene need.
+
+    Parameters
+    ----------
+    scene : Scene or str
+        What swims.
+    members : tuple of int
+        Sizes of the batches, rising, at least two of them.
+
+    Returns
+    -------
+    dict
+        ``arrays``: by number of members the ``bytes`` that the batch's arrays hold, the
+        ``bytes_per_member`` between the two largest batches, the ``fixed_bytes`` beside them, and
+        ``linearity``, the largest relative deviation from that straight line; ``resident``, see
+        `resident_growth`; and the ``bytes_per_member`` of the same scene with 81 elements under
+        ``many_elements``.
+    """
+    scene = load_scene(scene)
+    sizes = {count: held_bytes(SwimVectorEnv(count, scene)) for count in members}
+    small, large = members[-2:]
+    slope = (sizes[large] - sizes[small]) / (large - small)
+    fixed = sizes[large] - slope * large
+    deviation = max(abs(size - fixed - slope * count) / size for count, size in sizes.items())
+    fine = scene.replace("beam.elements", _MANY_ELEMENTS)
+    one, two = (held_bytes(SwimVectorEnv(count, fine)) for count in (1, 2))
+    return {
+        "scene": scene.name,
+        "elements": scene.beam.elements,
+        "arrays": {
+            "bytes": {str(count): size for count, size in sizes.items()},
+            "bytes_per_member": slope,
+            "fixed_bytes": fixed,
+            "linearity": deviation,
+        },
+        "resident": resident_growth(scene.name, members),
+        "many_elements": {"elements": _MANY_ELEMENTS, "bytes_per_member": two - one},
+    }
+
+
+_RESIDENT_CODE = """
+import json
+import os
+import sys
+import numpy as np
+import swim_env
+
+def resident():
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+scene, *members = json.loads(sys.argv[1])
+held = []
+def play(count):
+    envs = swim_env.SwimVectorEnv(count, scene, num_threads=1)
+    envs.reset(seed=0)
+    for _ in range(3):
+        envs.step(np.zeros(envs.action_space.shape))
+    held.append(envs)
+
+play(1)
+start = before = resident()
+growth = {}
+for count in members:
+    play(count)
+    after = resident()
+    growth[str(count)] = after - before
+    before = after
+print(json.dumps({"process": start, "growth": growth}))
+"""
+
+
+def resident_growth(scene: str, members: tuple[int, ...]) -> dict[str, Any] | None:
+    """Return what a process of its own holds in memory, and grows by for every batch more.
+
+    Returns
+    -------
+    dict or None
+        ``process``: bytes resident after a first batch of one member has taken steps; ``growth``:
+        by number of members, what another batch that takes steps adds. None where the system does
+        not say.
+    """
+    if not _can_tell():
+        return None
+    done = run_python(_RESIDENT_CODE, json.dumps([scene, *members]))
+    figures: dict[str, Any] = json.loads(done.output)
+    return figures
+
+
+def _can_tell() -> bool:
+    try:
+        with open("/proc/self/statm", encoding="ascii"):
+            return True
+    except OSError:
+        return False

@@ -1,0 +1,288 @@
+"""A chain of a scene's links in MuJoCo: the scene's beam without its fluid model.
+
+MuJoCo has no added mass that couples the links, which is most of what the swimming beam computes:
+
+* ``none`` leaves the fluid out.
+* ``box`` (MuJoCo's inertia model) is drag alone, quadratic in the velocity, on the box that has
+  each link's inertia.
+* ``ellipsoid`` adds, to the quadratic drag, lift and the part of each link's own added mass that
+  goes with products of velocities. The part that goes with accelerations is in MuJoCo's
+  documentation but not in what it computes: a link at rest accelerates as in a vacuum. And every
+  link is alone in its fluid: there are no terms between links and none for the shape of the body.
+
+The viscosity is zero, as the scene's fluid is ideal. MuJoCo's joint springs are linear where the
+scene's moment is EI/(2 dl) sin(2 a); at the paper's 0.05 rad that is 0.2 %.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from studies.benchmark.peer_tools import load_peer, wave_of
+from swim_env.errors import OptionError
+from swim_env.scene import Scene
+
+__all__ = ["CHAIN_VARIANTS", "WAYS", "ChainVariant", "MuJoCoChain", "chain_xml"]
+
+Array = NDArray[np.float64]
+
+INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4", "discrete")
+"""MuJoCo's integrators. The explicit springs bound the step of all but `discrete`, which is
+implicit in them too and there only in recent versions; at large steps it damps vibrations."""
+
+
+class ChainVariant(NamedTuple):
+    """One of the ways to build and run the chain.
+
+    Attributes
+    ----------
+    integrator : str
+        One of `INTEGRATORS`.
+    fluid : str
+        ``none``, ``box`` or ``ellipsoid``, see the module.
+    links : str
+        ``lumped`` for the scene's links, whose mass stands in their centres but for the rotary
+        inertia of the section; ``rod`` for uniform rods, as one would build the chain in MuJoCo.
+        The beam is the same to the order of the discretisation. The lumped links' fastest mode is
+        several times faster, and so are the steps of explicit integrators smaller.
+    """
+
+    integrator: str
+    fluid: str = "none"
+    links: str = "rod"
+
+    @property
+    def name(self) -> str:
+        """The parts, with slashes between them."""
+        return "/".join(self)
+
+    @property
+    def description(self) -> str:
+        """The parts, as tables show them."""
+        fluid = "no fluid" if self.fluid == "none" else f"{self.fluid} drag"
+        return f"{self.integrator}, {fluid}, {self.links} links"
+
+
+CHAIN_VARIANTS = (
+    *(ChainVariant(name, "none", "rod") for name in INTEGRATORS),
+    *(ChainVariant(name, "ellipsoid", "rod") for name in INTEGRATORS),
+    *(ChainVariant(name, "none", "lumped") for name in ("Euler", "RK4", "discrete")),
+)
+"""What the benchmark runs."""
+
+WAYS = ("rollout", "held", "single")
+"""How steps are taken: all in one call of `mujoco.rollout`, on one thread; with a call of `mj_step`
+for each control interval, which takes all its steps without Python between them; or with a call for
+each step."""
+
+
+def chain_xml(scene: Scene, variant: ChainVariant, time_step: float) -> str:
+    """Write the MJCF of a chain of the scene's links.
+
+    The root has two slides and a hinge, the joints springs of EI/dl (with the scene's Kelvin-Voigt
+    damping, where it has any) and motors of unit gear. Gravity, contacts and constraints are off.
+
+    Parameters
+    ----------
+    scene : Scene
+        The beam. The chain starts straight along +x with its head at the origin, at rest.
+    variant : ChainVariant
+        How to build it.
+    time_step : float
+        Time step (s).
+
+    Returns
+    -------
+    str
+        The model.
+
+    Raises
+    ------
+    OptionError
+        If the variant is unknown, or needs a fluid that the scene does not have.
+    """
+    beam, fluid = scene.beam, scene.fluid
+    if variant.integrator not in INTEGRATORS:
+        raise OptionError(f"integrator must be one of {INTEGRATORS}, got {variant.integrator!r}")
+    if variant.fluid not in ("none", "box", "ellipsoid"):
+        raise OptionError(f"fluid must be none, box or ellipsoid, got {variant.fluid!r}")
+    if variant.links not in ("lumped", "rod"):
+        raise OptionError(f"links must be lumped or rod, got {variant.links!r}")
+    if variant[1:] == ("box", "lumped"):
+        raise OptionError("fluid box needs links rod: the box of lumped links has no length")
+    density = 0.0
+    if variant.fluid != "none":
+        if fluid is None or fluid.density is None:
+            raise OptionError(f"fluid {variant.fluid} needs a scene with a fluid density")
+        density = fluid.density
+    length = beam.element_length
+    mass = beam.line_density * length
+    # Squared half sides of the box that has the link's inertia, half a metre of the unit depth. In
+    # the plane only the sum of the first two acts; only the drag of the box asks which is which,
+    # and equal ones keep MuJoCo from refusing the inertia of a flat body for a rounding error.
+    along = 0.25 * length**2 if variant.links == "rod" else 0.0
+    across, deep = 3.0 * beam.rotary_inertia / beam.line_density, 0.25
+    if variant.fluid != "box":
+        along = across = 0.5 * (along + across)
+    inertia = [mass * float(sides) / 3.0 for sides in (across + deep, along + deep, along + across)]
+    retardation = 0.0 if scene.damping is None else scene.damping.retardation_time
+    geom = ""
+    if variant.fluid == "ellipsoid":
+        geom = (
+            f'<geom type="ellipsoid" fluidshape="ellipsoid" pos="{0.5 * length!r} 0 0" '
+            f'size="{0.5 * length!r} {beam.half_thickness!r} 0.5" '
+            'contype="0" conaffinity="0"/>'
+        )
+    inertial = (
+        f'<inertial pos="{0.5 * length!r} 0 0" mass="{mass!r}" '
+        f'diaginertia="{" ".join(map(repr, inertia))}"/>'
+    )
+    root = (
+        '<joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide" axis="0 1 0"/>'
+        '<joint name="heading" type="hinge" axis="0 0 1"/>'
+    )
+    bodies = ""
+    springs = (beam.stiffness_at_joints() / length).tolist()
+    for index in range(beam.elements - 1, 0, -1):
+        spring = springs[index - 1]
+        bodies = (
+            f'<body pos="{length!r} 0 0"><joint name="joint{index}" type="hinge" axis="0 0 1" '
+            f'stiffness="{spring!r}" damping="{retardation * spring!r}"/>'
+            f"{inertial}{geom}{bodies}</body>"
+        )
+    motors = "".join(f'<motor joint="joint{index}" gear="1"/>' for index in range(1, beam.elements))
+    return (
+        '<mujoco model="chain"><compiler angle="radian" inertiafromgeom="false"/>'
+        f'<option integrator="{variant.integrator}" timestep="{time_step!r}" gravity="0 0 0" '
+        f'density="{density!r}" viscosity="0">'
+        '<flag contact="disable" constraint="disable"/></option>'
+        f"<worldbody><body>{root}{inertial}{geom}{bodies}</body></worldbody>"
+        f"<actuator>{motors}</actuator></mujoco>"
+    )
+
+
+class MuJoCoChain:
+    """A chain of the scene's links in MuJoCo, driven by the scene's wave of torque.
+
+    Torques are held over the scene's control interval, in which the chain takes a whole number of
+    steps.
+
+    Parameters
+    ----------
+    scene : Scene
+        The beam, its wave and the control interval.
+    variant : ChainVariant
+        How to build and run it.
+    substeps : int
+        Steps in a control interval, at least 1.
+
+    Attributes
+    ----------
+    model, data : mujoco.MjModel, mujoco.MjData
+        MuJoCo's own.
+    time_step : float
+        Time step (s).
+
+    Raises
+    ------
+    PeerMissingError
+        If MuJoCo is not installed.
+    OptionError, SceneError
+        If the scene cannot be built so, or has no wave.
+    """
+
+    def __init__(self, scene: Scene, variant: ChainVariant, substeps: int) -> None:
+        self._mujoco: Any = load_peer("mujoco", "MuJoCo")
+        self.scene, self.variant, self.substeps = scene, variant, substeps
+        self.time_step = scene.episode.control_interval / substeps
+        self.model = self._mujoco.MjModel.from_xml_string(chain_xml(scene, variant, self.time_step))
+        self.data = self._mujoco.MjData(self.model)
+        self._wave = wave_of(scene)
+
+    def controls(self, count: int) -> Array:
+        """Joint torques of the first control intervals, (count, N - 1) (N m)."""
+        times = np.arange(count) * self.scene.episode.control_interval
+        return self._wave.torques(times, self.scene.beam)
+
+    def swim(self, count: int) -> Array | None:
+        """Run from the start and watch.
+
+        Parameters
+        ----------
+        count : int
+            Control intervals.
+
+        Returns
+        -------
+        (count, N - 1) array or None
+            Joint angles at the ends of the intervals (rad); None when MuJoCo warned.
+        """
+        step, model, data = self._mujoco.mj_step, self.model, self.data
+        self._mujoco.mj_resetData(model, data)
+        angles = np.empty((count, self.scene.beam.elements - 1))
+        with _without_log(self._mujoco):
+            for index, torques in enumerate(self.controls(count)):
+                data.ctrl[:] = torques
+                step(model, data, self.substeps)
+                if data.warning.number.any():
+                    return None
+                angles[index] = data.qpos[3:]
+        return angles
+
+    def calls(self, count: int) -> dict[str, Callable[[], object]]:
+        """Return calls that run a number of control intervals from the start.
+
+        Parameters
+        ----------
+        count : int
+            Control intervals.
+
+        Returns
+        -------
+        dict of str to callable
+            One for each of `WAYS`.
+        """
+        several: Any = load_peer("mujoco.rollout", "MuJoCo")
+        mujoco, model, data = self._mujoco, self.model, self.data
+        step, substeps, torques = mujoco.mj_step, self.substeps, self.controls(count)
+        everything = mujoco.mjtState.mjSTATE_FULLPHYSICS
+        mujoco.mj_resetData(model, data)
+        start = np.empty((1, mujoco.mj_stateSize(model, everything)))
+        mujoco.mj_getState(model, data, start[0], everything)
+        every_step = np.repeat(torques, substeps, axis=0)[None]
+        states = np.empty((1, count * substeps, start.shape[1]))
+        pool = several.Rollout(nthread=0)
+
+        def rollout() -> None:
+            pool.rollout(model, data, start, every_step, state=states)
+
+        def held() -> None:
+            mujoco.mj_resetData(model, data)
+            for row in torques:
+                data.ctrl[:] = row
+                step(model, data, substeps)
+
+        def single() -> None:
+            mujoco.mj_resetData(model, data)
+            for row in torques:
+                data.ctrl[:] = row
+                for _ in range(substeps):
+                    step(model, data)
+
+        return {"rollout": rollout, "held": held, "single": single}
+
+
+@contextmanager
+def _without_log(mujoco: Any) -> Iterator[None]:
+    """Keep MuJoCo from writing MUJOCO_LOG.TXT where its warnings are what one looks for."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda message: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)

@@ -1,0 +1,302 @@
+"""The benchmark's picture: what a physics step costs, of what it consists, and the peers."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from swim_env.plots.style import (
+    AMBER,
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    LINE,
+    ORANGE,
+    PINK,
+    SILVER,
+    SKY,
+    SMALL,
+    SMALLER,
+    WIDTH,
+    YELLOW,
+    name_panel,
+    new_figure,
+    require_matplotlib,
+    style_axes,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["draw_benchmark"]
+
+Record = Mapping[str, Any]
+
+#: Neighbours differ in lightness as well.
+_COLOURS = (BLUE, SKY, GREEN, YELLOW, AMBER, ORANGE, PINK, SILVER)
+#: What the picture shows of the fluid models and panels, where it was measured.
+_MODEL, _PANELS = "panels", 4
+
+
+def draw_benchmark(record: Record) -> Figure:
+    """Draw a benchmark; what was not measured stays empty and says so.
+
+    Left above, the time of a step over the number of elements with the floor and the fitted growth;
+    left below, its parts. Right, simulated seconds per second of wall time of this package and of
+    the peers, each peer in the fastest of the ways to run it.
+
+    Parameters
+    ----------
+    record : mapping
+        What `scripts/benchmark.py` ends with.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The picture; `swim_env.plots.save_figure` writes it.
+
+    Raises
+    ------
+    SwimError
+        If matplotlib is not installed.
+    """
+    require_matplotlib()
+    figure = new_figure(WIDTH, 6.0)
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1.0), height_ratios=(1.0, 1.15))
+    cells = _shown_cells(record.get("kernel", []))
+    growth, parts = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
+    if cells:
+        _draw_growth(growth, cells, _fit_of(cells[0], record.get("growth", [])))
+        _draw_parts(parts, cells)
+    else:
+        _say_empty(growth, "the physics step")
+        _say_empty(parts, "the parts of a step")
+    speeds = figure.add_subplot(grid[:, 1])
+    if record.get("speeds"):
+        _draw_speeds(speeds, _shown_speeds(record["speeds"]))
+    else:
+        _say_empty(speeds, "the environments and peers")
+    machine = record.get("machine")
+    if machine:
+        figure.suptitle(
+            f"{machine['processor']}, {machine['cores']} cores, commit "
+            f"{(record.get('commit') or 'unknown')[:10]}, {record.get('date')}",
+            fontsize=SMALL,
+            color=GREY,
+        )
+    return figure
+
+
+def _shown_cells(cells: Sequence[Record]) -> list[Record]:
+    """Return the cells of one fluid model and number of panels, the usual one if it is there."""
+    if not cells:
+        return []
+    kinds = [(cell["fluid_model"], cell["panels_per_element"]) for cell in cells]
+    shown = (_MODEL, _PANELS) if (_MODEL, _PANELS) in kinds else kinds[0]
+    some = [cell for cell, kind in zip(cells, kinds, strict=True) if kind == shown]
+    return sorted(some, key=lambda cell: int(cell["elements"]))
+
+
+def _shown_speeds(speeds: Mapping[str, Record]) -> list[Record]:
+    """Return all of this package, and of the ways to run the same peer the fastest."""
+    shown: dict[tuple[str, object], Record] = {}
+    for name, speed in speeds.items():
+        key = (name.partition("/")[0] if speed.get("peer") else name, speed.get("fluid"))
+        if key not in shown or _rate(speed) > _rate(shown[key]):
+            shown[key] = speed
+    return list(shown.values())
+
+
+def _rate(speed: Record) -> float:
+    return float(speed["simulated_seconds_per_second"]["median"])
+
+
+def _fit_of(cell: Record, fits: Sequence[Record]) -> Record | None:
+    """Return the fit over the most beams that belongs to a cell."""
+    names = ("fluid_model", "panels_per_element")
+    own = [fit for fit in fits if all(fit[name] == cell[name] for name in names)]
+    return max(own, key=lambda fit: int(fit["points"]), default=None)
+
+
+def _say_empty(axes: Axes, what: str) -> None:
+    axes.set_axis_off()
+    axes.text(
+        0.5,
+        0.5,
+        f"{what}: not measured",
+        ha="center",
+        va="center",
+        fontsize=SMALL,
+        color=GREY,
+        transform=axes.transAxes,
+    )
+
+
+def _draw_growth(axes: Axes, cells: Sequence[Record], fit: Record | None) -> None:
+    """Draw the time of a step with its quartiles, the floor's markers, and the fitted power law."""
+    elements = [cell["elements"] for cell in cells]
+    steps = [cell["step"] for cell in cells]
+    medians = [step["median"] for step in steps]
+    errors = [
+        [step["median"] - step["low"] for step in steps],
+        [step["high"] - step["median"] for step in steps],
+    ]
+    axes.errorbar(
+        elements,
+        medians,
+        yerr=errors,
+        fmt="o-",
+        color=BLUE,
+        markersize=4,
+        linewidth=LINE,
+        capsize=2,
+        label="step (median, quartiles)",
+    )
+    floor = [(cell["elements"], cell["floor"]["median"]) for cell in cells if cell.get("floor")]
+    if floor:
+        axes.plot(
+            *zip(*floor, strict=True),
+            "D",
+            color=ORANGE,
+            markersize=4,
+            markerfacecolor="white",
+            label="floor",
+        )
+    if fit is not None:
+        ends = [fit["elements_from"], fit["elements_to"]]
+        line = [fit["microseconds_of_one"] * n ** fit["exponent"] for n in ends]
+        axes.plot(
+            ends,
+            line,
+            ":",
+            color=GREY,
+            linewidth=LINE,
+            label=f"fit, N to the power {fit['exponent']:.2f}",
+            zorder=1,
+        )
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xticks(elements, [str(n) for n in elements])
+    axes.minorticks_off()
+    # Room for the legend.
+    axes.set_ylim(top=6.0 * max(medians))
+    axes.legend(fontsize=SMALLER, frameon=False, loc="upper left")
+    kind = f"{cells[0]['fluid_model']}, {cells[0]['panels_per_element']} panels per element"
+    name_panel(axes, f"a physics step ({kind})")
+    style_axes(axes, "elements N", "time of a step (\u00b5s)")
+
+
+def _draw_parts(axes: Axes, cells: Sequence[Record]) -> None:
+    """Draw the shares of the parts in a step, with the step's time above and the floor's share."""
+    names = list(dict.fromkeys(part for cell in cells for part in cell["parts"]))
+    places = range(len(cells))
+    # A rest below zero is noise of the other parts, which are then shared out among themselves.
+    totals = [sum(max(0.0, part["median"]) for part in cell["parts"].values()) for cell in cells]
+    bottom = [0.0] * len(cells)
+    for index, name in enumerate(names):
+        heights = [
+            100.0 * max(0.0, cell["parts"][name]["median"]) / total
+            if name in cell["parts"]
+            else 0.0
+            for cell, total in zip(cells, totals, strict=True)
+        ]
+        axes.bar(
+            places,
+            heights,
+            bottom=bottom,
+            width=0.75,
+            color=_COLOURS[index % len(_COLOURS)],
+            edgecolor="white",
+            linewidth=0.5,
+            label=name.replace("_", " "),
+        )
+        bottom = [below + height for below, height in zip(bottom, heights, strict=True)]
+    for place, cell in zip(places, cells, strict=True):
+        time = _time(cell["step"]["median"])
+        axes.text(place, 101.5, time, ha="center", va="bottom", fontsize=SMALLER)
+    floor = [
+        (place, 100.0 * cell["floor"]["median"] / cell["step"]["median"])
+        for place, cell in zip(places, cells, strict=True)
+        if cell.get("floor")
+    ]
+    if floor:
+        axes.plot(
+            *zip(*floor, strict=True),
+            "D",
+            color=BLACK,
+            markersize=5,
+            markerfacecolor="white",
+            label="floor",
+        )
+    axes.set_xticks(places, [str(cell["elements"]) for cell in cells])
+    # A floor may lie above a step that is faster than it: keep it in sight.
+    axes.set_ylim(0.0, max([112.0, *(1.06 * share for _, share in floor)]))
+    axes.set_yticks(range(0, 101, 25))
+    axes.legend(
+        fontsize=SMALLER,
+        frameon=False,
+        loc="upper center",
+        bbox_to_anchor=(0.45, -0.22),
+        ncols=3,
+        handlelength=1.0,
+        columnspacing=1.0,
+    )
+    style_axes(axes, "elements N", "share of a step (%)")
+
+
+def _time(microseconds: float) -> str:
+    """Return a time with its unit, two digits at least."""
+    milli = microseconds >= 1000.0
+    value, unit = (1e-3 * microseconds, "ms") if milli else (microseconds, "\u00b5s")
+    return f"{value:.0f} {unit}" if value >= 10.0 else f"{value:.1f} {unit}"
+
+
+def _draw_speeds(axes: Axes, speeds: Sequence[Record]) -> None:
+    """Draw simulated seconds per second, the first at the top, this package's in another colour."""
+    from matplotlib.ticker import NullFormatter
+
+    places = range(len(speeds))
+    rates = [speed["simulated_seconds_per_second"] for speed in speeds]
+    medians = [rate["median"] for rate in rates]
+    errors = [
+        [rate["median"] - rate["low"] for rate in rates],
+        [rate["high"] - rate["median"] for rate in rates],
+    ]
+    for peer, colour, label in ((False, BLUE, "this package"), (True, ORANGE, "peers")):
+        some = [place for place in places if bool(speeds[place].get("peer")) is peer]
+        if some:
+            axes.barh(
+                some, [medians[place] for place in some], height=0.6, color=colour, label=label
+            )
+    axes.errorbar(medians, places, xerr=errors, fmt="none", ecolor=BLACK, capsize=2, linewidth=1)
+    axes.set_xscale("log")
+    # Whole decades, so that there are labels at both ends.
+    decades = (math.floor(math.log10(0.7 * min(medians))), math.ceil(math.log10(2 * max(medians))))
+    axes.set_xlim(10.0 ** decades[0], 10.0 ** decades[1])
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    for place, rate in zip(places, rates, strict=True):
+        axes.text(
+            1.2 * rate["high"],
+            place,
+            f"{rate['median']:,.0f}" if rate["median"] >= 100.0 else f"{rate['median']:.3g}",
+            va="center",
+            fontsize=SMALLER,
+        )
+    labels = [textwrap.fill(speed["label"], 24) for speed in speeds]
+    axes.set_yticks(places, labels)
+    axes.invert_yaxis()
+    axes.legend(
+        fontsize=SMALLER,
+        frameon=False,
+        loc="upper center",
+        bbox_to_anchor=(0.4, -0.09),
+        ncols=2,
+        handlelength=1.0,
+    )
+    name_panel(axes, "speed (batches: all members)")
+    style_axes(axes, "simulated time per wall time (s/s)", "")
+    axes.tick_params(axis="y", labelsize=SMALLER)

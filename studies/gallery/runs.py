@@ -1,0 +1,239 @@
+"""What the gallery shows: the runs, played anew, and the stored curves of training."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from swim_agents.baselines import Policy
+from swim_agents.comparison.contest import FIRST_SEED, REFERENCES
+from swim_agents.learning.logs import read_log
+from swim_agents.policies import PRETRAINED_FOLDER, load_policy
+from swim_agents.rollout import Rollout, play_episode
+from swim_agents.verification import fine_scene, verify_rollout
+
+from swim_env.envs.single import SwimEnv, SwimTargetEnv
+from swim_env.errors import OptionError
+from swim_env.physics.runtime.threads import usable_threads
+from swim_env.scene import Scene, load_scene
+from swim_env.sim.replay import replay
+from swim_env.sim.trajectory import Trajectory
+
+__all__ = ["FULL", "QUICK", "Episode", "Plan", "Runs", "play_all", "stored_curves"]
+
+Curve = dict[str, list[float]]
+
+SCENE = "swimmer"
+#: Who is shown, and who is played at rising strength besides the paper's wave.
+FORWARD = (*REFERENCES, "ppo_forward", "sac_forward")
+TARGET = "ppo_target"
+#: Scenes whose prescribed torques, or none, are played as in the paper's Figs. 4 and 8.
+PAPER_SCENES = ("paper_i", "paper_xi")
+#: Runs of other training seeds than the shipped agents', kept for the page about training.
+_TRIED = Path(__file__).parents[2] / "docs" / "training" / "tried"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much is played.
+
+    Attributes
+    ----------
+    seed : int
+        Of the start's noise and of the target.
+    duration : float or None
+        Of an episode (s); the scene's own where it is None.
+    paper_duration : float
+        Of the paper's scenes (s).
+    strengths : tuple of float
+        Factors on the torques of the runs of rising strength, the last of them 1.
+    """
+
+    seed: int = FIRST_SEED
+    duration: float | None = None
+    paper_duration: float = 100.0
+    strengths: tuple[float, ...] = (0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be played."""
+        if self.seed < 0:
+            raise OptionError(f"the seed must be a whole number of at least 0, got {self.seed}")
+
+    def scene(self) -> Scene:
+        """Return the scene that the policies play."""
+        scene = load_scene(SCENE)
+        if self.duration is not None:
+            scene = scene.replace("episode.duration", self.duration)
+        return scene
+
+    def seconds(self) -> float:
+        """Return what `play_all` reports progress of: simulated seconds, played and checked."""
+        episode = self.scene().episode.duration
+        played = len(PAPER_SCENES) * self.paper_duration + episode
+        return played + 2.0 * episode * len(FORWARD) * len(self.strengths)
+
+
+FULL = Plan()
+QUICK = Plan(duration=1.2, paper_duration=4.0, strengths=(0.5, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """A policy's episode.
+
+    Attributes
+    ----------
+    rollout : Rollout
+        The episode.
+    trajectory : Trajectory
+        The same motion, with energy and work.
+    fine_displacement : float or None
+        Its net displacement computed finer (BL), see `agents.verify_rollout`; None if unchecked.
+    verified : bool or None
+        Whether the two agree.
+    """
+
+    rollout: Rollout
+    trajectory: Trajectory
+    fine_displacement: float | None = None
+    verified: bool | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Everything that was played.
+
+    Attributes
+    ----------
+    plan : Plan
+        How much.
+    paper : dict of str to Trajectory
+        The paper's scenes.
+    strengths : dict of str to list of Episode
+        Of each policy that swims forward an episode for each strength of the plan.
+    target : Episode
+        Of the agent that swims to a target.
+    """
+
+    plan: Plan
+    paper: dict[str, Trajectory]
+    strengths: dict[str, list[Episode]]
+    target: Episode
+
+    @property
+    def forward(self) -> dict[str, Episode]:
+        """Of each policy that swims forward the episode at full strength."""
+        return {name: episodes[-1] for name, episodes in self.strengths.items()}
+
+
+class _Weaker:
+    """A policy whose torques are a share of another's."""
+
+    def __init__(self, policy: Policy, share: float) -> None:
+        self._policy, self._share = policy, share
+
+    def predict(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = False,
+    ) -> tuple[NDArray[Any], Any]:
+        """Return the share of the other's actions, and its state."""
+        actions, state = self._policy.predict(observation, state, episode_start, deterministic)
+        return self._share * np.asarray(actions), state
+
+
+def play_all(plan: Plan, progress: Callable[[float], object]) -> Runs:
+    """Play everything that the gallery shows.
+
+    Parameters
+    ----------
+    plan : Plan
+        How much.
+    progress : callable
+        Called with the simulated seconds since the last call.
+    """
+    paper = {}
+    for name in PAPER_SCENES:
+        step = load_scene(name).integrator.time_step
+        paper[name], _ = replay(
+            load_scene(name),
+            plan.paper_duration,
+            lambda steps, step=step: progress(steps * step),  # type: ignore[misc]
+        )
+    scene = plan.scene()
+    rollouts: dict[str, list[Rollout]] = {}
+    for name in FORWARD:
+        policy = load_policy(name, scene, plan.seed, "forward")
+        rollouts[name] = [
+            _play(SwimEnv(scene), _Weaker(policy, share), plan.seed, progress)
+            for share in plan.strengths
+        ]
+    aiming = load_policy(TARGET, scene, plan.seed, "target")
+    target = _play(SwimTargetEnv(scene), aiming, plan.seed, progress)
+    step, lock = fine_scene(scene).integrator.time_step, threading.Lock()
+
+    def checked(steps: int) -> None:
+        with lock:
+            progress(steps * step)
+
+    def check(rollout: Rollout) -> Episode:
+        found = verify_rollout(rollout, progress=checked)
+        return Episode(rollout, rollout.simulate(), found.fine_displacement, found.verified)
+
+    # The kernels release the interpreter's lock.
+    with ThreadPoolExecutor(usable_threads()) as pool:
+        strengths = {name: list(pool.map(check, some)) for name, some in rollouts.items()}
+    return Runs(plan, paper, strengths, Episode(target, target.simulate()))
+
+
+def _play(env: SwimEnv, policy: Policy, seed: int, progress: Callable[[float], object]) -> Rollout:
+    """Play an episode."""
+    interval = env.scene.episode.control_interval
+    rollout = play_episode(env, policy, seed, progress=lambda actions: progress(actions * interval))
+    env.close()
+    return rollout
+
+
+def stored_curves() -> tuple[dict[str, list[Curve]], dict[str, list[Curve]]]:
+    """Return the evaluations of the shipped agents' trainings and of their other seeds.
+
+    Returns
+    -------
+    forward, target : dict of str to list of dict
+        For each agent the columns of its runs' ``evaluations.csv``; the other seeds are there only
+        in a checkout.
+    """
+    forward = {name: _curves(name) for name in FORWARD if name not in REFERENCES}
+    return forward, {TARGET: _curves(TARGET)}
+
+
+def _curves(name: str) -> list[Curve]:
+    own = PRETRAINED_FOLDER / name / "evaluations.csv"
+    others = sorted(_TRIED.glob(f"{name}_seed_*/evaluations.csv"))
+    return [read_log(path) for path in (own, *others)]
+
+
+def table(runs: Runs) -> Mapping[str, Sequence[dict[str, Any]]]:
+    """Return the figures of every episode as plain values, for each policy over the strengths."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    for name, episodes in runs.strengths.items():
+        found[name] = [
+            {
+                "strength": share,
+                "net_displacement": episode.rollout.net_displacement,
+                "fine_displacement": episode.fine_displacement,
+                "verified": episode.verified,
+                "positive_work": float(episode.trajectory.positive_work.sum()),
+                "energy_drift": episode.trajectory.energy_drift,
+            }
+            for share, episode in zip(runs.plan.strengths, episodes, strict=True)
+        ]
+    return found

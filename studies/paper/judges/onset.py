@@ -1,0 +1,222 @@
+"""The passive body of Fig. 8: when it leaves its line, and what that hangs on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from studies.paper.bars import bar_of
+from studies.paper.judges.criteria import CLOSE, TURN
+from studies.paper.onset import LATERAL, PAPER_TIMES
+from studies.paper.verdicts import (
+    DIFFER,
+    Data,
+    Finding,
+    MissingError,
+    Value,
+    above,
+    all_of,
+    at_most,
+    larger,
+    listed,
+    onset_of,
+    onset_time,
+    run_of,
+    value_of,
+    within,
+    yes,
+)
+
+__all__ = [
+    "KINDS",
+    "coarse_unstable",
+    "delayed",
+    "equilibrium",
+    "panels_matter",
+    "stiffness",
+    "times",
+    "x_turns",
+    "xi_as_xii",
+]
+
+#: The starts as they are called on the page.
+KINDS = {"epsilon": "2.2e-16", "small": "1e-4", "sloped": "sloped"}
+#: The settings of the paper's three discretisations.
+_PAPERS = ((3, 12), (9, 4), (27, 4))
+
+assert set(LATERAL) == set(KINDS)
+
+
+def equilibrium(data: Data) -> Finding:
+    """Judge whether the straight body stays straight at [0.1, 0]."""
+    runs = [one for one in data["onset"] if one["perturbation"] == "none"]
+    if not {(3, 12), (9, 4)} <= {(one["elements"], one["panels"]) for one in runs}:
+        raise MissingError("no runs at [0.1, 0]")
+    angle = max(one["largest_angle"] for one in runs)
+    offset = max(one["largest_offset"] for one in runs)
+    ended = any(one["end"] for one in runs)
+    return Finding(
+        f"{len(runs)} bodies: largest angle {angle:.1e} rad, largest offset of an end "
+        f"{offset:.1e} m in {runs[0]['duration']:g} s",
+        yes(not ended and offset <= 0.01 and angle <= 0.01),
+        "Exactly straight to the last bit: it is a relative equilibrium of the discrete equations."
+        if angle == 0.0
+        else "",
+    )
+
+
+def _time(data: Data, elements: int, panels: int, kind: str) -> Value:
+    time = onset_time(data, elements, panels, kind)
+    if time is None:
+        raise MissingError(f"no onset within the run, N = {elements}, {KINDS[kind]}")
+    return time
+
+
+def times(elements: int, panels: int) -> Callable[[Data], Finding]:
+    """Judge the times of first deviations against the paper's."""
+
+    def judge(data: Data) -> Finding:
+        parts, verdicts = [], []
+        for kind, name in KINDS.items():
+            ours = onset_time(data, elements, panels, kind)
+            paper = PAPER_TIMES[elements, panels, kind]
+            shown = "none" if ours is None else f"{ours.text()} s"
+            parts.append(f"{name}: {shown} (paper {paper:g})")
+            verdicts.append(DIFFER if ours is None else within(ours, paper, CLOSE * paper))
+        found = onset_of(data, elements, panels, "epsilon")
+        assert found is not None
+        rate = "not at all" if found["rate"] is None else f"at {found['rate']:.4f} 1/s"
+        return Finding(
+            "; ".join(parts),
+            all_of(verdicts),
+            f"Ours grow {rate}, Kirchhoff's equations at {found['kirchhoff']:.4f}; the paper's "
+            "own times need several rates at once (Stability).",
+        )
+
+    return judge
+
+
+def panels_matter(elements: int, earlier: bool) -> Callable[[Data], Finding]:
+    """Judge how little 12 panels in place of 4 change the times, and whether they are earlier."""
+
+    def judge(data: Data) -> Finding:
+        parts, verdicts = [], []
+        for kind, name in KINDS.items():
+            few, many = (_time(data, elements, panels, kind) for panels in (4, 12))
+            verdicts.append(within(many.over(few), 1.0, 0.02))
+            if earlier:
+                verdicts.append(larger(few, many))
+            parts.append(f"{name}: {few.text()} and {many.text()} s")
+        rates = []
+        for panels in (4, 12):
+            found = onset_of(data, elements, panels, "small")
+            assert found is not None
+            rates.append(found["kirchhoff"])
+        why = (
+            f"Kirchhoff's rate with the body's own masses is {rates[0]:.4f} and {rates[1]:.4f} 1/s."
+        )
+        return Finding(f"4 and 12 panels: {'; '.join(parts)}", all_of(verdicts), why)
+
+    return judge
+
+
+def stiffness(data: Data) -> Finding:
+    """Judge whether the times hang on the stiffness."""
+    groups: dict[tuple[Any, ...], list[float | None]] = {}
+    for one in data["onset"]:
+        if one["perturbation"] != "none" and one["step"] == 0.01:
+            key = (one["elements"], one["panels"], one["perturbation"])
+            groups.setdefault(key, []).append(one["time"])
+    spreads = {}
+    for key, found in groups.items():
+        known = [time for time in found if time is not None]
+        if len(found) < 2:
+            continue
+        if len(known) < len(found):
+            spreads[key] = Value(math.inf, 0.0)
+            continue
+        # Both ends of the spread have the bar of the step.
+        bar = 2.0 * _time(data, *key).bar / min(known)
+        spreads[key] = Value((max(known) - min(known)) / min(known), bar)
+    if not spreads:
+        raise MissingError("no second stiffness")
+    worst = max(spreads, key=lambda key: spreads[key].value)
+    return Finding(
+        f"over {len(spreads)} bodies and starts the time varies by at most "
+        f"{spreads[worst].value:.1e} ± {spreads[worst].bar:.0e} of itself (N = {worst[0]}, "
+        f"{worst[1]} panels, {KINDS[worst[2]]})",
+        all_of(at_most(one, 0.01) for one in spreads.values()),
+        "The body stays straight, and a straight body has nothing to spring back.",
+    )
+
+
+def _small_times(data: Data) -> dict[int, Value]:
+    return {n: _time(data, n, panels, "small") for n, panels in _PAPERS}
+
+
+def coarse_unstable(data: Data) -> Finding:
+    """Judge whether the coarse body leaves its line much sooner than the finer ones."""
+    found = _small_times(data)
+    ratios = {f"N = 3 over N = {n}": found[3].over(found[n]) for n in (9, 27)}
+    return Finding(
+        "; ".join(f"N = {n}: {one.text()} s" for n, one in found.items())
+        + "; "
+        + listed(ratios, "{}"),
+        all_of(at_most(one, 0.5) for one in ratios.values()),
+        "No body is more unstable for being coarse here: a straight row of any number of elements "
+        "is one rigid body to the fluid.",
+    )
+
+
+def delayed(data: Data) -> Finding:
+    """Judge whether finer bodies leave their line later."""
+    found = _small_times(data)
+    sloped = [_time(data, n, panels, "sloped") for n, panels in _PAPERS]
+    low, high = (choose(one.value for one in found.values()) for choose in (min, max))
+    paper = ", ".join(f"{PAPER_TIMES[n, panels, 'sloped']:g}" for n, panels in _PAPERS)
+    return Finding(
+        "; ".join(f"N = {n}: {one.text()} s" for n, one in found.items()),
+        all_of(above(found[b].over(found[a]), 1.05) for a, b in ((3, 9), (9, 27))),
+        f"The onset is the rigid body's, whose masses hardly depend on N: the times are "
+        f"{high - low:.2f} s apart. The sloped start says nothing of N, as it counts x in elements "
+        "and so is another motion for every N: "
+        + ", ".join(f"{one.value:.1f}" for one in sloped)
+        + f" s in ours, {paper} s in the paper, neither in one direction.",
+    )
+
+
+def x_turns(data: Data) -> Finding:
+    """Judge how far x has turned at 10 s."""
+    turn = value_of(data, "x", lambda run: math.degrees(run["angle"][10]), 10.0)
+    run = run_of(data, "x", 10.0)
+    late = next((n for n, a in enumerate(run["angle"]) if abs(math.degrees(a)) > 150.0), None)
+    shown = "not in this run" if late is None else f"past 150° after {late} s"
+    return Finding(
+        f"turned by {turn.text()}° at t = 10 s; {shown}",
+        within(Value(abs(turn.value), turn.bar), 180.0, TURN),
+        "It turns as far, but later: the growth is that of Kirchhoff's equations, several times "
+        "slower than the paper's.",
+    )
+
+
+def xi_as_xii(data: Data) -> Finding:
+    """Judge whether xi and xii move alike."""
+
+    def apart(level: str) -> tuple[float, float]:
+        one, other = (run_of(data, f"{name}{level}", 10.0) for name in ("xi", "xii"))
+        turns = [
+            abs(math.degrees(a - b)) for a, b in zip(one["angle"], other["angle"], strict=True)
+        ]
+        places = (math.dist(a, b) for a, b in zip(one["path"], other["path"], strict=True))
+        return max(turns), max(places)
+
+    # What step and panels do to both alike cancels here too.
+    levels = [apart(level) for level in ("", "_half", "_fine")]
+    turn, way = (Value(levels[0][i], bar_of(*(one[i] for one in levels)) or 0.0) for i in (0, 1))
+    duration = run_of(data, "xi")["duration"]
+    return Finding(
+        f"headings at most {turn.text()}° and centres at most {way.text()} m apart in "
+        f"{duration:g} s",
+        all_of([at_most(turn, 10.0), at_most(way, 0.1)]),
+    )

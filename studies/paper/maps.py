@@ -1,0 +1,184 @@
+"""Net speed over frequency and wave number, and over stiffness and length, each point checked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from studies.paper.units import Arrays, Figures, Unit
+from swim_env.analysis.modes import natural_frequencies
+from swim_env.errors import SimulationEndedError
+from swim_env.scene import Scene, load_scene
+from swim_env.sim.simulator import Simulator
+from swim_env.sim.trajectory import Trajectory
+
+__all__ = ["is_verified", "map_units", "measure_row"]
+
+#: Frequencies (Hz) and wave numbers (rad per body length) of the first map.
+FREQUENCIES = tuple(float(f) for f in np.arange(0.5, 20.01, 0.5))
+WAVE_NUMBERS = tuple(float(k) * math.pi / 4.0 for k in range(-4, 17))
+#: Stiffness (N m^2) and length (m) of the second one; the paper's scenes iii and v lie on it.
+STIFFNESS = tuple(float(s) for s in 5.0 * 2.0 ** np.arange(-2.0, 4.01, 0.5))
+LENGTHS = tuple(float(x) for x in np.arange(0.5, 3.01, 0.125))
+#: The drive of the second map: the paper's wave with the torque of scenes iii and v (N m).
+_AMPLITUDE = 0.5
+#: Panels of an element of the constant added mass, and of the runs that check it.
+_PANELS, _CHECK_PANELS = 24, 8
+#: Every so many rows and columns a point is played with panels at every step.
+_EVERY = (4, 4)
+#: A point is verified where two ways to compute it agree to this share, or to this speed (body
+#: lengths a second), 0.002 body lengths in 20 s.
+AGREEMENT, SMALLEST = 0.1, 1e-4
+#: Beyond this joint angle (rad) the constant added mass is off by more than a per cent
+#: (docs/accuracy.md): such a point counts only where it was checked with panels.
+LARGEST_BEND = 0.4
+
+
+def map_units(quick: bool = False) -> list[Unit]:
+    """Return the rows of both maps as units; the quick ones have few points and a second each."""
+    rows, columns = (slice(1, None, 16), slice(4, None, 8)) if quick else (slice(None),) * 2
+    duration = 2.0 if quick else 20.0
+    units = []
+    for i, frequency in enumerate(FREQUENCIES[rows]):
+        scene = _body(
+            "swimmer", {"actuation.frequency": 2.0 * math.pi * frequency}, duration, 0.005
+        )
+        options = {
+            "map": "drive",
+            "row": i,
+            "frequency": frequency,
+            "columns": list(WAVE_NUMBERS[columns]),
+            "field": "actuation.wave_number",
+            "checked": [] if i % _EVERY[0] else _checked(len(WAVE_NUMBERS[columns])),
+        }
+        units.append(Unit(f"map_drive_{i:02d}", "map", scene, options, 10.0 + 30.0 * (i % 4 == 0)))
+    rows, columns = (slice(2, None, 8), slice(4, None, 8)) if quick else (slice(None),) * 2
+    duration = 2.0 if quick else 40.0
+    for i, stiffness in enumerate(STIFFNESS[rows]):
+        drive = {"actuation.amplitude": _AMPLITUDE, "beam.bending_stiffness": stiffness}
+        scene = _body("swimmer", drive, duration, 0.01)
+        options = {
+            "map": "body",
+            "row": i,
+            "stiffness": stiffness,
+            "columns": list(LENGTHS[columns]),
+            "field": "beam.length",
+            "checked": [] if i % _EVERY[0] else _checked(len(LENGTHS[columns])),
+        }
+        units.append(Unit(f"map_body_{i:02d}", "map", scene, options, 10.0 + 30.0 * (i % 4 == 0)))
+    return units
+
+
+def _checked(count: int) -> list[int]:
+    return list(range(0, count, _EVERY[1]))
+
+
+def _body(name: str, changes: dict[str, Any], duration: float, step: float) -> Scene:
+    return load_scene(
+        name,
+        {
+            **changes,
+            "fluid.model": "frozen",
+            "fluid.panels_per_element": _PANELS,
+            "fluid.cap_panels": "proportional",
+            "integrator.scheme": "composed",
+            "integrator.time_step": step,
+            "episode.duration": duration,
+        },
+    )
+
+
+def measure_row(unit: Unit) -> tuple[Figures, Arrays]:
+    """Play a row of a map.
+
+    Returns
+    -------
+    figures : dict
+        The unit's options and ``points``, one for each column: ``speed`` (body lengths a second,
+        positive head first) with steps half as long, ``coarse`` with the steps of the map, and
+        ``panels`` with panels at every step or None where that was not played; None where a run
+        ended early. ``bend`` is the largest joint angle (rad), ``trusted`` says whether the
+        energy of the finer run adds up, ``turn`` is the heading's (rad). ``resonances`` are the
+        first natural frequencies (Hz) at each column, or one set for all.
+    arrays : dict
+        Empty.
+    """
+    name, columns = str(unit.options["field"]), unit.options["columns"]
+    points = []
+    for j, value in enumerate(columns):
+        scene = unit.scene.replace(name, value)
+        fine = _play(scene, 0.5)
+        coarse = _play(scene, 1.0)
+        point: dict[str, Any] = {
+            "speed": None if fine is None else _speed(fine),
+            "coarse": None if coarse is None else _speed(coarse),
+            "panels": None,
+            "checked": j in unit.options["checked"],
+            "bend": None if fine is None else _bend(fine),
+            "turn": None if fine is None else fine.heading_change,
+            "trusted": fine is not None and not fine.warnings(),
+        }
+        if point["checked"]:
+            changes = {"fluid.model": "panels", "fluid.panels_per_element": _CHECK_PANELS}
+            whole = _play(scene.replace(changes), 1.0)
+            point["panels"] = None if whole is None else _speed(whole)
+        points.append(point)
+    modes = columns if name.startswith("beam.") else columns[:1]
+    resonances = [natural_frequencies(unit.scene.replace(name, value), 3) for value in modes]
+    return {**unit.options, "points": points, "resonances": resonances}, {}
+
+
+def _play(scene: Scene, share: float) -> Trajectory | None:
+    """Play a scene with steps of a share of its own; None where it ends early."""
+    step = share * scene.integrator.time_step
+    try:
+        simulator = Simulator(scene.replace("integrator.time_step", step))
+    except SimulationEndedError:
+        return None
+    steps = round(scene.episode.duration / step)
+    trajectory = simulator.rollout(simulator.prescribed_torques(steps))
+    return None if trajectory.termination_reason else trajectory
+
+
+def _speed(trajectory: Trajectory) -> float:
+    """Return the net speed head first (body lengths a second), over the middle of swings.
+
+    The body lies along +x at first, its head towards -x. The mean centre at the end is that of the
+    last period of the drive.
+    """
+    actuation, beam = trajectory.scene.actuation, trajectory.scene.beam
+    assert actuation is not None
+    period = 2.0 * math.pi / actuation.frequency
+    last = max(1, round(period / trajectory.scene.integrator.time_step))
+    place = float(trajectory.path[-last:, 0].mean())
+    net = place - float(trajectory.path[0, 0])
+    return -net / beam.length / (trajectory.duration - 0.5 * period)
+
+
+def _bend(trajectory: Trajectory) -> float:
+    return float(np.abs(np.diff(trajectory.angles, axis=1)).max())
+
+
+def is_verified(point: Mapping[str, Any]) -> bool:
+    """Tell whether a point's speed holds.
+
+    It does where the run with half the step came to its end, its energy adds up, and the speed is
+    that of the coarser steps, and that of panels where those were played, within 10 % or 1e-4 body
+    lengths a second. A point whose joints bend so far that the constant added mass is not known to
+    do counts only with panels.
+    """
+    speed = point["speed"]
+    if speed is None or not point["trusted"]:
+        return False
+    others = [point["coarse"]]
+    if point["checked"]:
+        others.append(point["panels"])
+    elif point["bend"] > LARGEST_BEND:
+        return False
+    return all(
+        other is not None and abs(other - speed) <= max(AGREEMENT * abs(speed), SMALLEST)
+        for other in others
+    )

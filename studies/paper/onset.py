@@ -1,0 +1,259 @@
+"""The onset of the straight body's instability, beside the paper's times and Kirchhoff's rate."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from studies.paper.runs import LEFT_LINE, first_crossing
+from studies.paper.units import Arrays, Figures, Unit
+from swim_env.analysis.kirchhoff import growth_rate, mass_matrix, onset_by_kirchhoff, rigid_mass
+from swim_env.scene import Scene, load_scene
+from swim_env.sim.simulator import Simulator
+
+__all__ = [
+    "LATERAL",
+    "PAPER_TIMES",
+    "fitted_rate",
+    "implied_rate",
+    "measure_onset",
+    "onset_units",
+]
+
+Array = NDArray[np.float64]
+
+SPEED = 0.1
+#: The paper's three perturbations: the floating-point accuracy, a small velocity, a linear one.
+EPSILON = 2.2e-16
+LATERAL = {"epsilon": EPSILON, "small": 1e-4, "sloped": 1e-5}
+STIFFNESS = (5.0, 10.0, 1e2, 1e3, 1e4)
+#: First deviation (s) as the paper has it, by elements, panels and perturbation.
+PAPER_TIMES: dict[tuple[int, int, str], float] = {
+    (3, 12, "epsilon"): 35.13,
+    (3, 12, "small"): 2.13,
+    (3, 12, "sloped"): 3.8,
+    (9, 4, "epsilon"): 78.1,
+    (9, 4, "small"): 4.4,
+    (9, 4, "sloped"): 9.91,
+    (9, 12, "epsilon"): 78.03,
+    (9, 12, "small"): 4.37,
+    (9, 12, "sloped"): 9.86,
+    (27, 4, "epsilon"): 82.04,
+    (27, 4, "small"): 5.26,
+    (27, 4, "sloped"): 4.59,
+}
+#: Longest run (s), and that of one that should stay on its line for ever.
+LONGEST, STRAIGHT = 300.0, 100.0
+#: Wall time of a step (s) by elements and panels, for guesses of cost.
+_STEP = {(3, 4): 3e-5, (3, 12): 7e-5, (9, 4): 1e-4, (9, 12): 5e-4, (27, 4): 5e-4, (27, 12): 6e-3}
+#: Between these angles (rad) growth is that of the linear equations: above rounding, below bends.
+_LINEAR = 0.02
+#: Angles below this share of the largest weigh no more than it in the fit.
+_EARLY = 1e-2
+_BLOCK = 200
+
+
+def onset_units(quick: bool = False) -> list[Unit]:
+    """Return the study: perturbations x elements x panels x stiffness, finer runs, and controls.
+
+    The one combination whose every step takes several milliseconds, 27 elements with 12 panels,
+    is played with panels at both ends of the stiffness and with the constant added mass of the
+    straight body (`frozen`, the same while the body is straight) in between, where the perturbation
+    is so small that it takes minutes to grow; so is its run with half the step.
+    """
+    units = []
+    counts = (3, 9) if quick else (3, 9, 27)
+    stiffnesses = (5.0, 1e4) if quick else STIFFNESS
+    kinds = ("small", "sloped") if quick else tuple(LATERAL)
+    for elements, panels, stiffness, kind in itertools.product(counts, (4, 12), stiffnesses, kinds):
+        long = kind == "epsilon" and (elements, panels) == (27, 12)
+        model = "frozen" if long and stiffness not in (5.0, 1e4) else "panels"
+        units.append(_unit(elements, panels, stiffness, kind, model))
+        if stiffness == 5.0:
+            finer = "frozen" if long else model
+            units.append(_unit(elements, panels, stiffness, kind, finer, step=0.005))
+    if not quick:
+        # That frozen is the same is measured, not assumed.
+        units += [_unit(27, 12, stiffness, "epsilon", "frozen") for stiffness in (5.0, 1e4)]
+    for elements, panels in itertools.product(counts, (4, 12)):
+        units.append(_unit(elements, panels, 5.0, "none", "panels"))
+    return units
+
+
+def _unit(
+    elements: int, panels: int, stiffness: float, kind: str, model: str, step: float = 0.01
+) -> Unit:
+    scene = perturbed(elements, panels, stiffness, kind).replace(
+        {"fluid.model": model, "integrator.time_step": step}
+    )
+    name = f"onset_{kind}_{elements}_{panels}_{stiffness:g}"
+    name += "" if model == "panels" else f"_{model}"
+    name += "" if step == 0.01 else "_half"
+    duration = STRAIGHT if kind == "none" else LONGEST
+    seconds = {"epsilon": 275.0, "none": STRAIGHT}.get(kind, 10.0)
+    each = _STEP[elements, panels] if model == "panels" else 5e-5
+    options = {
+        "elements": elements,
+        "panels": panels,
+        "stiffness": stiffness,
+        "perturbation": kind,
+        "model": model,
+        "step": step,
+        "duration": duration,
+    }
+    return Unit(name, "onset", scene, options, seconds / step * each)
+
+
+def perturbed(elements: int, panels: int, stiffness: float, kind: str) -> Scene:
+    """Return the straight body with one of the paper's initial velocities.
+
+    The third one, (3.5 - x/dl) 1e-5 across, is a uniform part and a slope, which is also the
+    turning rate: without it the velocities would break (15). The print divides x
+    by the time step, which is taken for a slip: x is counted in elements here, from the head, as
+    s/dl is in the caption of the paper's Fig. 6.
+    """
+    start: dict[str, Any] = {"velocity": [SPEED, 0.0]}
+    if kind == "sloped":
+        slope = -LATERAL[kind] * elements
+        start = {"velocity": [SPEED, 3.5 * LATERAL[kind]], "velocity_slope": slope}
+    elif kind != "none":
+        start = {"velocity": [SPEED, LATERAL[kind]]}
+    return load_scene(
+        "paper_x",
+        {
+            "beam.elements": elements,
+            "beam.bending_stiffness": stiffness,
+            "fluid.panels_per_element": panels,
+            "initial": start,
+        },
+    )
+
+
+def measure_onset(unit: Unit) -> tuple[Figures, Arrays]:
+    """Play a perturbed straight body until an end has left its line.
+
+    Parameters
+    ----------
+    unit : Unit
+        Of `onset_units`.
+
+    Returns
+    -------
+    figures : dict
+        The unit's options, and ``time`` of the first deviation of 1 % (s, between steps) or None,
+        ``end`` (why the run ended early, or empty), ``rate`` the growth that was fitted (1/s) or
+        None, ``kirchhoff`` its analytic value and ``expected`` the time by the linear equations
+        (s), both with the discrete body's own masses; ``largest_angle`` (rad) and
+        ``largest_offset`` (m) of an end over the whole run, ``lateral`` of the centre (m/s).
+    arrays : dict
+        Empty.
+    """
+    simulator = Simulator(unit.scene)
+    mass = rigid_mass(mass_matrix(simulator))
+    length = unit.scene.beam.length
+    moving = simulator.velocity()
+    step = simulator.time_step
+    steps = round(float(unit.options["duration"]) / step)
+    watch_all = unit.options["perturbation"] == "none"
+    times, angles, offsets, bends = [np.zeros(1)], [np.zeros(1)], [np.zeros(1)], [np.zeros(1)]
+    first: Array | None = None
+    left = None
+    while simulator.steps < steps and not simulator.termination_reason:
+        count = min(_BLOCK, steps - simulator.steps)
+        part = simulator.rollout(np.zeros((count, simulator.elements - 1)))
+        ends = part.nodes[:, [0, -1], 1]
+        first = ends[0] if first is None else first
+        off = np.abs(ends - first).max(axis=1)[1:]
+        times.append(part.time[1:])
+        angles.append(part.angles.mean(axis=1)[1:])
+        bends.append(np.abs(part.angles).max(axis=1)[1:])
+        offsets.append(off)
+        if left is None:
+            # From the last instant of the block before.
+            line = np.concatenate([offsets[-2][-1:], off])
+            left = first_crossing(part.time, line, LEFT_LINE * length)
+        if left is not None and not watch_all:
+            break
+    time, angle = np.concatenate(times), np.concatenate(angles)
+    sloped = unit.options["perturbation"] == "sloped"
+    rate = growth_rate(mass, SPEED)
+    figures = {
+        **unit.options,
+        "time": left,
+        "end": simulator.termination_reason,
+        "rate": None if watch_all else fitted_rate(time, angle, rate),
+        "kirchhoff": rate,
+        "expected": _finite(
+            onset_by_kirchhoff(mass, SPEED, float(moving[1]), float(moving[2]), length, LEFT_LINE)
+        ),
+        "largest_angle": float(np.concatenate(bends).max()),
+        "largest_offset": float(np.concatenate(offsets).max()),
+        "lateral": float(moving[1]),
+        "turning": float(moving[2]) if sloped else 0.0,
+    }
+    return figures, {}
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def fitted_rate(time: Array, angle: Array, guess: float) -> float | None:
+    """Return the rate at which an angle grows, fitted over its linear part.
+
+    theta = a + b exp(lambda t) + c exp(-lambda t) solves Kirchhoff's linear equations from any
+    start; a, b and c follow from lambda by linear least squares. Each point is weighed by the size
+    of the angle there, so that early and late growth count alike, but for the first hundredth of
+    the angle, where the little that the body bends at the start would count.
+
+    Parameters
+    ----------
+    time : (T,) array
+        Instants (s).
+    angle : (T,) array
+        Mean element angle (rad).
+    guess : float
+        Where to look (1/s): between a fifth and five times that.
+
+    Returns
+    -------
+    float or None
+        lambda (1/s), good to about 1e-3 where the angle covers two growth times; None where it has
+        fewer than ten instants, or never moves.
+    """
+    linear = np.abs(angle) <= _LINEAR
+    upto = len(angle) if linear.all() else int(np.argmin(linear))
+    time, angle = time[1:upto], angle[1:upto]
+    thin = max(1, len(time) // 2000)
+    time, angle = time[::thin], angle[::thin]
+    if len(time) < 10 or not np.abs(angle).max() > 0.0:
+        return None
+    weight = 1.0 / np.maximum(np.abs(angle), _EARLY * np.abs(angle).max())
+
+    def misfit(logarithm: float) -> float:
+        rate = math.exp(logarithm)
+        columns = np.stack(
+            [np.ones_like(time), np.exp(rate * (time - time[-1])), np.exp(-rate * time)], axis=1
+        )
+        weighed = columns * weight[:, None]
+        solved, *_ = np.linalg.lstsq(weighed, angle * weight, rcond=None)
+        return float(np.sum((weighed @ solved - angle * weight) ** 2))
+
+    spread = np.linspace(math.log(guess / 5.0), math.log(guess * 5.0), 41)
+    best = int(np.argmin([misfit(one) for one in spread]))
+    low, high = spread[max(0, best - 1)], spread[min(40, best + 1)]
+    found = minimize_scalar(misfit, bounds=(low, high), method="bounded", options={"xatol": 1e-7})
+    return float(math.exp(found.x))
+
+
+def implied_rate(slow: float, quick: float) -> float:
+    """Return the rate (1/s) that two times of onset need, of the epsilon and the small start.
+
+    The same exponential growth from 1e-4 instead of 2.2e-16 m/s is ln(1e-4/2.2e-16)/lambda sooner.
+    """
+    return math.log(LATERAL["small"] / EPSILON) / (slow - quick)

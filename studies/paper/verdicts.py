@@ -1,0 +1,220 @@
+"""Verdicts, figures with their error bars, and the one rule that makes one of the other.
+
+A figure agrees with a limit where its whole bar does, differs where none of it does, and is
+undecided where the bar spans the limit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from studies.paper.bars import STEPS, bar_of, coarse_error, with_bar
+
+__all__ = [
+    "AGREE",
+    "DIFFER",
+    "NOT_MEASURED",
+    "UNDECIDED",
+    "Data",
+    "Finding",
+    "MissingError",
+    "Value",
+    "above",
+    "all_of",
+    "at_most",
+    "larger",
+    "listed",
+    "onset_of",
+    "onset_time",
+    "ratio_of",
+    "run_of",
+    "value_of",
+    "within",
+    "yes",
+]
+
+#: Of `studies.paper.suite.collect`.
+Data = Mapping[str, Any]
+
+AGREE, DIFFER, UNDECIDED, NOT_MEASURED = "agree", "differ", "undecided", "not measured"
+
+
+class MissingError(Exception):
+    """The data do not hold what a statement needs."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What came of a statement.
+
+    Attributes
+    ----------
+    measured : str
+        Our figures in words, with error bars.
+    verdict : str
+        One of AGREE, DIFFER, UNDECIDED and NOT_MEASURED.
+    why : str
+        The reason, where it is known.
+    """
+
+    measured: str
+    verdict: str
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class Value:
+    """A figure and its error bar, in one unit."""
+
+    value: float
+    bar: float
+
+    def text(self) -> str:
+        """Return both as text, down to the bar's digit."""
+        return with_bar(self.value, self.bar, digits=7)
+
+    def over(self, other: Value) -> Value:
+        """Return the ratio to another figure, whose bar is independent of this one's."""
+        ratio = self.value / other.value
+        shares = abs(self.bar / self.value) if self.value else 0.0
+        return Value(ratio, abs(ratio) * (shares + abs(other.bar / other.value)))
+
+
+# ---- the rule ----------------------------------------------------------------------------------
+
+
+def above(figure: Value, limit: float) -> str:
+    """Return the verdict on a figure that should be above a limit."""
+    if figure.value - figure.bar > limit:
+        return AGREE
+    return DIFFER if figure.value + figure.bar <= limit else UNDECIDED
+
+
+def at_most(figure: Value, limit: float) -> str:
+    """Return the verdict on a figure that should not be above a limit."""
+    return {AGREE: DIFFER, DIFFER: AGREE, UNDECIDED: UNDECIDED}[above(figure, limit)]
+
+
+def within(figure: Value, target: float, tolerance: float) -> str:
+    """Return the verdict on a figure that should be as near to another as a tolerance."""
+    return at_most(Value(abs(figure.value - target), figure.bar), tolerance)
+
+
+def larger(a: Value, b: Value) -> str:
+    """Return the verdict on a figure that should be larger than another."""
+    return above(Value(a.value - b.value, a.bar + b.bar), 0.0)
+
+
+def all_of(verdicts: Iterable[str]) -> str:
+    """Return the verdict on several parts: one that differs decides, then one that is undecided."""
+    found = set(verdicts)
+    return next(one for one in (DIFFER, UNDECIDED, AGREE) if one in found)
+
+
+def yes(holds: bool) -> str:
+    """Return the verdict on what is exact, or is an error itself: it has no bar."""
+    return AGREE if holds else DIFFER
+
+
+# ---- figures of the data -----------------------------------------------------------------------
+
+
+def run_of(data: Data, name: str, least: float = 2.0) -> Data:
+    """Return a run's figures.
+
+    Raises
+    ------
+    MissingError
+        If there is none, it ended early, or it is shorter than ``least`` (s).
+    """
+    run: Data | None = data["runs"].get(name)
+    if run is None:
+        raise MissingError(f"no run {name}")
+    if run["end"]:
+        raise MissingError(f"run {name} ended early: {run['end']}")
+    if run["duration"] < least - 1e-9:
+        raise MissingError(f"run {name} lasts {run['duration']:g} s, this needs {least:g}")
+    return run
+
+
+def value_of(data: Data, name: str, pick: Callable[[Data], float], least: float = 2.0) -> Value:
+    """Return a figure of a run with its error bar, from half the step and from fine panels."""
+    value = pick(run_of(data, name, least))
+    others: list[float | None] = []
+    for level in ("half", "fine"):
+        try:
+            others.append(pick(run_of(data, f"{name}_{level}", least)))
+        except MissingError:
+            others.append(None)
+    bar = bar_of(value, *others)
+    if bar is None:
+        raise MissingError(f"no finer runs of {name}")
+    return Value(value, bar)
+
+
+def ratio_of(data: Data, over: str, under: str, pick: Callable[[Data], float]) -> Value:
+    """Return the ratio of a figure in two runs, with its own error bar.
+
+    What step and panels do to both alike cancels, so it is known better than either.
+    """
+    values = []
+    for level in ("", "_half", "_fine"):
+        divisor = pick(run_of(data, f"{under}{level}", 10.0))
+        if divisor == 0.0:
+            raise MissingError(f"{under} does not move")
+        values.append(pick(run_of(data, f"{over}{level}", 10.0)) / divisor)
+    bar = bar_of(*values)
+    assert bar is not None
+    return Value(values[0], bar)
+
+
+def listed(values: Mapping[str, Value], form: str) -> str:
+    """Return figures by name as one text."""
+    return "; ".join(f"{name}: " + form.format(value.text()) for name, value in values.items())
+
+
+def onset_of(
+    data: Data,
+    elements: int,
+    panels: int,
+    kind: str,
+    stiffness: float = 5.0,
+    step: float = 0.01,
+    model: str = "panels",
+) -> Data | None:
+    """Return the run of the stability study with these settings, None where there is none."""
+    wanted = (elements, panels, kind, stiffness, step, model)
+    for one in data["onset"]:
+        found = (one["elements"], one["panels"], one["perturbation"], one["stiffness"])
+        if (*found, one["step"], one["model"]) == wanted:
+            match: Data = one
+            return match
+    return None
+
+
+def onset_time(data: Data, elements: int, panels: int, kind: str) -> Value | None:
+    """Return the time of the first deviation (s) with the bar of the step, None if there is none.
+
+    Panels are given, not converged to: the paper's times are compared at the paper's panels.
+
+    Raises
+    ------
+    MissingError
+        If it was not played, or not with half the step.
+    """
+    found = onset_of(data, elements, panels, kind)
+    if found is None:
+        raise MissingError(f"no onset of N = {elements}, {panels} panels, {kind}")
+    for model in ("panels", "frozen"):
+        base = onset_of(data, elements, panels, kind, model=model)
+        half = onset_of(data, elements, panels, kind, step=0.005, model=model)
+        if base is None or half is None:
+            continue
+        if found["time"] is None:
+            return None
+        if None in (base["time"], half["time"]):
+            raise MissingError(f"no onset with half the step, N = {elements}, {panels}, {kind}")
+        return Value(found["time"], coarse_error(half["time"] - base["time"], STEPS))
+    raise MissingError(f"no half step of N = {elements}, {panels} panels, {kind}")

@@ -1,0 +1,1 @@
+"""What a run or a body tells: energy, flow, frequencies, continuous time."""

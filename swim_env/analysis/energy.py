@@ -1,0 +1,202 @@
+"""The energy of a recorded run in its parts: kinetic of the body and of the fluid, and elastic."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from swim_env.errors import SwimError
+from swim_env.scene import Scene
+from swim_env.sim.simulator import Simulator
+from swim_env.sim.trajectory import Trajectory
+
+__all__ = [
+    "EnergySplit",
+    "elastic_energy",
+    "elastic_moments",
+    "split_energy",
+    "velocity_of_start",
+    "summed",
+]
+
+Array = NDArray[np.float64]
+
+#: What the body alone does not have.
+_SURROUNDINGS = ("axial_added_mass", "cross_flow_drag", "stream", "self_contact", "fluid")
+
+
+@dataclass(frozen=True, eq=False)
+class EnergySplit:
+    """The energy at K instants in its parts, whose sum is the recorded energy.
+
+    Attributes
+    ----------
+    time : (K,) array
+        Instants (s).
+    body, fluid : (K,) arrays
+        Kinetic energy of the beam and of the fluid around it (J), in a stream's frame.
+    elastic : (K,) array
+        Energy of bending (J).
+    """
+
+    time: Array
+    body: Array
+    fluid: Array
+    elastic: Array
+
+
+def elastic_moments(scene: Scene, joint_angles: Array) -> tuple[Array, Array]:
+    """Return bending moments and elastic energies of the joints.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene; its ``integrator.strain`` says how an angle strains.
+    joint_angles : (..., N - 1) array
+        Joint angles (rad).
+
+    Returns
+    -------
+    moments : (..., N - 1) array
+        EI K with the strain K of (16) (N m).
+    energies : (..., N - 1) array
+        dl EI K^2 / 2 (J), the parts of W (33).
+    """
+    beam = scene.beam
+    linear = scene.integrator.strain == "joint_angle"
+    bend = joint_angles if linear else np.sin(joint_angles)
+    moments: Array = beam.stiffness_at_joints() / beam.element_length * bend
+    return moments, 0.5 * moments * bend
+
+
+def elastic_energy(trajectory: Trajectory, instants: ArrayLike | None = None) -> Array:
+    """Return the energy of bending, (K,) (J).
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        A run.
+    instants : (K,) array_like of int, optional
+        Numbers of the instants; all unless given.
+    """
+    joint_angles = np.diff(trajectory.angles[_chosen(trajectory, instants)], axis=1)
+    total: Array = elastic_moments(trajectory.scene, joint_angles)[1].sum(axis=1)
+    return total
+
+
+def split_energy(
+    trajectory: Trajectory, velocity: ArrayLike, instants: ArrayLike | None = None
+) -> EnergySplit:
+    """Split the energy of a run, exactly.
+
+    A trajectory holds no velocities, so its torques are played again. The kernels weigh the body
+    alone, without fluid, at rest and in motion; what is left of the recorded energy is the fluid's.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        A run from its start.
+    velocity : (N + 2,) array_like
+        That it started with, as `Simulator.velocity`: of the mean centre (m/s), and turning rates
+        (rad/s).
+    instants : (K,) array_like of int, optional
+        Numbers of the instants, rising; all unless given.
+
+    Raises
+    ------
+    SwimError
+        If this velocity does not lead along the trajectory.
+    """
+    chosen = _chosen(trajectory, instants)
+    rates = _velocities(trajectory, velocity, chosen)
+    if trajectory.scene.stream is not None:
+        rates[:, :2] -= trajectory.scene.stream.velocity
+    elastic = elastic_energy(trajectory, chosen)
+    moving = _weighed_alone(trajectory, _places(trajectory)[chosen], rates)
+    rest = trajectory.energy[chosen] - moving
+    return EnergySplit(trajectory.time[chosen], moving - elastic, rest, elastic)
+
+
+def velocity_of_start(trajectory: Trajectory) -> Array | None:
+    """Return the velocity that a run started with, where it began as its scene says.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        A run, for example one that was saved: files hold no velocities. Its torques are played
+        again.
+
+    Returns
+    -------
+    (N + 2,) array or None
+        As `Simulator.velocity`; None where the scene's own start does not lead along the run.
+    """
+    try:
+        simulator = Simulator(trajectory.scene)
+        velocity = simulator.velocity()
+        off = np.abs(simulator.coordinates - _places(trajectory)[0]).max()
+        if not off <= _tolerance(trajectory):
+            return None
+        _velocities(trajectory, velocity, np.array([trajectory.steps]))
+    except SwimError:
+        return None
+    return velocity
+
+
+def _velocities(trajectory: Trajectory, velocity: ArrayLike, chosen: NDArray[np.int64]) -> Array:
+    """Return velocities at instants (K, N + 2) by playing the torques again from the start's."""
+    places = _places(trajectory)
+    again = Simulator(trajectory.scene)
+    again.reset_to(places[0], velocity)
+    rates = np.empty((len(chosen), places.shape[1]))
+    for row, instant in enumerate(chosen.tolist()):
+        torques = trajectory.torques[again.steps : instant]
+        if len(torques):
+            # Unlike `step` it does not fail where the run's last step was the last that may be.
+            again.rollout(torques)
+        rates[row] = again.velocity()
+        off = np.abs(again.coordinates - places[again.steps]).max()
+        if again.steps != instant or not off <= _tolerance(trajectory):
+            raise SwimError(
+                "the velocity is not the one that the run started with: played again, it is "
+                f"{off:.2g} off after {again.time:g} s"
+            )
+    return rates
+
+
+def _tolerance(trajectory: Trajectory) -> float:
+    """Return by how much coordinates may be off and be the same (m, rad)."""
+    return 1e-6 * trajectory.scene.beam.length
+
+
+def summed(values: Array) -> Array:
+    """Return sums since the start, (T + 1,), of what every step adds, (T,)."""
+    sums: Array = np.concatenate([[0.0], np.cumsum(values)])
+    return sums
+
+
+def _chosen(trajectory: Trajectory, instants: ArrayLike | None) -> NDArray[np.int64]:
+    if instants is None:
+        return np.arange(trajectory.steps + 1)
+    return np.asarray(instants, dtype=np.int64)
+
+
+def _places(trajectory: Trajectory) -> Array:
+    """Return minimal coordinates at all instants, (T + 1, N + 2)."""
+    angles = trajectory.angles
+    places: Array = np.concatenate(
+        [trajectory.path, angles[:, :1], np.diff(angles, axis=1)], axis=1
+    )
+    return places
+
+
+def _weighed_alone(trajectory: Trajectory, places: Array, rates: Array) -> Array:
+    """Return the energy of the body without the fluid and what comes with it, (K,) (J)."""
+    alone = Simulator(trajectory.scene.replace(dict.fromkeys(_SURROUNDINGS)))
+    found = np.empty(len(places))
+    for row, (place, rate) in enumerate(zip(places, rates, strict=True)):
+        alone.reset_to(place, rate)
+        found[row] = alone.energy()
+    return found

@@ -1,0 +1,346 @@
+r"""The flow around a swimming body: velocity and pressure at points in the fluid.
+
+The panels' source strengths that the added mass is made of give the potential of the whole flow,
+
+.. math:: \phi(x) = \sum_j P_j(x)\, \sigma_j, \qquad G \sigma = B V,
+
+and the unsteady Bernoulli equation its pressure (Pa),
+
+.. math:: p = -\rho \left( \partial_t \phi + \tfrac{1}{2} |\nabla \phi|^2 \right),
+
+with the derivative by time at a point that rests in the fluid far away.
+
+The sources have a sum Q (m^2/s): the elements' motions are imposed on panels of which, at a bent
+joint, those of one side are shorter than those of the other, so they push out more on one side than
+they take in on the other, although the outline keeps its area. Far away the potential is
+:math:`Q / (2 \pi) \ln(r / L)` with the beam's length L, and the pressure is not zero but
+:math:`-\rho \dot Q / (2 \pi) \ln(r / L)`: its level hangs on L. It is left in, since the added
+mass that moves the body is made of the same sources. A rigid body has none. Influences are those of
+`swim_env.physics.fluid.panels`, shapes those of `swim_env.physics.fluid.outline`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.errors import OptionError
+from swim_env.physics.fluid.added_mass import (
+    FLUID_MODELS,
+    FluidConstants,
+    added_mass,
+    carve_fluid_work,
+    fluid_work_sizes,
+    motion_count,
+)
+from swim_env.physics.fluid.outline import CT, CX, CY, LANES, X, Y, padded, panel_count
+from swim_env.physics.fluid.panels import (
+    LAYERS,
+    POTENTIAL,
+    VELOCITY_X,
+    VELOCITY_Y,
+    influence_row,
+)
+from swim_env.physics.loading import load_kernels
+from swim_env.physics.runtime.compile import entry_kernel, kernel, vector_kernel
+from swim_env.physics.status import FINE
+from swim_env.scene import Scene
+from swim_env.sim.batch import scene_constants
+from swim_env.sim.trajectory import Trajectory
+
+__all__ = ["BodyFlow", "Flow", "flow_of_sources", "pressure_between"]
+
+Array = NDArray[np.float64]
+
+#: Columns of what the kernel writes for every point.
+_PHI, _U, _V, _INSIDE = range(4)
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """What the fluid does at P points.
+
+    Attributes
+    ----------
+    potential : (P,) array
+        phi (m^2/s).
+    velocity : (P, 2) array
+        Velocity (m/s).
+    inside : (P,) array of bool
+        Which points are inside of the body, where the other numbers mean nothing.
+    """
+
+    potential: Array
+    velocity: Array
+    inside: NDArray[np.bool_]
+
+
+@vector_kernel
+def _sum_of_products(row: Array, strengths: Array) -> float:
+    total = 0.0
+    for j in range((strengths.size >> 3) << 3):
+        total += row[j] * strengths[j]
+    return total
+
+
+@kernel
+def _is_inside(x: float, y: float, count: int, panels: Array) -> bool:
+    """Tell whether a ray from the point crosses the outline an odd number of times."""
+    inside = False
+    for j in range(count):
+        k = j + 1 if j + 1 < count else 0
+        if (panels[Y, j] > y) != (panels[Y, k] > y):
+            share = (y - panels[Y, j]) / (panels[Y, k] - panels[Y, j])
+            if x < panels[X, j] + share * (panels[X, k] - panels[X, j]):
+                inside = not inside
+    return inside
+
+
+@entry_kernel
+def _flow_at(
+    points: Array,
+    count: int,
+    panels: Array,
+    strengths: Array,
+    reference_length: float,
+    half_log: Array,
+    layers: Array,
+    out: Array,
+) -> None:
+    """Sum the panels' influences at points (P, 2) into out (P, 4).
+
+    The last column of `panels` is no panel: every point in turn is its collocation point.
+    """
+    last = panels.shape[1] - 1
+    inverse_square = 1.0 / (reference_length * reference_length)
+    for p in range(points.shape[0]):
+        panels[CX, last] = points[p, 0]
+        panels[CY, last] = points[p, 1]
+        influence_row(last, panels, inverse_square, half_log, layers)
+        out[p, _PHI] = _sum_of_products(layers[POTENTIAL, last], strengths)
+        out[p, _U] = _sum_of_products(layers[VELOCITY_X, last], strengths)
+        out[p, _V] = _sum_of_products(layers[VELOCITY_Y, last], strengths)
+        out[p, _INSIDE] = 1.0 if _is_inside(points[p, 0], points[p, 1], count, panels) else 0.0
+
+
+def flow_of_sources(
+    panels: Array, count: int, strengths: Array, points: Array, reference_length: float
+) -> Flow:
+    """Return the flow of source panels.
+
+    Parameters
+    ----------
+    panels : (7 or more, M') array
+        Rows of an outline, as `swim_env.physics.fluid.panels.influence` takes them.
+    count : int
+        Number M of panels in it.
+    strengths : (M,) array
+        Source strengths G^-1 v_n, with the factor 2 pi that the influences of
+        `swim_env.physics.fluid.panels` carry left in G (m/s).
+    points : (P, 2) array
+        Where (m), none of them a corner of the outline.
+    reference_length : float
+        Length in whose units the logarithm of the potential is taken (m).
+    """
+    load_kernels()
+    size = padded(count)
+    laid = np.zeros((len(panels), size + LANES))
+    laid[:, :count] = panels[:, :count]
+    laid[X, count:], laid[Y, count:] = panels[X, 0], panels[Y, 0]
+    laid[CT, count:] = 1.0
+    weights = np.zeros(size + LANES)
+    weights[:count] = strengths[:count]
+    out = np.empty((len(points), 4))
+    layers = np.zeros((LAYERS, size + LANES, size + LANES))
+    at = np.ascontiguousarray(points, dtype=np.float64)
+    half_log = np.empty(size + LANES + 1)
+    _flow_at(at, count, laid, weights, reference_length, half_log, layers, out)
+    return Flow(out[:, _PHI], out[:, _U : _V + 1], out[:, _INSIDE] > 0.0)
+
+
+def pressure_between(before: Flow, after: Flow, interval: float, density: float) -> Array:
+    """Return the pressure half-way between two instants.
+
+    Parameters
+    ----------
+    before, after : Flow
+        The flow at the same P points of the fluid at rest.
+    interval : float
+        Time between them (s).
+    density : float
+        rho (kg/m^3).
+
+    Returns
+    -------
+    (P,) array
+        Pressure (Pa), right to second order in the interval; zero far away where the sources sum to
+        zero, else as the module says.
+    """
+    rate = (after.potential - before.potential) / interval
+    velocity = 0.5 * (before.velocity + after.velocity)
+    pressure: Array = -density * (rate + 0.5 * (velocity**2).sum(axis=-1))
+    return pressure
+
+
+class BodyFlow:
+    """The flow around one scene's body.
+
+    The sources are those of panels on the body's outline, whatever the scene's fluid model: for
+    ``panels`` they are the ones that its added mass is made of, for every other model they show
+    what the fluid would do around the shapes that the body takes.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+
+    Raises
+    ------
+    OptionError
+        If the scene has no fluid.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        fluid = scene.fluid
+        if fluid is None or fluid.model == "none" or not fluid.density:
+            raise OptionError(f"scene {scene.name} has no fluid, so there is no flow to show")
+        load_kernels()
+        self.scene = scene
+        self.density = float(fluid.density)
+        beam, constants, _ = scene_constants(scene)
+        geometry = constants.geometry._replace(side_panels=max(1, fluid.panels_per_element // 2))
+        self._fluid = FluidConstants(
+            FLUID_MODELS["panels"], geometry, self.density, constants.axial, np.zeros(0)
+        )
+        floats, integers = fluid_work_sizes(self._fluid)
+        self._work = carve_fluid_work(
+            np.zeros(floats), np.zeros(integers, dtype=np.int64), self._fluid
+        )
+        size = padded(motion_count(self._fluid))
+        self._mass = np.zeros((size, size))
+        self._length = scene.beam.length
+        self._element = beam.element_length
+        self._stream = np.array([constants.stream_x, constants.stream_y])
+
+    def at(
+        self, points: Array, centre: Array, angles: Array, velocities: Array, turning: Array
+    ) -> Flow | None:
+        """Return the flow at points, as seen by fluid at rest far away.
+
+        Parameters
+        ----------
+        points : (P, 2) array
+            Where (m).
+        centre : (2,) array
+            Mean of the element centres (m).
+        angles : (N,) array
+            Element angles (rad).
+        velocities : (N, 2) array
+            Velocities of the element centres (m/s).
+        turning : (N,) array
+            Turning rates of the elements (rad/s).
+
+        Returns
+        -------
+        Flow or None
+            None where the panels bear no flow around this shape.
+        """
+        if added_mass(np.diff(angles), self._fluid, self._work, self._mass) != FINE:
+            return None
+        motion = self._motion(angles, velocities, turning)
+        strengths = self._work.strengths[:, : len(motion)] @ motion
+        # The outline is laid out from the first node, along the first element.
+        cosine, sine = np.cos(angles[0]), np.sin(angles[0])
+        turn = np.array([[cosine, -sine], [sine, cosine]])
+        flow = flow_of_sources(
+            self._work.outline.panels,
+            panel_count(self._fluid.geometry),
+            strengths,
+            (points - self._first_node(centre, angles)) @ turn,
+            self._length,
+        )
+        return Flow(flow.potential, flow.velocity @ turn.T, flow.inside)
+
+    def kinetic_energy(self, angles: Array, velocities: Array, turning: Array) -> float:
+        """Return V^T A V / 2 of the fluid (J), not a number where there is no added mass.
+
+        Parameters are those of `at`.
+        """
+        if added_mass(np.diff(angles), self._fluid, self._work, self._mass) != FINE:
+            return float("nan")
+        motion = self._motion(angles, velocities, turning)
+        count = len(motion)
+        return float(0.5 * motion @ self._mass[:count, :count] @ motion)
+
+    def during(self, trajectory: Trajectory, instant: int, points: Array) -> tuple[Flow, Array]:
+        """Return velocity and pressure at one of a trajectory's instants.
+
+        The flow is computed half a step before and half a step after, from the velocities of the
+        steps themselves; at a trajectory's first and last instant, one step further inside.
+
+        Parameters
+        ----------
+        trajectory : Trajectory
+            A run of at least two steps.
+        instant : int
+            Which one.
+        points : (P, 2) array
+            Where (m).
+
+        Returns
+        -------
+        flow : Flow
+            Mean of both, velocities over ground.
+        pressure : (P,) array
+            Pressure (Pa).
+
+        Raises
+        ------
+        OptionError
+            If the trajectory has fewer than two steps.
+        """
+        if trajectory.steps < 2:
+            raise OptionError("the flow at an instant takes a trajectory of at least two steps")
+        n = min(max(instant, 1), trajectory.steps - 1)
+        step = self.scene.integrator.time_step
+        found = []
+        for first, side in ((n - 1, -0.5), (n, 0.5)):
+            angles = trajectory.angles[first : first + 2]
+            centres = trajectory.centres[first : first + 2]
+            flow = self.at(
+                points + side * step * self._stream,
+                centres.mean(axis=(0, 1)),
+                angles.mean(axis=0),
+                np.diff(centres, axis=0)[0] / step - self._stream,
+                np.diff(angles, axis=0)[0] / step,
+            )
+            if flow is None:
+                nothing = np.full(len(points), np.nan)
+                masked = np.ones(len(points), dtype=np.bool_)
+                return Flow(nothing, np.full((len(points), 2), np.nan), masked), nothing
+            found.append(flow)
+        before, after = found
+        mean = Flow(
+            0.5 * (before.potential + after.potential),
+            0.5 * (before.velocity + after.velocity) + self._stream,
+            before.inside | after.inside,
+        )
+        return mean, pressure_between(before, after, step, self.density)
+
+    def _motion(self, angles: Array, velocities: Array, turning: Array) -> Array:
+        """Return the unit motions' velocities V in the order of `added_mass`."""
+        cosine, sine = np.cos(angles), np.sin(angles)
+        lateral = cosine * velocities[:, 1] - sine * velocities[:, 0]
+        parts = [lateral, turning]
+        if self._fluid.axial:
+            along = cosine * velocities[:, 0] + sine * velocities[:, 1]
+            parts.append(along[[0, -1]])
+        return np.concatenate(parts)
+
+    def _first_node(self, centre: Array, angles: Array) -> Array:
+        arms = self._element * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        middles = np.cumsum(arms, axis=0) - 0.5 * arms
+        first: Array = centre - middles.mean(axis=0)
+        return first

@@ -1,0 +1,164 @@
+"""Kirchhoff's equations for a straight body in its fluid: rigid masses, growth rate, onset.
+
+The masses come from the mass matrix of the discrete body at rest and straight, which the simulator
+gives column by column: the momenta of unit velocities.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+from swim_env.sim.simulator import Simulator
+
+__all__ = [
+    "RigidMass",
+    "growth_rate",
+    "mass_matrix",
+    "onset_by_kirchhoff",
+    "rate_for_onset",
+    "rigid_mass",
+]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RigidMass:
+    """What a straight body weighs with the fluid around it, as one rigid body.
+
+    Attributes
+    ----------
+    along, across : float
+        m11 and m22 (kg).
+    inertia : float
+        About the centre, I (kg m^2).
+    coupling : float
+        g between moving across and turning (kg m).
+    """
+
+    along: float
+    across: float
+    inertia: float
+    coupling: float
+
+
+def mass_matrix(simulator: Simulator) -> Array:
+    """Return the straight body's mass matrix, by the velocities of `Simulator.velocity`.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        Is put back to its start.
+
+    Returns
+    -------
+    (N + 2, N + 2) array
+        Momenta (kg m/s, kg m^2/s) of unit velocities (m/s, rad/s).
+    """
+    n = simulator.elements + 2
+    columns = []
+    for unit in np.eye(n):
+        simulator.reset_to(np.zeros(n), unit)
+        columns.append(np.frombuffer(simulator.snapshot().state)[n : 2 * n].copy())
+    simulator.reset()
+    matrix = np.array(columns)
+    return 0.5 * (matrix + matrix.T)
+
+
+def rigid_mass(matrix: Array) -> RigidMass:
+    """Return a straight body's masses as one rigid body, from its `mass_matrix`."""
+    motions = np.zeros((3, len(matrix)))
+    motions[0, 0] = motions[1, 1] = 1.0
+    motions[2, 2:] = 1.0
+    found = motions @ matrix @ motions.T
+    return RigidMass(*(float(found[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (1, 2))))
+
+
+def growth_rate(mass: RigidMass, speed: float) -> float:
+    """Return Kirchhoff's rate (1/s) at which a stiff straight body leaves its line.
+
+    lambda^2 = U^2 m11 (m22 - m11)/(m22 I - g^2), from Kirchhoff's equations linearised about
+    motion along the body (Lamb, Hydrodynamics, ch. 6); not a number where that is negative.
+
+    Parameters
+    ----------
+    mass : RigidMass
+        Of body and fluid.
+    speed : float
+        U (m/s).
+    """
+    square = mass.along * (mass.across - mass.along)
+    square /= mass.across * mass.inertia - mass.coupling**2
+    return speed * math.sqrt(square) if square >= 0.0 else math.nan
+
+
+def onset_by_kirchhoff(
+    mass: RigidMass, speed: float, lateral: float, turning: float, length: float, share: float
+) -> float:
+    """Return when an end of a rigid straight body is off its line, by the linear equations.
+
+    Parameters
+    ----------
+    mass : RigidMass
+        Of body and fluid.
+    speed, lateral : float
+        Velocity of the centre along and across the body (m/s).
+    turning : float
+        Turning rate (rad/s).
+    length : float
+        l (m).
+    share : float
+        How far an end has to be away from its first y, as a share of the length.
+
+    Returns
+    -------
+    float
+        Time (s), infinite where it does not happen within 1000 s.
+    """
+    # (y, theta, v, omega): y' = v + U theta, theta' = omega; Kirchhoff's equations for v and omega.
+    system = np.zeros((4, 4))
+    system[0, 1], system[0, 2], system[1, 3] = speed, 1.0, 1.0
+    inertia = np.array([[mass.across, mass.coupling], [mass.coupling, mass.inertia]])
+    forces = -speed * np.array([[0.0, mass.along], [mass.across - mass.along, mass.coupling]])
+    system[2:, 2:] = np.linalg.solve(inertia, forces)
+    start = np.array([0.0, 0.0, lateral, turning])
+    ends = np.array([[1.0, 0.5 * length, 0.0, 0.0], [1.0, -0.5 * length, 0.0, 0.0]])
+    step = 0.01
+    once, state = expm(system * step), start
+    for n in range(1, 100_001):
+        state = once @ state
+        if np.abs(ends @ state).max() > share * length:
+            return n * step
+    return math.inf
+
+
+def rate_for_onset(
+    mass: RigidMass, speed: float, lateral: float, length: float, share: float, time: float
+) -> float:
+    """Return the growth rate (1/s) with which a rigid straight body is off its line at a time.
+
+    The masses are kept, and the rotary inertia is what it would have to be.
+
+    Parameters
+    ----------
+    mass : RigidMass
+        Of body and fluid.
+    speed, lateral, length, share
+        As in `onset_by_kirchhoff`, of a start that does not turn.
+    time : float
+        When it is off its line (s).
+    """
+
+    def late(factor: float) -> float:
+        other = dataclasses.replace(mass, inertia=factor * mass.inertia)
+        return onset_by_kirchhoff(other, speed, lateral, 0.0, length, share) - time
+
+    factor = brentq(late, 1e-4, 1.0, xtol=1e-9)
+    return growth_rate(dataclasses.replace(mass, inertia=factor * mass.inertia), speed)

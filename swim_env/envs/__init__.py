@@ -1,0 +1,1 @@
+"""Gymnasium environments: tasks, episodes, single and batched."""

@@ -1,0 +1,435 @@
+"""Episodes of one task, for one body or many: what the single and the batched environment share."""
+
+from __future__ import annotations
+
+import operator
+from copy import deepcopy
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.envs.assessment import (
+    END_CODE,
+    FIGURES,
+    REACHED,
+    TIME_IS_UP,
+    assess,
+    collect,
+    load_assessment,
+    torques_of_actions,
+)
+from swim_env.envs.task import StartPlan, Task
+from swim_env.errors import ActionError, OptionError, SimulationEndedError, SwimError
+from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
+from swim_env.physics.status import describe
+from swim_env.scene.checks import got
+from swim_env.sim.batch import Bodies
+from swim_env.sim.recorder import needs_recording
+from swim_env.sim.trajectory import Trajectory
+
+__all__ = ["TERMINATION_REASONS", "Episodes", "EpisodesSnapshot", "reason_of", "whole_number"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+assert REACHED not in PHYSICS_REASONS
+_REASON_BY_CODE = {**PHYSICS_REASONS, REACHED: "target_reached"}
+_REASONS = np.array([_REASON_BY_CODE[code] for code in range(len(_REASON_BY_CODE))], dtype=object)
+
+#: Why a run or an episode ends before its time: every reason, and what it means.
+TERMINATION_REASONS: dict[str, str] = {
+    reason: "the target was reached" if code == REACHED else describe(reason)
+    for code, reason in _REASON_BY_CODE.items()
+    if reason
+}
+
+#: A start that cannot be simulated is drawn again with less noise, down to this share and then 0.
+_SMALLEST_SHARE = 1e-3
+
+#: What `info` holds of the figures, for every task and for some.
+_FORWARD_INFO = (
+    "progress",
+    "reward_progress",
+    "reward_effort",
+    "reward_heading",
+    "heading_error",
+    "work",
+    "positive_work",
+    "energy_drift",
+)
+_TARGET_INFO = (*_FORWARD_INFO, "distance")
+_TIME = FIGURES.index("time")
+_POSITION = slice(FIGURES.index("x"), FIGURES.index("y") + 1)
+
+
+@dataclass(frozen=True)
+class EpisodesSnapshot:
+    """Everything that decides how episodes go on.
+
+    Attributes
+    ----------
+    task : tuple
+        What the episodes are of, to compare with.
+    arrays : dict of str to numpy.ndarray
+        Copies of the state.
+    randoms : list of dict
+        States of the members' random number generators.
+    """
+
+    task: tuple[object, ...]
+    arrays: dict[str, NDArray[Any]]
+    randoms: list[dict[str, Any]]
+
+    def member(self, index: int) -> EpisodesSnapshot:
+        """Return the snapshot of one member, which a single environment can take over."""
+        return EpisodesSnapshot(
+            self.task,
+            {name: array[index : index + 1].copy() for name, array in self.arrays.items()},
+            [deepcopy(self.randoms[index])],
+        )
+
+
+class BatchResults(NamedTuple):
+    """What a batched step returns, in Gymnasium's form.
+
+    Attributes
+    ----------
+    observations : (M, n) array of float32
+        Observations.
+    rewards : (M,) array
+        Rewards.
+    terminated, truncated : (M,) arrays of bool
+        Whose episode ended before its time, and whose time is up.
+    infos : dict
+        Arrays, each with its mask. What is the same in every step, the masks and the reasons where
+        nobody ended, is shared between steps and cannot be written to.
+    """
+
+    observations: NDArray[np.float32]
+    rewards: Array
+    terminated: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
+    infos: dict[str, Any]
+
+
+class Episodes:
+    """M episodes that run side by side.
+
+    Parameters
+    ----------
+    task : Task
+        What they are about.
+    count : int
+        Their number M.
+    max_episode_steps : int, optional
+        Actions until the time is up, if that is sooner than the scene's duration.
+
+    Attributes
+    ----------
+    observations : (M, n) array of float32
+        What each member observes now.
+    actions : (M, N - 1) array
+        The actions that `play` takes.
+    torques : (M, 1, N - 1) array
+        Those of the last actions (N m).
+    goals : (M, 2) array
+        Directions (unit vectors) or targets (m).
+    counters : (M, 3) array of int
+        Actions taken, code of the reason for an end, and whether the time is up.
+    someone_ended : bool
+        Whether any member was at its end when `results` was last asked for.
+
+    Raises
+    ------
+    SceneError
+        If the control interval is not a whole number of time steps.
+    OptionError
+        If max_episode_steps is not a number of at least 1.
+    SimulationEndedError
+        If the scene's own start cannot be simulated.
+    """
+
+    def __init__(self, task: Task, count: int = 1, max_episode_steps: int | None = None) -> None:
+        scene = task.scene
+        self.task = task
+        self._hold = scene.steps_per_action
+        self.limit = scene.actions_per_episode
+        if max_episode_steps is not None:
+            self.limit = min(self.limit, whole_number(max_episode_steps, "max_episode_steps"))
+        load_assessment()
+        self.bodies = Bodies(scene, count)
+        self.everyone = self.bodies.everyone
+        joints = scene.beam.elements - 1
+        self.actions = np.zeros((count, joints))
+        until = scene.actuation.active_until if scene.actuation else 1.0
+        active = scene.beam.joint_fractions <= until
+        self._torque_of_one = np.where(active, scene.torque_limit, 0.0)
+        self.torques: Array = np.zeros((count, 1, joints))
+        self._record = self.bodies.new_record(self._hold)
+        self.goals: Array = np.zeros((count, 2))
+        self._settings = task.settings(self.limit)
+        self.someone_ended = False
+        self.observations = np.zeros((count, task.observation_size), dtype=np.float32)
+        self._figures = np.zeros((count, len(FIGURES)))
+        self.counters = np.zeros((count, 3), dtype=np.int64)
+        start = task.draw_start(np.random.default_rng(0), task.plan_start({"noise": 0.0}))
+        self.bodies.start(0, start.coordinates, start.velocity)
+        if self.bodies.recorder is not None:
+            self.bodies.recorder.forget()
+        names = _TARGET_INFO if task.goal_is_point else _FORWARD_INFO
+        self._info_columns = [(name, FIGURES.index(name)) for name in names]
+        self._everyone_there = np.ones(count, dtype=np.bool_)
+        self._no_reasons = np.full(count, "", dtype=object)
+        for constant in (self._everyone_there, self._no_reasons):
+            constant.flags.writeable = False
+        self._masks = [f"_{name}" for name in self.info(0)]
+
+    # ---- running -------------------------------------------------------------------------------
+
+    def start(
+        self,
+        member: int,
+        random: np.random.Generator,
+        plan: StartPlan,
+    ) -> None:
+        """Put a member at a start, which `Task.plan_start` has made of a reset's options.
+
+        Raises
+        ------
+        SimulationEndedError
+            If the start cannot be simulated, whatever its noise; the member is as before.
+        """
+        share = 1.0
+        while True:
+            start = self.task.draw_start(random, plan, share)
+            try:
+                self.bodies.start(member, start.coordinates, start.velocity)
+                break
+            except SimulationEndedError:
+                # Large noise may bend the body beyond what its outline bears. What the scene
+                # itself gives was tried when the environment was made.
+                if share == 0.0:
+                    raise
+                share = 0.8 * share if share > _SMALLEST_SHARE else 0.0
+        self.goals[member] = start.goal
+        self.torques[member] = 0.0
+        self._assess(self.everyone[member : member + 1], True)
+
+    def take(self, actions: object, single: bool, members: Indices) -> None:
+        """Check actions and keep their torques for `play`; nothing is changed by bad ones.
+
+        Parameters
+        ----------
+        actions : array_like
+            Of shape (N - 1,) for a single member, (M, N - 1) otherwise.
+        single : bool
+            Which of the two is meant.
+        members : (K,) array of int
+            Whose actions count; the others' are not looked at.
+
+        Raises
+        ------
+        ActionError
+            If they have another shape, are not numbers, or not finite.
+        """
+        shape = self.actions.shape[1:] if single else self.actions.shape
+        what = "an action" if single else "actions"
+        try:
+            given = np.asarray(actions)
+        except (TypeError, ValueError, RuntimeError) as error:
+            raise ActionError(f"{what} must be numbers of shape {shape}: {error}") from None
+        if given.dtype.kind not in "iuf":
+            raise ActionError(f"{what} must be numbers of shape {shape}, got {given.dtype}")
+        if given.shape != shape:
+            raise ActionError(f"{what} must have shape {shape}, got {given.shape}")
+        if given.dtype == np.longdouble and given.dtype != np.float64:
+            with np.errstate(over="ignore"):  # becomes infinite and is refused as such
+                given = given.astype(np.float64)
+        self.actions[:] = given
+        bad = torques_of_actions(members, self.actions, self._torque_of_one, self.torques)
+        if bad >= 0:
+            member, joint = divmod(bad, shape[-1])
+            where = f"joint {joint}" if single else f"joint {joint} of member {member}"
+            raise ActionError(
+                f"{what} must be finite, got {self.actions[member, joint]} at {where}"
+            )
+
+    def play(self, members: Indices, threads: int = 1) -> None:
+        """Hold the torques that `take` has kept over one control interval."""
+        self.bodies.advance(self.torques, self._hold, self._record, members, threads)
+        self._assess(members, False)
+
+    def _assess(self, members: Indices, start: bool) -> None:
+        assess(
+            members,
+            start,
+            self.bodies.states,
+            self.bodies.velocities,
+            self.torques,
+            self._torque_of_one,
+            self._record,
+            self.bodies.outcome,
+            self.goals,
+            self._settings,
+            self.observations,
+            self._figures,
+            self.counters,
+        )
+
+    # ---- what came of it -----------------------------------------------------------------------
+
+    @property
+    def rewards(self) -> Array:
+        """Rewards of the last action, (M,), a view."""
+        return self._figures[:, 0]
+
+    @property
+    def terminated(self) -> NDArray[np.bool_]:
+        """Whether the members' episodes ended before their time, (M,)."""
+        return self.counters[:, END_CODE] > 0
+
+    @property
+    def truncated(self) -> NDArray[np.bool_]:
+        """Whether the members' time is up, (M,)."""
+        return self.counters[:, TIME_IS_UP] > 0
+
+    @property
+    def times(self) -> Array:
+        """Simulated time of the members since their start (s), (M,), a view."""
+        return self._figures[:, _TIME]
+
+    def info(self, member: int) -> dict[str, Any]:
+        """Return the info of one member."""
+        figures = self._figures[member].tolist()
+        code = int(self.counters[member, END_CODE])
+        info: dict[str, Any] = {
+            "time": figures[_TIME],
+            "position": self._figures[member, _POSITION].copy(),
+            "termination_reason": _REASON_BY_CODE[code],
+        }
+        for name, column in self._info_columns:
+            info[name] = figures[column]
+        if self.task.goal_is_point:
+            info["target"] = self.goals[member].copy()
+            info["success"] = info["is_success"] = code == REACHED
+        return info
+
+    def results(self) -> BatchResults:
+        """Return new arrays with what all members observe and gain, and whether they ended."""
+        count = len(self.everyone)
+        observations = np.empty(self.observations.shape, dtype=np.float32)
+        columns = np.empty((len(FIGURES), count))
+        flags = np.empty((2, count), dtype=np.bool_)
+        ended = collect(
+            self.observations, self._figures, self.counters, observations, columns, flags
+        )
+        self.someone_ended = ended > 0
+        reasons = _REASONS[self.counters[:, END_CODE]] if ended else self._no_reasons
+        infos: dict[str, Any] = {
+            "time": columns[_TIME],
+            "position": columns[_POSITION].T,
+            "termination_reason": reasons,
+        }
+        for name, column in self._info_columns:
+            infos[name] = columns[column]
+        if self.task.goal_is_point:
+            infos["target"] = self.goals.copy()
+            infos["success"] = self.counters[:, END_CODE] == REACHED
+            infos["is_success"] = infos["success"].copy()
+        for name in self._masks:
+            infos[name] = self._everyone_there
+        return BatchResults(observations, columns[0], flags[0], flags[1], infos)
+
+    def recorded(self, member: int) -> Trajectory:
+        """Return a member's trajectory since its start, of a scene with the effect recording.
+
+        Raises
+        ------
+        OptionError
+            If the scene has no recording.
+        """
+        recorder = needs_recording(self.bodies.recorder)
+        status = int(self.bodies.outcome[member, 1])
+        return recorder.trajectory(member, PHYSICS_REASONS[status])
+
+    # ---- snapshots -----------------------------------------------------------------------------
+
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        bodies = self.bodies
+        return {
+            "states": bodies.states,
+            "velocities": bodies.velocities,
+            "outcome": bodies.outcome,
+            "torques": self.torques,
+            "record": self._record,
+            "goals": self.goals,
+            "observations": self.observations,
+            "figures": self._figures,
+            "counters": self.counters,
+        }
+
+    def snapshot(self, randoms: list[np.random.Generator]) -> EpisodesSnapshot:
+        """Return a copy of everything that decides how the episodes go on."""
+        return EpisodesSnapshot(
+            self.task.identity,
+            {name: array.copy() for name, array in self._arrays().items()},
+            [deepcopy(dict(random.bit_generator.state)) for random in randoms],
+        )
+
+    def restore(self, snapshot: EpisodesSnapshot, randoms: list[np.random.Generator]) -> None:
+        """Go back to a snapshot, generators included; what follows is what followed then.
+
+        Raises
+        ------
+        SwimError
+            If the snapshot is of another task, scene, or number of members.
+        """
+        same = snapshot.task == self.task.identity
+        if not same or len(snapshot.randoms) != len(randoms):
+            raise SwimError(
+                "the snapshot belongs to another environment: scene, task, weights and number of "
+                "members must be the same"
+            )
+        arrays = self._arrays()
+        for name, array in arrays.items():
+            kept = snapshot.arrays.get(name)
+            if kept is None or kept.shape != array.shape:
+                raise SwimError(
+                    f"the snapshot was made by another version: its {name} do not fit those of here"
+                )
+        for name, array in arrays.items():
+            array[:] = snapshot.arrays[name]
+        for member in self.everyone:
+            self.bodies.begin_recording(int(member))
+        self.someone_ended = bool(self.counters[:, END_CODE:].any())
+        for random, state in zip(randoms, snapshot.randoms, strict=True):
+            random.bit_generator.state = deepcopy(state)
+
+
+def reason_of(code: int) -> str:
+    """Return the reason of an end by its code, an empty text for 0."""
+    return _REASON_BY_CODE[code]
+
+
+def whole_number(value: object, name: str, at_most: int | None = None) -> int:
+    """Return a whole number of at least 1, and of no more than a bound.
+
+    Raises
+    ------
+    OptionError
+        If it is anything else.
+    """
+    try:
+        if isinstance(value, bool):
+            raise TypeError
+        number = operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        shown = repr(value) if value is None or isinstance(value, bool) else got(value)
+        raise OptionError(f"{name} must be a whole number of at least 1, got {shown}") from None
+    if number < 1:
+        raise OptionError(f"{name} must be at least 1, got {got(number)}")
+    if at_most is not None and number > at_most:
+        raise OptionError(f"{name} must be at most {at_most:,}, got {got(number)}")
+    return number

@@ -1,0 +1,1 @@
+"""Frames of the environments, drawn with Pillow, and the window that shows them."""

@@ -1,0 +1,91 @@
+"""What the environments show of their episodes while these run."""
+
+from __future__ import annotations
+
+import copy
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.envs.episodes import Episodes
+from swim_env.envs.render.window import Window
+
+if TYPE_CHECKING:
+    from swim_env.envs.render.frames import FramePainter
+
+__all__ = ["EpisodesViewer"]
+
+Frame = NDArray[np.uint8]
+
+
+class EpisodesViewer:
+    """Draws the members of `Episodes` as they are, or shows member 0 in a window.
+
+    Nothing of the episodes is changed. A copy of an environment has no viewer and makes its own:
+    copies and pickles of this object are None.
+
+    Parameters
+    ----------
+    episodes : Episodes
+        What to look at.
+    rate : float
+        Frames in a second of real time in a window.
+
+    Raises
+    ------
+    SwimError
+        From `frames` and `show`, if there is something to draw and Pillow is not installed.
+    """
+
+    def __init__(self, episodes: Episodes, rate: float) -> None:
+        scene = episodes.task.scene
+        self._episodes = episodes
+        self._limit = scene.torque_limit
+        self._heading = np.array(scene.episode.heading)
+        self._painters: list[FramePainter] = []
+        self._rate = rate
+        self._window: Window | None = None
+
+    def frames(self) -> tuple[Frame, ...]:
+        """Return a frame of every member, (height, width, 3) uint8 each."""
+        return tuple(self._frame(member) for member in range(len(self._episodes.everyone)))
+
+    def show(self) -> None:
+        """Show member 0 in the window, if there is one."""
+        if self._window is None:
+            self._window = Window(f"swim_env: {self._episodes.task.scene.name}", self._rate)
+        if self._window.is_open:
+            self._window.show(self._frame(0))
+
+    def forget(self, member: int | None = None) -> None:
+        """Say that the episode of one member, or of all, does not continue what was shown."""
+        for painter in self._painters if member is None else self._painters[member : member + 1]:
+            painter.forget()
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._window.close()
+
+    def _frame(self, member: int) -> Frame:
+        if not self._painters:
+            # Needs Pillow, which an environment without a display may well lack.
+            from swim_env.envs.render.frames import FramePainter
+
+            task = self._episodes.task
+            radius = task.radius if task.goal_is_point else None
+            painter = FramePainter(task.scene, target_radius=radius)
+            # Copies share what all their frames have in common.
+            self._painters = [copy.copy(painter) for _ in self._episodes.everyone]
+        info = self._episodes.info(member)
+        return self._painters[member].draw(
+            self._episodes.bodies.coordinates[member],
+            self._episodes.torques[member, 0] / self._limit,
+            info["time"],
+            info["progress"],
+            info.get("target", self._heading),
+        )
+
+    def __reduce__(self) -> tuple[type[None], tuple[()]]:
+        return type(None), ()

@@ -1,0 +1,374 @@
+"""The single environments."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.envs.assessment import END_CODE
+from swim_env.envs.episodes import TERMINATION_REASONS, Episodes, reason_of
+from swim_env.envs.interface import (
+    RENDER_MODES,
+    EnvSnapshot,
+    Observation,
+    Overrides,
+    SceneLike,
+    action_space_of,
+    checked_render_mode,
+    checked_seed,
+    checked_snapshot,
+    metadata_of,
+    new_viewer,
+    observation_space_of,
+    warn_of_no_render_mode,
+)
+from swim_env.envs.task import (
+    TARGET_BEARING,
+    TARGET_DISTANCE,
+    TARGET_RADIUS,
+    ForwardTask,
+    TargetTask,
+    Task,
+)
+from swim_env.errors import SimulationEndedError
+from swim_env.scene import Scene, load_scene
+from swim_env.sim.trajectory import Trajectory
+
+__all__ = ["SwimEnv", "SwimTargetEnv"]
+
+
+class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
+    r"""An elastic beam in an ideal fluid learns to swim with its joint torques.
+
+    ``gymnasium.make("swim_env/KirchhoffSwimmer-v0", scene="swimmer")``
+
+    ## Actions
+    ``Box(-1, 1, (N - 1,), float32)``: the torque at every joint from head to tail, as a share of
+    the scene's ``actuation.torque_limit`` (N m). A positive torque turns the element behind the
+    joint counter-clockwise and the one in front of it clockwise. It is held over the scene's
+    ``episode.control_interval``, several time steps of the integrator. Values beyond 1 count as 1;
+    float64 actions are used in full precision. Joints behind ``actuation.active_until`` stay
+    without torque.
+
+    ## Observations
+    ``Box((2 (N - 1) + 5,), float32)``. Nothing depends on where the body is. Values are scaled to
+    order one and, but for sine and cosine, clipped to ±100.
+
+    | index        | quantity                                               | unit of 1 |
+    |--------------|--------------------------------------------------------|-----------|
+    | 0 ... N-2    | joint angles, head to tail                             | 0.1 rad   |
+    | N-1 ... 2N-3 | joint rates                                            | 5 rad/s   |
+    | 2N-2         | sine of the goal's direction from the head's, + = left | 1         |
+    | 2N-1         | its cosine                                             | 1         |
+    | 2N           | velocity of the mean centre, forward                   | 0.1 BL/s  |
+    | 2N+1         | the same, to the left                                  | 0.1 BL/s  |
+    | 2N+2         | mean turning rate of the elements, counter-clockwise   | 1 rad/s   |
+
+    The head's direction is opposite to the mean angle of the elements; forward and left are along
+    it and at a right angle to it.
+
+    ## Rewards
+    The displacement of the centre of mass along the scene's ``episode.heading`` in body lengths
+    (BL): an episode's rewards sum to its net displacement. Two terms may be added, both zero
+    unless weighted: ``-effort_weight * mean(share**2) * seconds`` with the torques' share of the
+    limit, averaged over all joints, and ``-heading_weight * (1 - cos(heading error)) * seconds``.
+    ``info`` holds each term with its sign: ``reward_progress``, ``reward_effort``,
+    ``reward_heading``.
+
+    ## Start
+    The scene's initial state with a little noise from the seed: joint angles off by up to
+    ``episode.bend_noise``, the body turned by up to ``episode.heading_noise``, a rigid motion of
+    up to ``episode.velocity_noise``, all uniform. ``reset(options=...)`` takes ``noise``, a factor
+    on all of it (0 for none), and the fields of a scene's ``initial`` block (``joint_angles``,
+    ``heading``, ``velocity``, ``turning_rate``, ``position`` ...), which are then exact.
+
+    ## End
+    Truncated when the scene's ``episode.duration`` is over. Terminated when the physics cannot go
+    on; ``info["termination_reason"]`` is then one of ``swim_env.TERMINATION_REASONS``, and empty
+    otherwise.
+
+    ## Info
+    The same keys from ``reset`` and ``step``: ``time`` (s), ``position`` of the mean centre (m),
+    ``progress`` since the start (BL), the reward's terms, ``heading_error`` (rad), ``work`` and
+    ``positive_work`` of the last action (J), ``termination_reason``.
+
+    Parameters
+    ----------
+    scene : Scene, str or os.PathLike
+        The scene, a shipped name or the path of a scene file.
+    overrides : optional
+        Changes to it, see `swim_env.load_scene`.
+    render_mode : {"rgb_array", "human"}, optional
+        Frames from `render`, or a window.
+    effort_weight, heading_weight : float
+        Weights of the optional rewards (BL/s), at least 0.
+
+    Raises
+    ------
+    SceneError
+        If there is no such scene, or its control interval is not a whole number of time steps.
+    OptionError
+        If another argument cannot be used.
+
+    Notes
+    -----
+    Version 0: first version.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}
+    np_random: np.random.Generator
+
+    def __init__(
+        self,
+        scene: SceneLike = "swimmer",
+        overrides: Overrides | None = None,
+        render_mode: str | None = None,
+        effort_weight: float = 0.0,
+        heading_weight: float = 0.0,
+    ) -> None:
+        task = ForwardTask(load_scene(scene, overrides), effort_weight, heading_weight)
+        self._set_up(task, render_mode)
+
+    def _set_up(self, task: Task, render_mode: str | None) -> None:
+        self.render_mode = checked_render_mode(render_mode)
+        self.task = task
+        self.episodes = Episodes(task)
+        self.metadata = metadata_of(task)
+        self.action_space = action_space_of(task)
+        self.observation_space = observation_space_of(task)  # type: ignore[assignment]
+        self._is_reset = False
+        self._viewer: Any = None
+
+    @property
+    def scene(self) -> Scene:
+        """The scene."""
+        return self.task.scene
+
+    @property
+    def coordinates(self) -> NDArray[np.float64]:
+        """Minimal coordinates (N + 2,): mean centre (m), angle of element 1, joint angles (rad)."""
+        return np.array(self.episodes.bodies.coordinates[0], dtype=np.float64)
+
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """Velocity (N + 2,) of the mean centre (m/s), and turning rates of the elements (rad/s)."""
+        return np.array(self.episodes.bodies.velocities[0], dtype=np.float64)
+
+    @property
+    def steps(self) -> int:
+        """Number of time steps since the start."""
+        return int(self.episodes.bodies.steps_taken[0])
+
+    @property
+    def torques(self) -> NDArray[np.float64]:
+        """Torques of the last action, (N - 1,) (N m)."""
+        return np.array(self.episodes.torques[0, 0], dtype=np.float64)
+
+    @property
+    def goal(self) -> NDArray[np.float64]:
+        """The direction of the episode, a unit vector (2,), or its target (m)."""
+        return np.array(self.episodes.goals[0], dtype=np.float64)
+
+    def recorded(self) -> Trajectory:
+        """Return the episode's trajectory so far, of a scene with the effect recording.
+
+        Raises
+        ------
+        OptionError
+            If the scene has no recording.
+        """
+        return self.episodes.recorded(0)
+
+    # ---- Gymnasium's methods -------------------------------------------------------------------
+
+    def reset(
+        self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Start an episode.
+
+        Parameters
+        ----------
+        seed : int, optional
+            Seed of the start's noise; without one the present generator goes on.
+        options : mapping, optional
+            See `SwimEnv`.
+
+        Raises
+        ------
+        gymnasium.error.Error
+            If the seed is not a whole number of at least 0.
+        OptionError
+            If an option cannot be used.
+        SimulationEndedError
+            If the start cannot be simulated. The episode that was running can go on after any of
+            these errors, as if nothing had been asked.
+        """
+        plan = self.task.plan_start(options)
+        seed = checked_seed(seed)
+        random, random_seed = self._np_random, self._np_random_seed
+        numbers = None if random is None else dict(random.bit_generator.state)
+        super().reset(seed=seed)
+        try:
+            self.episodes.start(0, self.np_random, plan)
+        except SimulationEndedError:
+            self._np_random, self._np_random_seed = random, random_seed
+            if random is not None:
+                random.bit_generator.state = numbers  # type: ignore[assignment]
+            raise
+        self._is_reset = True
+        if self._viewer is not None:
+            self._viewer.forget()
+        if self.render_mode == "human":
+            self.render()
+        return self.episodes.observations[0].copy(), self.episodes.info(0)
+
+    def step(self, action: NDArray[Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Hold an action over one control interval.
+
+        Raises
+        ------
+        ActionError
+            If the action is not N - 1 finite numbers; the state is as before.
+        gymnasium.error.ResetNeeded
+            Before the first reset.
+        SimulationEndedError
+            If the episode was terminated before.
+        """
+        episodes = self.episodes
+        if not self._is_reset:
+            raise gymnasium.error.ResetNeeded("call reset before step")
+        code = episodes.counters[0, END_CODE]
+        if code:
+            self._refuse(int(code))
+        episodes.take(action, True, episodes.everyone)
+        episodes.play(episodes.everyone)
+        if self.render_mode == "human":
+            self.render()
+        _, code, time_is_up = episodes.counters[0].tolist()
+        return (
+            episodes.observations[0].copy(),
+            float(episodes.rewards[0]),
+            code > 0,
+            time_is_up > 0,
+            episodes.info(0),
+        )
+
+    def _refuse(self, code: int) -> None:
+        reason = reason_of(code)
+        time = float(self.episodes.times[0])
+        meaning = TERMINATION_REASONS[reason]
+        raise SimulationEndedError(reason, time, f"{meaning}; call reset to start again")
+
+    def render(self) -> Any:
+        """Return a frame, (height, width, 3) uint8, or show it in a window.
+
+        The camera and the trail follow what was rendered since the last reset, and rendering
+        changes nothing of the episode. In "human" mode `reset` and `step` render by themselves,
+        the window keeps to real time, and nothing is shown where there is no display or once the
+        window was closed.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            Before the first reset.
+        SwimError
+            If what it takes to draw is not installed.
+        """
+        if self.render_mode is None:
+            warn_of_no_render_mode(self)
+            return None
+        if not self._is_reset:
+            raise gymnasium.error.ResetNeeded("call reset before render")
+        if self._viewer is None:
+            self._viewer = new_viewer(self.episodes, self.metadata)
+        return self._viewer.show() if self.render_mode == "human" else self._viewer.frames()[0]
+
+    def close(self) -> None:
+        """Close the window, if there is one. Closing twice does no harm."""
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
+
+    # ---- snapshots -----------------------------------------------------------------------------
+
+    def snapshot(self) -> EnvSnapshot:
+        """Return the complete state: body, episode and random numbers to come."""
+        return EnvSnapshot(self.episodes.snapshot([self.np_random]), self._is_reset)
+
+    def restore(self, snapshot: EnvSnapshot) -> Observation:
+        """Go back to a snapshot; what follows is bit for bit what followed then.
+
+        Returns
+        -------
+        (n,) array of float32
+            The observation at that moment.
+
+        Raises
+        ------
+        SwimError
+            If the snapshot belongs to another scene or task.
+        """
+        self.episodes.restore(checked_snapshot(snapshot).episodes, [self.np_random])
+        self._is_reset = snapshot.is_reset
+        if self._viewer is not None:
+            self._viewer.forget()
+        observation: Observation = self.episodes.observations[0].copy()
+        return observation
+
+
+class SwimTargetEnv(SwimEnv):
+    r"""The same swimmer has to reach a point, for which it has to turn.
+
+    ``gymnasium.make("swim_env/KirchhoffSwimmerTarget-v0")``
+
+    As `SwimEnv`, but for these:
+
+    - The goal's direction in the observation is that to the point, and one more number at the end
+      is its distance from the mean centre in body lengths.
+    - The reward is the distance by which the mean centre came closer, in body lengths.
+    - Reaching the point ends the episode: terminated, ``termination_reason`` is
+      ``target_reached``, ``success`` and ``is_success`` are true.
+    - Every start draws a point. ``reset(options={"target": (x, y)})`` sets it (m).
+    - ``info`` has ``target`` (m), ``distance`` (BL), ``success`` and ``is_success`` as well.
+
+    Parameters
+    ----------
+    scene, overrides, render_mode, effort_weight, heading_weight
+        As for `SwimEnv`.
+    target_distance : pair of float
+        Least and largest distance of the point at the start (BL).
+    target_bearing : float
+        Largest angle between the scene's heading and the direction to the point (rad), up to pi.
+    target_radius : float
+        How close the mean centre has to come (BL).
+
+    Raises
+    ------
+    SceneError, OptionError
+        As for `SwimEnv`.
+    """
+
+    def __init__(
+        self,
+        scene: SceneLike = "swimmer",
+        overrides: Overrides | None = None,
+        render_mode: str | None = None,
+        effort_weight: float = 0.0,
+        heading_weight: float = 0.0,
+        target_distance: Sequence[float] = TARGET_DISTANCE,
+        target_bearing: float = TARGET_BEARING,
+        target_radius: float = TARGET_RADIUS,
+    ) -> None:
+        task = TargetTask(
+            load_scene(scene, overrides),
+            target_distance,
+            target_bearing,
+            target_radius,
+            effort_weight,
+            heading_weight,
+        )
+        self._set_up(task, render_mode)

@@ -1,0 +1,444 @@
+"""The batched environments: many bodies in one process, stepped by threads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from swim_env.envs.episodes import Episodes, whole_number
+from swim_env.envs.interface import (
+    EnvSnapshot,
+    Observation,
+    Overrides,
+    SceneLike,
+    action_space_of,
+    checked_render_mode,
+    checked_seed,
+    checked_snapshot,
+    metadata_of,
+    new_viewer,
+    observation_space_of,
+    warn_of_no_render_mode,
+)
+from swim_env.envs.task import (
+    TARGET_BEARING,
+    TARGET_DISTANCE,
+    TARGET_RADIUS,
+    ForwardTask,
+    StartPlan,
+    TargetTask,
+    Task,
+)
+from swim_env.errors import OptionError, SimulationEndedError, SwimError
+from swim_env.physics.runtime.threads import usable_threads
+from swim_env.scene import Scene, load_scene
+from swim_env.scene.checks import got
+from swim_env.sim.trajectory import Trajectory
+
+__all__ = ["VECTOR_ENVIRONMENTS", "SwimTargetVectorEnv", "SwimVectorEnv"]
+
+Booleans = NDArray[np.bool_]
+
+#: Largest number of members and of threads; memory ends sooner.
+MOST_MEMBERS, MOST_THREADS = 1_000_000, 1_000
+
+
+class SwimVectorEnv(
+    gymnasium.vector.VectorEnv[Observation, NDArray[Any], NDArray[Any]],
+):
+    """Many `SwimEnv` in one, each member bit for bit what it would be alone.
+
+    ``gymnasium.make_vec("swim_env/KirchhoffSwimmer-v0", num_envs=64)``
+
+    Actions, observations, rewards and infos are those of `SwimEnv` in Gymnasium's batched form:
+    arrays whose first axis is the member, and infos with a mask ``_key`` for every key. All modes
+    of starting members anew are there: in the step after their end, whose action they ignore
+    (NEXT_STEP, the default); in the same step, with ``final_obs`` and ``final_info`` in the infos
+    (SAME_STEP); or by ``reset(options={"reset_mask": ...})`` alone (DISABLED).
+
+    Parameters
+    ----------
+    num_envs : int
+        Number M of members.
+    scene, overrides, render_mode, effort_weight, heading_weight
+        As for `SwimEnv`.
+    autoreset_mode : gymnasium.vector.AutoresetMode or str
+        ``NextStep``, ``SameStep`` or ``Disabled``.
+    max_episode_steps : int, optional
+        Actions in an episode, if that is less than the scene's duration gives.
+    num_threads : int, optional
+        Largest number of threads; as many as numba is told to use at this moment unless given.
+
+    Raises
+    ------
+    SceneError
+        If there is no such scene, or its control interval is not a whole number of time steps.
+    OptionError
+        If another argument cannot be used.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scene: SceneLike = "swimmer",
+        overrides: Overrides | None = None,
+        render_mode: str | None = None,
+        effort_weight: float = 0.0,
+        heading_weight: float = 0.0,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        max_episode_steps: int | None = None,
+        num_threads: int | None = None,
+    ) -> None:
+        task = ForwardTask(load_scene(scene, overrides), effort_weight, heading_weight)
+        self._set_up(task, num_envs, render_mode, autoreset_mode, max_episode_steps, num_threads)
+
+    def _set_up(
+        self,
+        task: Task,
+        num_envs: int,
+        render_mode: str | None,
+        autoreset_mode: AutoresetMode | str,
+        max_episode_steps: int | None,
+        num_threads: int | None,
+    ) -> None:
+        self.num_envs = whole_number(num_envs, "num_envs", MOST_MEMBERS)
+        self.render_mode = checked_render_mode(render_mode)
+        self.autoreset_mode = _checked_mode(autoreset_mode)
+        self.num_threads = (
+            None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
+        )
+        self.task = task
+        try:
+            self.episodes = Episodes(task, self.num_envs, max_episode_steps)
+        except MemoryError:
+            raise OptionError(
+                f"{self.num_envs} members of scene {task.scene.name} do not fit into memory; "
+                "num_envs must be smaller"
+            ) from None
+        self.metadata = {**metadata_of(task), "autoreset_mode": self.autoreset_mode}
+        self.single_action_space = action_space_of(task)
+        self.single_observation_space = observation_space_of(task)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self._randoms: list[np.random.Generator | None] = [None] * self.num_envs
+        self._is_reset = False
+        self._threads = self.num_threads or usable_threads()
+        self._viewer: Any = None
+
+    @property
+    def scene(self) -> Scene:
+        """The scene."""
+        return self.task.scene
+
+    def recorded(self, member: int) -> Trajectory:
+        """Return a member's trajectory since its last reset, of a scene with the effect recording.
+
+        Raises
+        ------
+        OptionError
+            If the scene has no recording, or there is no such member.
+        """
+        if isinstance(member, bool) or not isinstance(member, (int, np.integer)):
+            raise OptionError(f"member must be a whole number, got {got(member)}")
+        if not 0 <= member < self.num_envs:
+            raise OptionError(f"member must be 0 to {self.num_envs - 1}, got {member}")
+        return self.episodes.recorded(int(member))
+
+    # ---- Gymnasium's methods -------------------------------------------------------------------
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: Mapping[str, Any] | None = None,
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Start all members, or those of a mask.
+
+        Parameters
+        ----------
+        seed : int or sequence of int, optional
+            Member i is seeded with seed + i, or with the i-th of a sequence. Without a seed the
+            members' generators go on.
+        options : mapping, optional
+            As for `SwimEnv`, for all members; and ``reset_mask``, an (M,) array of bool that says
+            which members to start.
+
+        Raises
+        ------
+        gymnasium.error.Error
+            If a seed is not a whole number of at least 0.
+        OptionError
+            If an option cannot be used.
+        SimulationEndedError
+            If a start cannot be simulated. Nothing has changed after any of these errors.
+        """
+        plan, mask = self._plan_and_mask(options)
+        fresh = self._generators(seed)
+        before = self.episodes.snapshot([])
+        recorder = self.episodes.bodies.recorder
+        recorded = None if recorder is None else recorder.snapshot()
+        randoms = list(self._randoms)
+        numbers: list[Any] = [None if one is None else one.bit_generator.state for one in randoms]
+        try:
+            for member in np.flatnonzero(mask):
+                if fresh[member] is not None:
+                    self._randoms[member] = fresh[member]
+                self._start(int(member), plan)
+        except SimulationEndedError:
+            self.episodes.restore(before, [])
+            if recorder is not None and recorded is not None:
+                recorder.restore(recorded)
+            self._randoms = randoms
+            for one, state in zip(randoms, numbers, strict=True):
+                if one is not None:
+                    one.bit_generator.state = state
+            raise
+        self._is_reset = True
+        results = self.episodes.results()
+        if isinstance(seed, int):
+            super().reset(seed=seed)
+        if self.render_mode == "human":
+            self.render()
+        infos = results.infos if mask.all() else self._masked_infos(mask)
+        return results.observations, infos
+
+    def step(
+        self, actions: NDArray[Any]
+    ) -> tuple[Observation, NDArray[np.float64], Booleans, Booleans, dict[str, Any]]:
+        """Hold an action for each member over one control interval.
+
+        Parameters
+        ----------
+        actions : (M, N - 1) array_like
+            Actions.
+
+        Raises
+        ------
+        ActionError
+            If they are not finite numbers of that shape; no member has moved.
+        gymnasium.error.ResetNeeded
+            Before the first reset, or where a member has ended and the mode is DISABLED.
+        """
+        episodes = self.episodes
+        if not self._is_reset:
+            raise gymnasium.error.ResetNeeded("call reset before step")
+        moving = episodes.everyone
+        if episodes.someone_ended:
+            ended = episodes.terminated | episodes.truncated
+            if self.autoreset_mode is AutoresetMode.DISABLED:
+                raise gymnasium.error.ResetNeeded(
+                    f"members {np.flatnonzero(ended).tolist()} have ended; start them by "
+                    "reset(options={'reset_mask': ...})"
+                )
+            moving = np.flatnonzero(~ended)
+            episodes.take(actions, False, moving)
+            for member in np.flatnonzero(ended).tolist():
+                self._start(member, self.task.plan_start())
+        else:
+            episodes.take(actions, False, moving)
+        episodes.play(moving, self._threads)
+        observations, rewards, terminated, truncated, infos = episodes.results()
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and episodes.someone_ended:
+            last: dict[str, Any] = {}
+            for member in np.flatnonzero(terminated | truncated).tolist():
+                final = {"final_obs": observations[member], "final_info": episodes.info(member)}
+                last = self._add_info(last, final, member)
+                self._start(member, self.task.plan_start())
+            observations, _, _, _, infos = episodes.results()
+            infos.update(last)
+        if self.render_mode == "human":
+            self.render()
+        return observations, rewards, terminated, truncated, infos
+
+    def render(self) -> Any:
+        """Return a frame of every member, (height, width, 3) uint8 each, or show member 0.
+
+        In "human" mode `reset` and `step` show member 0 by themselves; for all members in one
+        window, wrap an "rgb_array" environment in `gymnasium.wrappers.vector.HumanRendering`, which
+        needs opencv. See `SwimEnv.render`.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            Before the first reset.
+        SwimError
+            If what it takes to draw is not installed.
+        """
+        if self.render_mode is None:
+            warn_of_no_render_mode(self)
+            return None
+        if not self._is_reset:
+            raise gymnasium.error.ResetNeeded("call reset before render")
+        if self._viewer is None:
+            self._viewer = new_viewer(self.episodes, self.metadata)
+        return self._viewer.show() if self.render_mode == "human" else self._viewer.frames()
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Close the window, if there is one."""
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
+
+    def _start(self, member: int, plan: StartPlan) -> None:
+        random = self._randoms[member]
+        if random is None:
+            random = self._randoms[member] = seeding.np_random()[0]
+        self.episodes.start(member, random, plan)
+        if self._viewer is not None:
+            self._viewer.forget(member)
+
+    def _masked_infos(self, mask: Booleans) -> dict[str, Any]:
+        """Return infos in which only the members of a mask stand, as Gymnasium's own do."""
+        infos: dict[str, Any] = {}
+        for member in np.flatnonzero(mask):
+            infos = self._add_info(infos, self.episodes.info(int(member)), int(member))
+        return infos
+
+    def _plan_and_mask(self, options: Mapping[str, Any] | None) -> tuple[StartPlan, Booleans]:
+        everyone = np.ones(self.num_envs, dtype=np.bool_)
+        if not isinstance(options, Mapping) or "reset_mask" not in options:
+            return self.task.plan_start(options), everyone
+        mask = options["reset_mask"]
+        if (
+            not isinstance(mask, np.ndarray)
+            or mask.dtype != np.bool_
+            or mask.shape != everyone.shape
+            or not mask.any()
+        ):
+            raise OptionError(
+                f"option reset_mask must be an array of {self.num_envs} bools, at least one of "
+                f"them true, got {_described(mask)}"
+            )
+        if not (self._is_reset or mask.all()):
+            raise OptionError("the first reset has to start all members, reset_mask leaves some")
+        rest = {name: value for name, value in options.items() if name != "reset_mask"}
+        return self.task.plan_start(rest), mask
+
+    def _generators(
+        self, seed: int | Sequence[int | None] | NDArray[np.int64] | None
+    ) -> list[np.random.Generator | None]:
+        """Return new generators where seeds are given, None where not."""
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, np.ndarray) and seed.ndim:
+            seed = seed.tolist()
+        if isinstance(seed, (list, tuple)):
+            seeds = list(seed)
+            if len(seeds) != self.num_envs:
+                raise OptionError(
+                    f"seed must be one number or {self.num_envs} of them, got {len(seeds)}"
+                )
+        else:
+            first = checked_seed(seed)  # type: ignore[arg-type]
+            assert first is not None
+            seeds = [first + i for i in range(self.num_envs)]
+        for member, one in enumerate(seeds):
+            checked_seed(one, f"seed of member {member}: ")
+        return [None if one is None else seeding.np_random(one)[0] for one in seeds]
+
+    # ---- snapshots -----------------------------------------------------------------------------
+
+    def snapshot(self) -> EnvSnapshot:
+        """Return the complete state of all members.
+
+        Raises
+        ------
+        SwimError
+            Before the first reset.
+        """
+        return EnvSnapshot(self.episodes.snapshot(self._known_randoms()), True)
+
+    def restore(self, snapshot: EnvSnapshot) -> Observation:
+        """Go back to a snapshot; what follows is bit for bit what followed then.
+
+        Returns
+        -------
+        (M, n) array of float32
+            The observations at that moment.
+
+        Raises
+        ------
+        SwimError
+            If the snapshot belongs to another environment, or before the first reset.
+        """
+        self.episodes.restore(checked_snapshot(snapshot).episodes, self._known_randoms())
+        if self._viewer is not None:
+            self._viewer.forget()
+        return self.episodes.observations.copy()
+
+    def _known_randoms(self) -> list[np.random.Generator]:
+        randoms = [random for random in self._randoms if random is not None]
+        if len(randoms) < self.num_envs:
+            raise SwimError("snapshots need an episode: call reset first")
+        return randoms
+
+
+class SwimTargetVectorEnv(SwimVectorEnv):
+    """Many `SwimTargetEnv` in one.
+
+    ``gymnasium.make_vec("swim_env/KirchhoffSwimmerTarget-v0", num_envs=64)``
+
+    Parameters
+    ----------
+    num_envs, scene, overrides, render_mode, effort_weight, heading_weight
+        As for `SwimVectorEnv`.
+    autoreset_mode, max_episode_steps, num_threads
+        As for `SwimVectorEnv`.
+    target_distance, target_bearing, target_radius
+        As for `SwimTargetEnv`.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scene: SceneLike = "swimmer",
+        overrides: Overrides | None = None,
+        render_mode: str | None = None,
+        effort_weight: float = 0.0,
+        heading_weight: float = 0.0,
+        target_distance: Sequence[float] = TARGET_DISTANCE,
+        target_bearing: float = TARGET_BEARING,
+        target_radius: float = TARGET_RADIUS,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        max_episode_steps: int | None = None,
+        num_threads: int | None = None,
+    ) -> None:
+        task = TargetTask(
+            load_scene(scene, overrides),
+            target_distance,
+            target_bearing,
+            target_radius,
+            effort_weight,
+            heading_weight,
+        )
+        self._set_up(task, num_envs, render_mode, autoreset_mode, max_episode_steps, num_threads)
+
+
+#: The batched environment of each task, see `swim_env.envs.task.TASKS`.
+VECTOR_ENVIRONMENTS: dict[str, Callable[..., SwimVectorEnv]] = {
+    "forward": SwimVectorEnv,
+    "target": SwimTargetVectorEnv,
+}
+
+
+def _described(mask: object) -> str:
+    """Say in a few words what a refused mask is."""
+    if isinstance(mask, np.ndarray):
+        return f"an array of {mask.dtype} and shape {mask.shape}, {np.count_nonzero(mask)} true"
+    return "None" if mask is None else got(mask)
+
+
+def _checked_mode(mode: AutoresetMode | str) -> AutoresetMode:
+    """Return a mode by its value or its name."""
+    for known in AutoresetMode:
+        if mode is known or (isinstance(mode, str) and mode in (known.value, known.name)):
+            return known
+    names = ", ".join(known.value for known in AutoresetMode)
+    raise OptionError(f"unknown autoreset_mode {mode!r}; modes: {names}")

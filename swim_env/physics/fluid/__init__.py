@@ -1,0 +1,1 @@
+"""The fluid: outlines, panels, added mass and its models."""

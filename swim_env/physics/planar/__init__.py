@@ -1,0 +1,1 @@
+"""The planar beam and its step equations."""

@@ -1,0 +1,1 @@
+"""Compilation, threads, dense algebra and elementary functions of the kernels."""

@@ -1,0 +1,1 @@
+"""The variational integrator: Newton, halving, budget."""

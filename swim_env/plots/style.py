@@ -1,0 +1,202 @@
+"""How all still pictures look: colours, maps, widths, sizes, and axes with units.
+
+Pictures are drawn with matplotlib's object interface, so nothing global is touched and no window
+opens. The colours are those of Okabe & Ito, made to be told apart by everybody; maps differ in
+lightness as well.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from collections.abc import Iterable
+from typing import IO, TYPE_CHECKING, TypedDict
+
+from swim_env.colours import TORQUE_STOPS
+from swim_env.errors import SwimError
+from swim_env.files.atomic import write_atomically
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.colors import LinearSegmentedColormap
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "AMBER",
+    "BLACK",
+    "BLUE",
+    "FRONT",
+    "GREEN",
+    "GREY",
+    "GRID",
+    "LINE",
+    "OKABE_ITO",
+    "ORANGE",
+    "PINK",
+    "SHADE",
+    "SILVER",
+    "SKY",
+    "SMALL",
+    "SMALLER",
+    "THICK",
+    "THIN",
+    "TIME_COLOURS",
+    "WIDTH",
+    "YELLOW",
+    "Look",
+    "diverging_map",
+    "name_panel",
+    "new_figure",
+    "policy_looks",
+    "require_matplotlib",
+    "save_figure",
+    "style_axes",
+]
+
+BLACK, GREY, SILVER = "#000000", "#666666", "#999999"
+BLUE, ORANGE, GREEN, PINK = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
+AMBER, SKY, YELLOW = "#E69F00", "#56B4E9", "#F0E442"
+#: The colours in the order in which lines take them, the most different ones first.
+OKABE_ITO = (BLUE, ORANGE, GREEN, PINK, AMBER, SKY, BLACK)
+#: Of lines that lead the eye, of areas that mean "not known here", and of fronts.
+GRID, SHADE, FRONT = "#E6E9ED", "#DDDDDD", BLACK
+
+#: Runs through colours that differ in lightness as well, from the beginning to the end of a run.
+TIME_COLOURS = "viridis"
+
+#: Width of a picture (inches), and sizes of text (points). Shown 800 pixels wide, as on a page
+#: of a repository, text of the smaller size is 9.7 pixels high.
+WIDTH, SMALL, SMALLER = 8.0, 8, 7
+#: Widths of lines (points).
+THIN, LINE, THICK = 0.6, 1.3, 2.2
+_DOTS_PER_INCH = 150
+
+#: A colour for each policy, the same in every picture.
+_POLICY_COLOURS = {
+    "paper_wave": GREY,
+    "tuned_wave": ORANGE,
+    "ppo_forward": BLUE,
+    "sac_forward": GREEN,
+    "ppo_target": PINK,
+    "zero": BLACK,
+    "random": AMBER,
+}
+_OTHERS = (SKY, AMBER, PINK, YELLOW, BLACK)
+_STROKES = ("-", "--", ":", "-.")
+
+
+class Look(TypedDict):
+    """How the lines of a policy look."""
+
+    color: str
+    linestyle: str
+
+
+def policy_looks(names: Iterable[str]) -> dict[str, Look]:
+    """Return a colour for each policy, and a stroke for each of its training seeds.
+
+    Parameters
+    ----------
+    names : iterable of str
+        What policies are called; agents that differ in nothing but their training seed are called
+        ``NAME/seed_0``, ``NAME/seed_1`` ... and have the colour of NAME.
+    """
+    looks: dict[str, Look] = {}
+    colours = dict(_POLICY_COLOURS)
+    members: dict[str, int] = {}
+    for name in names:
+        group = name.partition("/")[0]
+        if group not in colours:
+            others = len(colours) - len(_POLICY_COLOURS)
+            colours[group] = _OTHERS[others % len(_OTHERS)]
+        number = members[group] = members.get(group, -1) + 1
+        looks[name] = {"color": colours[group], "linestyle": _STROKES[number % len(_STROKES)]}
+    return looks
+
+
+def diverging_map() -> LinearSegmentedColormap:
+    """Return the colours of what has a sign, white at zero: those of the frames' torques."""
+    from matplotlib.colors import LinearSegmentedColormap
+
+    stops = [tuple(part / 255.0 for part in stop) for stop in TORQUE_STOPS]
+    return LinearSegmentedColormap.from_list("blue_orange", stops)
+
+
+def require_matplotlib() -> None:
+    """Refuse to go on without matplotlib.
+
+    Raises
+    ------
+    SwimError
+        If it is not installed; the message says how to get it.
+    """
+    if importlib.util.find_spec("matplotlib") is None:
+        raise SwimError(
+            "pictures need matplotlib: install the extra 'view' (pip install 'swim-env[view]')"
+        )
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure of that size (inches), 150 pixels an inch.
+
+    Raises
+    ------
+    SwimError
+        If matplotlib is not installed.
+    """
+    require_matplotlib()
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=_DOTS_PER_INCH, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
+    """Write a picture as PNG, whole or not at all.
+
+    Raises
+    ------
+    SwimError
+        If the file cannot be written.
+    """
+
+    def write(file: IO[bytes]) -> None:
+        # Without the version of matplotlib, so that the same picture is the same file.
+        figure.savefig(
+            file, format="png", metadata={"Software": None}, pil_kwargs={"optimize": True}
+        )
+
+    try:
+        write_atomically(path, write)
+    except OSError as error:
+        raise SwimError(
+            f"cannot write the picture: {error.strerror or error} ({os.fspath(path)})"
+        ) from None
+
+
+def style_axes(axes: Axes, x: str, y: str, grid: bool = True) -> None:
+    """Label axes, in the size and with the frame that all pictures have.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        The axes.
+    x, y : str
+        What is shown, with its unit.
+    grid : bool
+        Whether there are lines at the ticks; over an image they would disturb.
+    """
+    axes.set_xlabel(x, fontsize=SMALL)
+    axes.set_ylabel(y, fontsize=SMALL)
+    axes.tick_params(labelsize=SMALL)
+    axes.spines[["top", "right"]].set_visible(False)
+    if grid:
+        axes.grid(color=GRID, linewidth=THIN)
+        axes.set_axisbelow(True)
+
+
+def name_panel(axes: Axes, text: str) -> None:
+    """Write what axes show above their left end."""
+    axes.set_title(text, fontsize=SMALL, loc="left")

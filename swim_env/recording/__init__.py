@@ -1,0 +1,39 @@
+"""Recordings of runs for rerun: body, fluid and figures on one time line of simulated seconds."""
+
+from swim_env.recording.reader import ReadRecording, RecordingError, read_recording
+from swim_env.recording.schema import SCHEMA_VERSION
+from swim_env.recording.show import check_picture, open_viewer, take_picture, typed_command
+from swim_env.recording.swimmer import Swimmer
+from swim_env.recording.wrappers import RecordEpisodes, RecordVectorEpisodes
+from swim_env.recording.writer import (
+    COLOURS,
+    FLOW_RATE,
+    FRAME_RATE,
+    WrittenRecording,
+    has_flow,
+    recording_file,
+    require_rerun,
+    write_recording,
+)
+
+__all__ = [
+    "COLOURS",
+    "FLOW_RATE",
+    "FRAME_RATE",
+    "SCHEMA_VERSION",
+    "ReadRecording",
+    "RecordEpisodes",
+    "RecordVectorEpisodes",
+    "RecordingError",
+    "Swimmer",
+    "WrittenRecording",
+    "check_picture",
+    "has_flow",
+    "open_viewer",
+    "read_recording",
+    "recording_file",
+    "require_rerun",
+    "take_picture",
+    "typed_command",
+    "write_recording",
+]

@@ -1,0 +1,201 @@
+"""How rerun lays a recording out: the water on the left, plots over time on the right."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import rerun.blueprint as rrb
+from rerun.chunk import RrdReader
+
+from swim_env.recording.layout import Layout
+from swim_env.recording.legend import LEGEND, LEGEND_HEIGHT, LEGEND_WIDTH
+from swim_env.recording.palette import WATER_COLOUR
+from swim_env.recording.schema import APPLICATION, REWARDS, TIMELINE, group_path
+
+__all__ = ["blueprint_of"]
+
+#: What a view that follows a body shows around its mean centre (BL), and of two swimmers.
+_VIEW, _VIEW_OF_TWO = (1.0, 0.5), (1.2, 0.4)
+#: Room around the whole course (BL).
+_MARGIN = 0.35
+#: Room behind the end of the run that is left to the legend, as a share of the run.
+_ROOM = 0.45
+#: What plots of oscillations show before the present, and the room behind it (s).
+_BEFORE, _BEHIND = 3.0, 1.6
+_OSCILLATING = ("energy", "torques", "joint_angles", "momentum", "solver")
+#: Joints up to which a plot of all of them has a legend.
+_NAMED_JOINTS = 10
+#: Marks that go with a swimmer in the view of the whole course.
+_ON_COURSE = ("body", "outline", "path", "centre", "heading", "target", "grid")
+
+
+class _KeptBlueprint(rrb.Blueprint):  # type: ignore[misc]  # rerun's types are not read
+    """A blueprint whose chunks are made once, for all the recordings that hold it.
+
+    Rerun makes them anew for each, which takes 3 to 7 ms of a file's 17 to 30. It asks for them by
+    the method that is replaced here; a rerun that asked by another would only be slower. Every file
+    gets a blueprint store of its own, with the same views.
+    """
+
+    def __init__(self, *parts: Any, **options: Any) -> None:
+        super().__init__(*parts, **options)
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "layout.rbl"
+            rrb.Blueprint(*parts, **options).save(APPLICATION, file)
+            reader = RrdReader(file)
+            self._chunks = list(reader.stream(store=reader.blueprints()[0]))
+
+    def _log_to_stream(self, stream: Any) -> None:
+        stream.send_chunks(self._chunks)
+
+
+def blueprint_of(lanes: Sequence[Layout]) -> Any:
+    """Return the blueprint of recordings whose swimmers are shown like these."""
+    wide = lanes[0].pressure is not None
+    views, shares = [_following(lane) for lane in lanes], [3.0] * len(lanes)
+    course, course_share = _course(lanes), 1.8
+    if len(lanes) < 3:
+        views, shares = [*views, course], [*shares, course_share]
+    else:
+        # More than two stand in two columns, where the course fills a place that is left.
+        rows = 3.0 * ((len(lanes) + 1) // 2)
+        if len(lanes) % 2:
+            views, shares = [rrb.Grid(*views, course, grid_columns=2)], [rows]
+        else:
+            views, shares = [rrb.Grid(*views, grid_columns=2), course], [rows, course_share]
+    legend = rrb.Spatial2DView(
+        origin=LEGEND,
+        name="Colours and arrows",
+        background=[*WATER_COLOUR],
+        visual_bounds=rrb.VisualBounds2D(x_range=[0.0, LEGEND_WIDTH], y_range=[0.0, LEGEND_HEIGHT]),
+    )
+    left = rrb.Vertical(*views, legend, row_shares=[*shares, 0.75])
+    return _KeptBlueprint(
+        rrb.Horizontal(left, _plots(lanes), column_shares=[1.45 if wide else 1.2, 1.0]),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing", loop_mode="all"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _growing() -> Any:
+    """Return the range of time of a path: from its beginning to the present."""
+    return rrb.VisibleTimeRanges(
+        timeline=TIMELINE,
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )
+
+
+def _following(lane: Layout) -> Any:
+    """Return the view that follows one body."""
+    length = lane.scene.beam.length
+    width, height = _VIEW_OF_TWO if lane.count == 2 else _VIEW
+    return rrb.Spatial2DView(
+        origin=f"{lane.place}/camera/screen",
+        contents=[f"{lane.place}/**"],
+        name=f"{lane.name} on {lane.scene.name} (grid {0.5 * length:g} m)",
+        background=[*WATER_COLOUR],
+        visual_bounds=rrb.VisualBounds2D(
+            x_range=[-width * length, width * length],
+            y_range=[-height * length, height * length],
+        ),
+        overrides={f"{lane.place}/path": _growing()},
+    )
+
+
+def _course(lanes: Sequence[Layout]) -> Any:
+    """Return the view in which nothing but the bodies moves."""
+    length = lanes[0].scene.beam.length
+    (left, low), (right, high) = lanes[0].low, lanes[0].high
+    room = _MARGIN * length
+    name = f"Whole course (grid {0.5 * length:g} m)"
+    if len(lanes) > 1:
+        name += ", each swimmer in its own lane"
+    return rrb.Spatial2DView(
+        origin="/",
+        contents=[f"{lane.place}/{mark}" for lane in lanes for mark in _ON_COURSE],
+        name=name,
+        background=[*WATER_COLOUR],
+        # The plane's y points upwards, the view's downwards.
+        visual_bounds=rrb.VisualBounds2D(
+            x_range=[left - room, right + room], y_range=[-high - room, -low + room]
+        ),
+        overrides={f"{lane.place}/path": _growing() for lane in lanes},
+    )
+
+
+def _plots(lanes: Sequence[Layout]) -> Any:
+    """Return the plots: progress, energy, torques at once, and the others behind tabs."""
+
+    def everyone(group: str) -> list[str]:
+        return [group_path(lane.label, group) for lane in lanes]
+
+    paid = [lane for lane in lanes if lane.rewarded]
+    first = [_plot(lanes, "Progress (BL)", everyone("progress"))]
+    if paid:
+        first += [
+            _plot(lanes, name, [group_path(lane.label, group) for lane in paid])
+            for group, name in zip(REWARDS, ("Rewards (BL)", "Sum of rewards (BL)"), strict=True)
+        ]
+    first.append(_plot(lanes, "Position (BL)", everyone("position")))
+    rows = [_tabs(first)]
+    for names in (
+        (("energy", "Energy (J)"), ("work", "Work (J)")),
+        (
+            ("torques", "Joint torques (N m)"),
+            ("joint_angles", "Joint angles (rad)"),
+            ("momentum", "Momentum (kg m/s, kg m\u00b2/s)"),
+            ("drift", "Momentum drift (kg m/s, kg m\u00b2/s)"),
+            ("solver", "Newton solver"),
+        ),
+    ):
+        views = []
+        for group, name in names:
+            for lane in lanes:
+                title = name if len(lanes) == 1 else f"{lane.label}: {name}"
+                window = group in _OSCILLATING
+                views.append(_plot(lanes, title, [group_path(lane.label, group)], window))
+        rows.append(_tabs(views))
+    return rrb.Vertical(*rows, row_shares=[1.0, 1.0, 1.35])
+
+
+def _tabs(views: list[Any]) -> Any:
+    return rrb.Tabs(*views, active_tab=0)
+
+
+def _plot(lanes: Sequence[Layout], name: str, paths: list[str], window: bool = False) -> Any:
+    """Return one plot, with room for its legend behind the end of the run or the present."""
+    begin, end = lanes[0].begin, lanes[0].end
+    joints = max(lane.scene.beam.elements for lane in lanes) - 1
+    of_joints = "Joint" in name
+    at = rrb.TimeRangeBoundary
+    if window:
+        shown = rrb.TimeRange(
+            start=at.cursor_relative(seconds=-_BEFORE), end=at.cursor_relative(seconds=_BEHIND)
+        )
+        ranges = [
+            rrb.VisibleTimeRange(
+                TIMELINE, start=at.cursor_relative(seconds=-_BEFORE), end=at.cursor_relative()
+            )
+        ]
+    else:
+        shown = rrb.TimeRange(
+            start=at.absolute(seconds=begin), end=at.absolute(seconds=end + _ROOM * (end - begin))
+        )
+        ranges = None
+    return rrb.TimeSeriesView(
+        origin="/",
+        contents=[f"/{path}" for path in paths],
+        name=name,
+        axis_x=rrb.TimeAxis(view_range=shown),
+        plot_legend=rrb.PlotLegend(
+            rrb.Corner2D.RightTop, visible=not of_joints or joints <= _NAMED_JOINTS
+        ),
+        time_ranges=ranges,
+    )

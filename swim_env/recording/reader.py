@@ -1,0 +1,320 @@
+"""Reading recordings back, with rerun's own reader."""
+
+from __future__ import annotations
+
+import json
+import os
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.errors import SceneError, SwimError
+from swim_env.recording.schema import (
+    APPLICATION,
+    DETAILS,
+    GROUPS,
+    PROPERTY,
+    SCHEMA_VERSION,
+    TIMELINE,
+    group_path,
+    place_of,
+)
+from swim_env.recording.writer import require_rerun
+from swim_env.scene import Scene
+from swim_env.scene.yaml import parse_yaml
+
+__all__ = ["Column", "ReadRecording", "RecordingError", "RecordedSwimmer", "read_recording"]
+
+Array = NDArray[np.float64]
+
+
+class RecordingError(SwimError, ValueError):
+    """A recording cannot be read."""
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """One component of one entity over time.
+
+    Attributes
+    ----------
+    time : (F,) array
+        Instants (s); empty for what stands once.
+    values : list
+        F values, or one: arrays and bytes.
+    """
+
+    time: Array
+    values: list[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedSwimmer:
+    """A swimmer of a recording.
+
+    Attributes
+    ----------
+    label, name : str
+        What it is called in entity paths, and what its maker called it.
+    scene : Scene
+        What was run.
+    termination_reason : str
+        Why its run ended early, empty where it did not.
+    time : (F,) array
+        Instants of all that follows (s).
+    nodes : (F, N + 1, 2) array
+        Nodes of the centre line from head to tail (m), in single precision.
+    path : (F, 2) array
+        Mean element centre (m), in single precision.
+    series : dict of str to (F, n) array
+        By group, see `swim_env.recording.schema.GROUPS` and DETAILS; energy and rewards at
+        their own times.
+    names : dict of str to list of str
+        Names of the groups' columns, with their units.
+    energy_time : (E,) array
+        Instants of the energy (s).
+    reward_time : (A,) array
+        Ends of the actions (s), empty without rewards.
+    flow_time : (W,) array
+        Instants of the flow (s), empty without one.
+    pressures : (W, R, C) array
+        Pressure on the grid (Pa), rows upwards, in steps of the scale's 127th part; not a number
+        inside of the body.
+    velocities : (W, A, 2) array
+        Velocities (m/s).
+    grid : (W, 2) array
+        Left lower corner of the grid (m).
+    cell : float
+        Size of the grid's cells (m); 0 without flow.
+    """
+
+    label: str
+    name: str
+    scene: Scene
+    termination_reason: str
+    time: Array
+    nodes: Array
+    path: Array
+    series: dict[str, Array]
+    names: dict[str, list[str]]
+    energy_time: Array
+    reward_time: Array
+    flow_time: Array
+    pressures: Array
+    velocities: Array
+    grid: Array
+    cell: float
+
+
+@dataclass(frozen=True, eq=False)
+class ReadRecording:
+    """What `read_recording` has read.
+
+    Attributes
+    ----------
+    schema : int
+        Version of its layout.
+    swimmers : dict of str to RecordedSwimmer
+        By label, in their order.
+    about : dict
+        Where and when it was made.
+    columns : dict of (str, str) to Column
+        All that is in it, by entity path and component.
+    """
+
+    schema: int
+    swimmers: dict[str, RecordedSwimmer]
+    about: dict[str, Any]
+    columns: Mapping[tuple[str, str], Column]
+
+
+def read_recording(path: str | os.PathLike[str]) -> ReadRecording:
+    """Read a recording that `write_recording` made, of this version or an older one.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        The file.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read, is no recording of this package, or is of a later version.
+    SwimError
+        If rerun is not installed.
+    """
+    require_rerun()
+    name = os.fspath(path)
+    columns = _columns(name)
+    own = {
+        component: column.values[0]
+        for (entity, component), column in columns.items()
+        if entity == f"/__properties/{PROPERTY}"
+    }
+    if "schema" not in own:
+        raise RecordingError(f"not a recording of {APPLICATION}, it says no schema ({name})")
+    schema = int(own["schema"][0])
+    if schema > SCHEMA_VERSION:
+        raise RecordingError(
+            f"the recording has schema {schema}, this version of swim_env reads up to "
+            f"{SCHEMA_VERSION}; a later version reads it ({name})"
+        )
+    try:
+        swimmers = {
+            str(label): _swimmer(
+                columns,
+                str(label),
+                str(own["names"][place]),
+                _scene_of(str(own["scenes"][place]), name),
+                str(own["termination_reasons"][place]),
+                float(own["pressure_scale"][0]),
+            )
+            for place, label in enumerate(own["swimmers"])
+        }
+        about = json.loads(str(own["about"][0]))
+    except (KeyError, IndexError, ValueError, SceneError) as error:
+        told = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
+        raise RecordingError(f"the recording is not whole: {told} ({name})") from None
+    return ReadRecording(schema, swimmers, about, columns)
+
+
+def _scene_of(text: str, name: str) -> Scene:
+    data: Any = parse_yaml(text, name)
+    return Scene.from_dict(data, name)
+
+
+def _columns(name: str) -> dict[tuple[str, str], Column]:
+    """Read every component of every entity of the first recording in a file."""
+    found: dict[tuple[str, str], list[tuple[Array, list[Any]]]] = {}
+    try:
+        with open(name, "rb"):
+            pass
+        for chunk in _opened(name).stream():
+            batch = chunk.to_record_batch()
+            times = np.zeros(0)
+            if not chunk.is_static:
+                if TIMELINE not in batch.schema.names:
+                    continue
+                nanoseconds = batch.column(TIMELINE).cast("int64").to_numpy()
+                times = nanoseconds.astype(np.float64) * 1e-9
+            for field in batch.schema:
+                if field.name == TIMELINE or field.name.startswith("rerun.controls"):
+                    continue
+                values = [_plain(value) for value in batch.column(field.name)]
+                found.setdefault((chunk.entity_path, field.name), []).append((times, values))
+    except _CutOffError:
+        raise RecordingError(f"the recording was cut off: it has no end ({name})") from None
+    except OSError as error:
+        raise RecordingError(
+            f"cannot read the recording: {error.strerror or error} ({name})"
+        ) from None
+    except Exception as error:  # what the reader raises for a damaged file is not documented
+        told = " ".join(str(error).split()) or type(error).__name__
+        raise RecordingError(f"not a recording, or a damaged one: {told} ({name})") from None
+    columns = {}
+    for key, parts in found.items():
+        times = np.concatenate([part[0] for part in parts])
+        values = [value for part in parts for value in part[1]]
+        if len(times):
+            order = np.argsort(times, kind="stable")
+            times, values = times[order], [values[i] for i in order]
+        columns[key] = Column(times, values)
+    return columns
+
+
+class _CutOffError(Exception):
+    """A file lacks its end."""
+
+
+def _opened(name: str) -> Any:
+    """Return rerun's reader of a file; of one without an end it says so in a warning alone."""
+    import rerun as rr
+
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", message="RRD file has no footer")
+        try:
+            return rr.chunk.RrdReader(name)
+        except Warning:
+            raise _CutOffError from None
+
+
+def _plain(value: Any) -> Any:
+    """Return one cell of Arrow: numbers as an array, the rest as Python's objects."""
+    import pyarrow as pa
+
+    if not value.is_valid:
+        return None
+    inner = value.values
+    depth = 0
+    while pa.types.is_list(inner.type) or pa.types.is_fixed_size_list(inner.type):
+        if pa.types.is_list(inner.type) and pa.types.is_uint8(inner.type.value_type):
+            return [bytes(memoryview(one.values.to_numpy())) for one in inner]
+        lengths = np.diff(inner.offsets.to_numpy()) if pa.types.is_list(inner.type) else None
+        if lengths is not None and len(set(lengths.tolist())) > 1:
+            return inner.to_pylist()
+        depth += 1
+        inner = inner.flatten()
+    if pa.types.is_floating(inner.type) or pa.types.is_integer(inner.type):
+        return np.asarray(value.as_py()) if depth else inner.to_numpy()
+    return inner.to_pylist()
+
+
+def _swimmer(
+    columns: Mapping[tuple[str, str], Column],
+    label: str,
+    name: str,
+    scene: Scene,
+    reason: str,
+    scale: float,
+) -> RecordedSwimmer:
+    """Put one swimmer together."""
+    place = f"/{place_of(label)}"
+    outline = columns[(f"{place}/outline", "LineStrips2D:strips")]
+    centre = columns[(f"{place}/centre", "Points2D:positions")]
+    series, names, energy_time, reward_time = {}, {}, outline.time, np.zeros(0)
+    for group in (*GROUPS, *DETAILS):
+        entity = f"/{group_path(label, group)}"
+        column = columns.get((entity, "Scalars:scalars"))
+        if column is None:
+            continue
+        series[group] = np.stack(column.values)
+        names[group] = [str(one) for one in columns[(entity, "SeriesLines:names")].values[0]]
+        if group == "energy":
+            energy_time = column.time
+        if group == "reward":
+            reward_time = column.time
+    flow_time, cell = np.zeros(0), 0.0
+    pressures, velocities, grid = np.zeros((0, 0, 0)), np.zeros((0, 0, 2)), np.zeros((0, 2))
+    pictures = columns.get((f"{place}/flow/pressure", "EncodedImage:blob"))
+    if pictures is not None:
+        from swim_env.recording.water import PIXELS, pressure_of
+
+        flow_time = pictures.time
+        pressures = np.stack([pressure_of(one[0], scale) for one in pictures.values])
+        velocities = np.stack(columns[(f"{place}/flow/velocity", "Arrows2D:vectors")].values)
+        moved = columns[(f"{place}/flow", "Transform3D:translation")]
+        grid = np.stack(moved.values)[:, 0, :2]
+        scaled = columns[(f"{place}/flow/pressure", "Transform3D:scale")]
+        cell = PIXELS * float(np.ravel(scaled.values[0])[0])
+    return RecordedSwimmer(
+        label,
+        name,
+        scene,
+        reason,
+        outline.time,
+        np.stack(outline.values)[:, 0],
+        np.stack(centre.values)[:, 0],
+        series,
+        names,
+        energy_time,
+        reward_time,
+        flow_time,
+        pressures,
+        velocities,
+        grid,
+        cell,
+    )

@@ -1,0 +1,77 @@
+"""The plots of a recording: how its series look, and their numbers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from swim_env.recording.layout import Layout, column, still
+from swim_env.recording.palette import SERIES_COLOURS, joint_colours
+from swim_env.recording.scenery import Lane
+from swim_env.recording.schema import (
+    DETAILS,
+    GROUPS,
+    HELD,
+    REWARDS,
+    TIMELINE,
+    group_path,
+    names_of,
+)
+
+__all__ = ["log_series", "looks_of_series"]
+
+
+def looks_of_series(layout: Layout) -> list[Any]:
+    """Return the chunks of names and colours of all series of a swimmer."""
+    joints = layout.scene.beam.elements - 1
+    chunks = []
+    for group in (*GROUPS, *DETAILS):
+        if group in REWARDS and not layout.rewarded:
+            continue
+        names = list(names_of(group, joints, layout.split))
+        if not names:
+            continue
+        if group in DETAILS:
+            colours = joint_colours(joints)
+        elif len(names) == 1 and layout.count > 1:
+            # These of all swimmers share a plot.
+            names = [f"{layout.label}, {name}" for name in names]
+            colours = np.array([layout.bright], dtype=np.uint8)
+        else:
+            # What has the same name has the same colour, with and without the split.
+            places = [GROUPS[group].index(n) if n in GROUPS[group] else 0 for n in names]
+            colours = np.array(SERIES_COLOURS, dtype=np.uint8)[places]
+        lines = rr.SeriesLines(
+            names=names,
+            colors=colours,
+            widths=[1.6] * len(names),
+            interpolation_mode=HELD.get(group, "Linear"),
+        )
+        chunks.append(still(group_path(layout.label, group), lines))
+    return chunks
+
+
+def log_series(stream: Any, lane: Lane) -> None:
+    """Log all series of a swimmer."""
+    swimmer = lane.swimmer
+    run = swimmer.trajectory
+    frames = [rr.TimeColumn(TIMELINE, duration=run.time[lane.instants])]
+    for group in (*GROUPS, *DETAILS):
+        at, instants = frames, lane.instants
+        if group == "energy":
+            instants = lane.energy_instants
+            at = [rr.TimeColumn(TIMELINE, duration=run.time[instants])]
+        elif group in REWARDS:
+            if swimmer.rewards is None:
+                continue
+            at = [rr.TimeColumn(TIMELINE, duration=swimmer.reward_times)]
+        values = swimmer.series(group, instants)
+        if values.size:
+            scalars = rr.components.ScalarBatch(values.ravel())
+            stream.send_columns(
+                group_path(lane.layout.label, group),
+                at,
+                [column(rr.Scalars.descriptor_scalars(), scalars, len(values))],
+            )

@@ -1,0 +1,258 @@
+"""Looking at a recording: rerun's viewer in a window, or a picture of it without one."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import math
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from swim_env.errors import OptionError, SwimError
+from swim_env.files.atomic import write_atomically
+from swim_env.recording.schema import TIMELINE
+from swim_env.recording.writer import require_rerun
+
+__all__ = ["check_picture", "open_viewer", "take_picture", "typed_command"]
+
+#: Seconds that the viewer is given to draw what it was told to show.
+_TO_DRAW = 1.5
+#: Seconds within which a viewer ends that finds no display.
+_TO_FAIL = 1.0
+#: Endings of pictures, and what they are written as.
+_PICTURES = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG"}
+#: Share of the window that its menu takes.
+_MENU = 0.034
+
+
+def rerun_command() -> str:
+    """Return the path of rerun's program: the one beside this Python, or one on the path.
+
+    Raises
+    ------
+    SwimError
+        If there is none.
+    """
+    require_rerun()
+    beside = Path(sys.executable).with_name("rerun")
+    found = str(beside) if beside.exists() else shutil.which("rerun")
+    if found is None:
+        raise SwimError("the program rerun was not found; it comes with the extra 'view'")
+    return found
+
+
+def typed_command() -> str:
+    """Return what to type for rerun's program here: its name, or its path where that is not enough.
+
+    Raises
+    ------
+    SwimError
+        If there is none.
+    """
+    command = rerun_command()
+    if shutil.which("rerun"):
+        return "rerun"
+    with contextlib.suppress(ValueError):  # on another drive
+        return os.path.relpath(command)
+    return command
+
+
+def open_viewer(path: str | os.PathLike[str]) -> str | None:
+    """Open rerun's viewer with a recording, in a process that goes on by itself.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        The recording.
+
+    Returns
+    -------
+    str or None
+        One line that says what to do where there is no display, or none that answers; None where
+        a window opens.
+
+    Raises
+    ------
+    SwimError
+        If rerun is not installed or cannot be started.
+    """
+    command = rerun_command()
+    has_display = sys.platform in ("darwin", "win32") or any(
+        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
+    )
+    typed = typed_command()
+    hint = (
+        f"look at the recording with: {typed} {os.fspath(path)} (on a machine with one) or "
+        f"{typed} --web-viewer {os.fspath(path)} (in a browser)"
+    )
+    if not has_display:
+        return f"there is no display; {hint}"
+    try:
+        viewer = subprocess.Popen(
+            [command, os.fspath(path)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+    except OSError as error:
+        raise SwimError(f"cannot start rerun's viewer: {error.strerror or error}") from None
+    # One that finds another viewer open hands the recording over and ends well.
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        if viewer.wait(_TO_FAIL):
+            return f"rerun's viewer has ended at once, no display answers it; {hint}"
+    return None
+
+
+def check_picture(picture: str | os.PathLike[str]) -> None:
+    """Refuse a name that no picture can have, before anything is done for it.
+
+    Parameters
+    ----------
+    picture : str or os.PathLike
+        The file: .png, .jpg or .jpeg.
+
+    Raises
+    ------
+    OptionError
+        If it ends otherwise, is a folder, or there is no folder for it.
+    """
+    file = Path(picture)
+    if file.suffix.lower() not in _PICTURES:
+        raise OptionError(f"a picture's name ends with {', '.join(_PICTURES)} ({file})")
+    if file.is_dir():
+        raise OptionError(f"a picture is a file, this is a folder ({file})")
+    if not file.absolute().parent.is_dir():
+        raise OptionError(f"no such folder for the picture ({file.parent})")
+    if not os.access(file.absolute().parent, os.W_OK):
+        raise OptionError(f"cannot write into the folder for the picture ({file.parent})")
+
+
+def take_picture(
+    recording: str | os.PathLike[str], picture: str | os.PathLike[str], time_shown: float
+) -> list[str]:
+    """Open a recording in rerun's viewer without a window, and keep what it shows.
+
+    It takes a driver that draws, a graphics card's or Mesa's llvmpipe.
+
+    Parameters
+    ----------
+    recording, picture : str or os.PathLike
+        The recording, and the picture to be made of it: .png, .jpg or .jpeg.
+    time_shown : float
+        Simulated time to show (s), at least 0.
+
+    Returns
+    -------
+    list of str
+        What the viewer complains of in its views, empty where all is well.
+
+    Raises
+    ------
+    OptionError
+        If the picture's name cannot be one, or the time is no number of at least 0.
+    SwimError
+        If rerun is not installed or too old for this, if its viewer cannot show the recording, or
+        if the picture cannot be written.
+    """
+    rerun_command()
+    check_picture(picture)
+    if not 0.0 <= time_shown < math.inf:
+        raise OptionError(f"a picture shows a time of at least 0 s, got {time_shown!r}")
+    with _viewer() as viewer:
+        viewer.open([os.path.abspath(recording)])
+        viewer.set_time(TIMELINE, duration=time_shown, play_state="paused")
+        time.sleep(_TO_DRAW)
+        content = viewer.take_screenshot()
+        state = viewer.get_state()
+    if state.active_recording is None:
+        raise SwimError(f"rerun's viewer does not show the recording ({os.fspath(recording)})")
+    try:
+        write_atomically(
+            picture,
+            lambda file: file.write(_tidy(content, _PICTURES[Path(picture).suffix.lower()])),
+        )
+    except OSError as error:
+        raise SwimError(
+            f"cannot write the picture: {error.strerror or error} ({os.fspath(picture)})"
+        ) from error
+    return [f"{view.name}: {report}" for view in state.views for report in view.reports]
+
+
+def _tidy(content: bytes, kind: str) -> bytes:
+    """Return a screenshot without the viewer's own menu, as JPEG or PNG."""
+    from PIL import Image
+
+    image = Image.open(io.BytesIO(content)).convert("RGB")
+    menu = round(_MENU * image.height)
+    out = io.BytesIO()
+    kept = image.crop((0, menu, image.width, image.height))
+    if kind == "JPEG":
+        kept.save(out, "JPEG", quality=85, subsampling=0, optimize=True)
+    else:
+        kept.save(out, "PNG", optimize=True)
+    return out.getvalue()
+
+
+@contextlib.contextmanager
+def _viewer() -> Iterator[Any]:
+    """Start a viewer without a window, and end it again."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    # The viewer writes what it does to stderr unless told otherwise.
+    os.environ.setdefault("RUST_LOG", "error")
+    with _runtime_folder():
+        yield from _spawned(port)
+
+
+@contextlib.contextmanager
+def _runtime_folder() -> Iterator[None]:
+    """Give child processes a folder for their sockets where the system has named none."""
+    name = "XDG_RUNTIME_DIR"
+    if os.environ.get(name):
+        yield
+        return
+    before = os.environ.get(name)
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        os.environ[name] = folder
+        try:
+            yield
+        finally:
+            del os.environ[name]
+            if before is not None:
+                os.environ[name] = before
+
+
+def _spawned(port: int) -> Iterator[Any]:
+    """Start a viewer that listens on a port, and end it again."""
+    try:
+        from rerun.experimental import ViewerClient
+
+        # Rerun itself looks along the path only, where a virtual environment's programs are not.
+        viewer = ViewerClient.spawn(
+            headless=True, port=port, hide_welcome_screen=True, executable_path=rerun_command()
+        )
+        # It answers before it has found a driver that draws, and ends where there is none.
+        viewer.take_screenshot()
+    except Exception as error:  # what a viewer that cannot start raises is not documented
+        told = " ".join(str(error).split()) or type(error).__name__
+        raise SwimError(f"rerun's viewer cannot be started without a window: {told}") from None
+    try:
+        yield viewer
+    except SwimError:
+        raise
+    except Exception as error:  # neither is what comes of one that stops
+        told = " ".join(str(error).split()) or type(error).__name__
+        raise SwimError(f"rerun's viewer has failed: {told}") from None
+    finally:
+        with contextlib.suppress(Exception):
+            viewer.quit()

@@ -1,0 +1,216 @@
+"""One swimmer of a recording: its run, what it was paid, and the series that follow from both."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.analysis.energy import elastic_energy, elastic_moments, split_energy, summed
+from swim_env.errors import OptionError
+from swim_env.scene import Scene
+from swim_env.sim.trajectory import Trajectory
+
+__all__ = ["Swimmer", "frames_of"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: Residuals below this count as this (1): their logarithm is shown.
+_LEAST_RESIDUAL = 1e-20
+
+
+@dataclass(frozen=True, eq=False)
+class Swimmer:
+    """A run to be recorded.
+
+    Attributes
+    ----------
+    name : str
+        What it is called.
+    trajectory : Trajectory
+        The run.
+    rewards : sequence of float, optional
+        Reward of every action of an episode (BL).
+    goal : (2,) array_like, optional
+        Direction in which displacement counts, or the target (m); the scene's heading unless given.
+    target_radius : float, optional
+        How close the target has to be reached (BL); None where the goal is a direction.
+    start_velocity : (N + 2,) array_like, optional
+        With which the run started, as `Simulator.velocity`. With it the kinetic energy is split
+        between body and fluid, for which the torques are played again; without, it is given whole.
+    """
+
+    name: str
+    trajectory: Trajectory
+    rewards: Sequence[float] | Array | None = None
+    goal: Array | Sequence[float] | None = None
+    target_radius: float | None = None
+    start_velocity: Array | Sequence[float] | None = None
+
+    @property
+    def scene(self) -> Scene:
+        """The scene."""
+        return self.trajectory.scene
+
+    @cached_property
+    def aim(self) -> Array:
+        """The goal, (2,): a direction (unit vector), or the target (m)."""
+        given = self.scene.episode.heading if self.goal is None else self.goal
+        return np.asarray(given, dtype=np.float64)
+
+    @cached_property
+    def joint_angles(self) -> Array:
+        """Joint angles, (T + 1, N - 1) (rad)."""
+        angles: Array = np.diff(self.trajectory.angles, axis=1)
+        return angles
+
+    @cached_property
+    def held_torques(self) -> Array:
+        """Torque that is held at every instant, (T + 1, N - 1) (N m); the last one's to its end."""
+        torques = self.trajectory.torques
+        return torques[np.minimum(np.arange(len(torques) + 1), len(torques) - 1)]
+
+    @cached_property
+    def moments(self) -> Array:
+        """Elastic bending moments, (T + 1, N - 1) (N m)."""
+        return elastic_moments(self.scene, self.joint_angles)[0]
+
+    @cached_property
+    def reward_times(self) -> Array:
+        """Ends of the actions, (A,) (s)."""
+        count = 0 if self.rewards is None else len(self.rewards)
+        interval = self.scene.episode.control_interval
+        ends = self.trajectory.time[0] + interval * np.arange(1, count + 1)
+        times: Array = np.minimum(ends, self.trajectory.time[-1])
+        return times
+
+    def check_rewards(self) -> None:
+        """Refuse rewards that cannot be those of the run's actions.
+
+        Raises
+        ------
+        OptionError
+            If they are not finite numbers, one for each action that the run has begun. An action
+            of which the physics made no step at all may have one too.
+        """
+        if self.rewards is None:
+            return
+        rewards = np.asarray(self.rewards)
+        if rewards.ndim != 1 or rewards.dtype.kind not in "iuf" or not np.isfinite(rewards).all():
+            raise OptionError(f"the rewards of {self.name} must be a list of finite numbers")
+        run = self.trajectory
+        actions = -(-run.steps // self.scene.steps_per_action)
+        if len(rewards) - actions not in ((0, 1) if run.termination_reason else (0,)):
+            raise OptionError(
+                f"the run of {self.name} takes {actions} rewards, one for each control interval of "
+                f"{self.scene.episode.control_interval:g} s, got {len(rewards)}"
+            )
+
+    def series(self, group: str, instants: Indices) -> Array:
+        """Return a group of series at some instants, a column for each of its names.
+
+        The names are those of `swim_env.recording.schema.names_of`.
+
+        Work and drift are sums up to an instant, Newton corrections and residual the largest since
+        the instant before it in the list. Rewards are at `reward_times` instead.
+
+        Raises
+        ------
+        SwimError
+            If the start's velocity does not lead along the run.
+        """
+        series: Array = getattr(self, f"_{group}")(instants)
+        return series
+
+    def _progress(self, instants: Indices) -> Array:
+        path = self._mean_centres(np.concatenate([[0], instants]))
+        if self.target_radius is None:
+            along = (path[1:] - path[0]) @ self.aim
+        else:
+            far = np.hypot(*(self.aim - path).T)
+            along = far[0] - far[1:]
+        column: Array = along[:, None] / self.scene.beam.length
+        return column
+
+    def _position(self, instants: Indices) -> Array:
+        return self._mean_centres(instants) / self.scene.beam.length
+
+    def _mean_centres(self, instants: Indices) -> Array:
+        """Return the path, (K, 2) (m); of every step it would take four times as long."""
+        path: Array = self.trajectory.centres[instants].mean(axis=1)
+        return path
+
+    def _reward(self, instants: Indices) -> Array:
+        return np.asarray([] if self.rewards is None else self.rewards, dtype=np.float64)[:, None]
+
+    def _return(self, instants: Indices) -> Array:
+        return np.cumsum(self._reward(instants), axis=0)
+
+    def _energy(self, instants: Indices) -> Array:
+        total = self.trajectory.energy[instants]
+        if self.start_velocity is None:
+            elastic = elastic_energy(self.trajectory, instants)
+            return np.column_stack([total - elastic, elastic, total])
+        split = split_energy(self.trajectory, self.start_velocity, instants)
+        return np.column_stack([split.body, split.fluid, split.elastic, total])
+
+    def _work(self, instants: Indices) -> Array:
+        run = self.trajectory
+        sums = [summed(run.work), summed(run.positive_work), summed(run.dissipated)]
+        return np.column_stack([*sums, run.unexplained_energy])[instants]
+
+    def _momentum(self, instants: Indices) -> Array:
+        return self.trajectory.momentum[instants]
+
+    def _drift(self, instants: Indices) -> Array:
+        change = self.trajectory.unexplained_momentum
+        return np.column_stack([np.hypot(change[:, 0], change[:, 1]), change[:, 2]])[instants]
+
+    def _solver(self, instants: Indices) -> Array:
+        run = self.trajectory
+        columns = []
+        for values in (run.iterations, run.residual):
+            padded = np.concatenate([values[:1], values])
+            begins = np.concatenate([[0], instants[:-1] + 1]) if len(instants) > 1 else instants
+            columns.append(np.maximum.reduceat(padded[: instants[-1] + 1], begins))
+        columns[1] = np.log10(np.maximum(columns[1], _LEAST_RESIDUAL))
+        return np.column_stack(columns)
+
+    def _torques(self, instants: Indices) -> Array:
+        return self.held_torques[instants]
+
+    def _joint_angles(self, instants: Indices) -> Array:
+        return self.joint_angles[instants]
+
+
+def frames_of(trajectory: Trajectory, rate: float) -> Indices:
+    """Return the instants of a run that come closest to a number of frames a second.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The run.
+    rate : float
+        Frames in a simulated second, above 0.
+
+    Returns
+    -------
+    (F,) array of int
+        Every so many instants from the first, and the last one.
+
+    Raises
+    ------
+    OptionError
+        If the rate is not a number above 0, or the run has no step.
+    """
+    if not (np.isfinite(rate) and rate > 0.0):
+        raise OptionError(f"frames in a second must be a number above 0, got {rate!r}")
+    if trajectory.steps < 1:
+        raise OptionError("a recording takes a run of at least one step")
+    every = max(1, round(1.0 / (rate * trajectory.scene.integrator.time_step)))
+    chosen = np.arange(0, trajectory.steps + 1, every)
+    return chosen if chosen[-1] == trajectory.steps else np.append(chosen, trajectory.steps)

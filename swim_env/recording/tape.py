@@ -1,0 +1,294 @@
+"""What is kept of episodes that are being played, and the recordings that become of it."""
+
+from __future__ import annotations
+
+import glob
+import os
+import sys
+import warnings
+import weakref
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.envs.episodes import Episodes
+from swim_env.errors import OptionError, SwimError
+from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
+from swim_env.recording.swimmer import Swimmer
+from swim_env.recording.writer import WrittenRecording, recording_file, write_recording
+from swim_env.scene import Scene
+from swim_env.scene.checks import got
+from swim_env.sim.recorder import Kept, Recorder
+from swim_env.sim.trajectory import Trajectory
+
+__all__ = ["Tape", "finish_or_tell", "new_tape"]
+
+_TAKEN = (
+    "the environment is being recorded already: use one recording wrapper, or close the other one "
+    "first"
+)
+
+#: Bodies keep the steps for one recorder alone: who records which environment.
+_OWNERS: weakref.WeakKeyDictionary[Episodes, weakref.ref[Tape]] = weakref.WeakKeyDictionary()
+
+
+class _ChosenRecorder(Recorder):
+    """A recorder that keeps the steps of chosen members, and those of an episode that is over.
+
+    Attributes
+    ----------
+    chosen : set of int
+        Whose steps are kept.
+    over : dict of int to Kept
+        What was kept of a chosen member when it was started anew.
+    begun : list of int
+        How often each member's trajectory has begun: with every start, and with every snapshot
+        that the environment went back to.
+    """
+
+    def __init__(self, scene: Scene, count: int) -> None:
+        super().__init__(scene, count)
+        self.chosen = set(range(count)) if scene.recording is not None else set()
+        self.over: dict[int, Kept | None] = {}
+        self.begun = [0] * count
+
+    def begin(self, member: int, steps: int, energy: float, state: NDArray[np.float64]) -> None:
+        """Begin a member's trajectory, and put the one before aside."""
+        self.begun[member] += 1
+        if member in self.chosen and self._steps[member]:
+            self.over[member] = self._kept_of(member)
+        super().begin(member, steps, energy, state)
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return what there is, to go back to."""
+        return {**super().snapshot(), "over": dict(self.over), "begun": list(self.begun)}
+
+    def restore(self, snapshot: Mapping[str, Any]) -> None:
+        """Go back to a snapshot of this recorder, as if nothing had begun since."""
+        super().restore(snapshot)
+        self.over, self.begun = dict(snapshot["over"]), list(snapshot["begun"])
+
+    def wants(self, member: int) -> bool:
+        """Tell whether a member was chosen."""
+        return member in self.chosen
+
+    def trajectory_before(self, member: int, reason: str) -> Trajectory:
+        """Return the trajectory of a chosen member that was started anew since."""
+        return self._trajectory(self.over[member], reason)
+
+    def is_paid(self, member: int, rewards: int) -> bool:
+        """Tell whether there are as many rewards as actions whose steps were kept."""
+        return rewards * self._scene.steps_per_action >= self._steps[member]
+
+
+class Tape:
+    """What is kept of episodes that are being played, and the files that become of it."""
+
+    def __init__(
+        self,
+        episodes: Episodes,
+        folder: Path,
+        flow_rate: float | None,
+        frame_rate: float,
+        split_energy: bool,
+    ) -> None:
+        self.written: list[WrittenRecording] = []
+        self._episodes = episodes
+        self._folder = folder
+        self._flow_rate, self._frame_rate = flow_rate, frame_rate
+        self._split_energy = split_energy
+        self._always = episodes.task.scene.recording is not None
+        self._recorder = _ChosenRecorder(episodes.task.scene, len(episodes.everyone))
+        self._rewards: dict[int, list[float]] = {}
+        self._goals: dict[int, NDArray[np.float64]] = {}
+        self._velocities: dict[int, NDArray[np.float64]] = {}
+        self._begun: dict[int, int] = {}
+        #: Members whose episode is being recorded: what they are called in all their files, and the
+        #: file of this episode.
+        self.running: dict[int, tuple[str, str]] = {}
+
+    @property
+    def is_owner(self) -> bool:
+        """Whether this is what records the environment: not after `finish`."""
+        owner = _OWNERS.get(self._episodes)
+        return owner is not None and owner() is self
+
+    def attach(self) -> None:
+        """Have the bodies' steps kept.
+
+        Raises
+        ------
+        OptionError
+            If another wrapper records the environment.
+        """
+        _claim(self._episodes, self)
+        self._episodes.bodies.recorder = self._recorder
+
+    def detach(self) -> None:
+        """Keep no more steps, unless the scene does so by itself."""
+        if self._episodes.bodies.recorder is self._recorder and not self._always:
+            self._episodes.bodies.recorder = None
+
+    def begin(self, member: int, name: str, episode: int) -> None:
+        """Record a member's episode, which has just started."""
+        self._recorder.chosen.add(member)
+        self._recorder.over.pop(member, None)
+        self._rewards[member] = []
+        self._begun[member] = self._recorder.begun[member]
+        self._goals[member] = self._episodes.goals[member].copy()
+        if self._split_energy:
+            self._velocities[member] = self._episodes.bodies.weigh(member)[1]
+        self.running[member] = name, f"{name}-episode-{episode}"
+
+    def drop(self, member: int) -> None:
+        """Keep nothing more of a member."""
+        if not self._always:
+            self._recorder.chosen.discard(member)
+        self._recorder.over.pop(member, None)
+        self.running.pop(member, None)
+
+    def pay_last(self, member: int) -> None:
+        """Keep the reward of the member's last action."""
+        self.pay(member, self._episodes.rewards.item(member))
+
+    def pay(self, member: int, reward: float, started_anew: bool = False) -> None:
+        """Keep the reward of an action, after which the member may have been started anew.
+
+        Where a snapshot was restored since the last one, the trajectory begins there: what was
+        known of the start and the rewards before it are of no run any more.
+        """
+        begun = self._recorder.begun[member] - int(started_anew)
+        if begun != self._begun[member]:
+            self._begun[member] = begun
+            self._rewards[member] = []
+            self._velocities.pop(member, None)
+            if not started_anew:
+                self._goals[member] = self._episodes.goals[member].copy()
+        self._rewards[member].append(reward)
+
+    def pay_played(self) -> None:
+        """Keep the rewards of actions that were played in a step that has failed afterwards."""
+        for member in self.running:
+            same = self._recorder.begun[member] == self._begun[member]
+            if not self._recorder.is_paid(member, len(self._rewards[member]) if same else 0):
+                self.pay_last(member)
+
+    def end(self, member: int, reason: str | None = None) -> None:
+        """Write what there is of a member's episode; nothing where it has taken no step.
+
+        A reason is given where the member was started anew already.
+        """
+        if member not in self.running:
+            return
+        task = self._episodes.task
+        if reason is not None and member in self._recorder.over:
+            physical = reason if reason in PHYSICS_REASONS.values() else ""
+            trajectory = self._recorder.trajectory_before(member, physical)
+        else:
+            trajectory = self._episodes.recorded(member)
+        name, file = self.running[member]
+        swimmer = Swimmer(
+            name,
+            trajectory,
+            self._rewards[member],
+            self._goals[member],
+            task.radius if task.goal_is_point else None,
+            self._velocities.pop(member, None),
+        )
+        self.drop(member)
+        if trajectory.steps:
+            self.written.append(
+                write_recording(
+                    self._folder / f"{file}.rrd",
+                    [swimmer],
+                    flow_rate=self._flow_rate,
+                    frame_rate=self._frame_rate,
+                    title=f"{file} on {trajectory.scene.name}",
+                )
+            )
+
+    def end_or_warn(self, member: int, reason: str | None = None) -> None:
+        """Write as `end` does; what cannot be written is not worth the caller's episode."""
+        try:
+            self.end(member, reason)
+        except SwimError as error:
+            warnings.warn(f"an episode was not recorded: {error}", stacklevel=3)
+
+    def finish(self) -> None:
+        """Write what there is of every episode, and let others record.
+
+        Of several errors the first is raised.
+        """
+        errors = []
+        try:
+            for member in list(self.running):
+                try:
+                    self.end(member)
+                except SwimError as error:
+                    errors.append(error)
+        finally:
+            self.detach()
+            if self.is_owner:
+                del _OWNERS[self._episodes]
+        if errors:
+            raise errors[0]
+
+
+def finish_or_tell(tape: Tape) -> None:
+    """Write what is left where nobody closed the environment."""
+    try:
+        tape.finish()
+    except SwimError as error:
+        print(f"swim_env: {error}", file=sys.stderr)
+
+
+def new_tape(
+    episodes: Episodes,
+    folder: str | os.PathLike[str],
+    prefixes: Collection[str],
+    flow_rate: float | None,
+    frame_rate: float,
+    split_energy: bool,
+) -> Tape:
+    """Check what both wrappers are given, and begin to record.
+
+    Prefixes are what stands in the files' names before the episode.
+    """
+    _refuse_taken(episodes)
+    _check_rate("frame_rate", frame_rate)
+    if flow_rate is not None:
+        _check_rate("flow_rate", flow_rate)
+    place = recording_file(Path(folder) / "any.rrd", "any").parent
+    for prefix in prefixes:
+        if any(place.glob(f"{glob.escape(prefix)}-episode-*.rrd")):
+            warnings.warn(
+                f"recordings in {place} will be overwritten ({prefix}-episode-*.rrd); name another "
+                "folder or name_prefix to keep them",
+                stacklevel=3,
+            )
+    tape = Tape(episodes, place, flow_rate, frame_rate, split_energy)
+    _claim(episodes, tape)
+    return tape
+
+
+def _claim(episodes: Episodes, tape: Tape) -> None:
+    """Let a tape be the one that records."""
+    if not tape.is_owner:
+        _refuse_taken(episodes)
+        _OWNERS[episodes] = weakref.ref(tape)
+
+
+def _refuse_taken(episodes: Episodes) -> None:
+    owner = _OWNERS.get(episodes)
+    if owner is not None and owner() is not None:
+        raise OptionError(_TAKEN)
+
+
+def _check_rate(name: str, rate: object) -> None:
+    """Refuse what is no number of frames in a second."""
+    is_number = isinstance(rate, (int, float, np.number)) and not isinstance(rate, bool)
+    if not (is_number and 0.0 < float(rate) < np.inf):  # type: ignore[arg-type]
+        raise OptionError(f"{name} must be a finite number above 0, got {got(rate)}")

@@ -1,0 +1,341 @@
+"""Wrappers that record episodes of the environments while somebody else plays them."""
+
+from __future__ import annotations
+
+import os
+import weakref
+from collections.abc import Callable, Collection, Iterable, Mapping
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from swim_env.envs.single import SwimEnv
+from swim_env.envs.vector import SwimVectorEnv
+from swim_env.errors import OptionError, SwimError
+from swim_env.recording.tape import finish_or_tell, new_tape
+from swim_env.recording.writer import FRAME_RATE, WrittenRecording
+from swim_env.scene.checks import got
+
+__all__ = ["RecordEpisodes", "RecordVectorEpisodes"]
+
+Trigger = Callable[[int], bool]
+
+
+def _checked_prefix(prefix: object) -> str:
+    """Return the beginning of the files' names."""
+    if (
+        not isinstance(prefix, str)
+        or not prefix
+        or prefix.strip(".") == ""
+        or any(sign in prefix for sign in "/\\\0\n")
+    ):
+        raise OptionError(
+            f"name_prefix must be the beginning of a file's name, without a folder, got "
+            f"{got(prefix)}"
+        )
+    return prefix
+
+
+def _checked_members(members: object, count: int) -> list[int]:
+    """Return which members are to be recorded, in order."""
+    shape = f"members must be different whole numbers of 0 to {count - 1}, at least one of them"
+    if isinstance(members, (str, bytes, Mapping)) or not isinstance(members, Iterable):
+        raise OptionError(f"{shape}, got {got(members)}")
+    chosen: list[int] = []
+    for one in members:
+        if isinstance(one, (bool, np.bool_)) or not isinstance(one, (int, np.integer)):
+            raise OptionError(f"{shape}, got {got(one)} among them")
+        if not 0 <= one < count:
+            raise OptionError(f"{shape}, got {one}")
+        if int(one) in chosen:
+            raise OptionError(f"{shape}, got {one} twice")
+        chosen.append(int(one))
+    if not chosen:
+        raise OptionError(f"{shape}, got none")
+    return sorted(chosen)
+
+
+def _chosen_by_default(episode: int) -> bool:
+    """Record episodes 0, 1, 8, 27 ... and every thousandth, as Gymnasium's RecordVideo does."""
+    if episode < 1000:
+        root: int = round(episode ** (1.0 / 3.0))
+        return root**3 == episode
+    return episode % 1000 == 0
+
+
+class RecordEpisodes(
+    gymnasium.Wrapper[Any, NDArray[Any], Any, NDArray[Any]], gymnasium.utils.RecordConstructorArgs
+):
+    """Records episodes of a `SwimEnv` for rerun, one file each.
+
+    While an episode runs, its steps are kept in memory as the physics makes them; the file is
+    written when it ends, when the next one starts, when a step fails, when the environment is
+    closed and, if nobody closes it, when Python ends: half an episode is a recording too. Nothing
+    is left of an episode whose process is killed. A file that cannot be written costs no episode:
+    `reset` and `step` warn of it, `close` raises it. Where a snapshot is restored, the recording
+    begins there.
+
+    Parameters
+    ----------
+    env : gymnasium.Env
+        A `SwimEnv`, with or without wrappers.
+    folder : str or os.PathLike
+        Where the files go: ``PREFIX-episode-N.rrd``. Made where it is missing.
+    episode_trigger : callable, optional
+        Called with the episode's number from 0 on; tells whether to record it. Cubes and every
+        thousandth unless given, as Gymnasium's RecordVideo does.
+    name_prefix : str
+        Beginning of the names.
+    flow_rate : float, optional
+        Frames of the flow in a simulated second, computed when the file is written; none unless
+        given.
+    frame_rate : float
+        Frames of everything else.
+    split_energy : bool
+        Whether to split the kinetic energy between body and fluid. The torques are played again for
+        it when the file is written, which takes as long as the episode's physics.
+
+    Attributes
+    ----------
+    written : list of WrittenRecording
+        The files so far.
+
+    Raises
+    ------
+    OptionError
+        If the environment is not one of this package, if it is being recorded already, or if
+        another argument cannot be used.
+    SwimError
+        If rerun is not installed, or the folder cannot be made or written to.
+
+    Warns
+    -----
+    UserWarning
+        If the folder holds recordings of these names: they will be overwritten.
+    """
+
+    def __init__(
+        self,
+        env: gymnasium.Env[Any, Any],
+        folder: str | os.PathLike[str],
+        episode_trigger: Trigger | None = None,
+        name_prefix: str = "swimmer",
+        flow_rate: float | None = None,
+        frame_rate: float = FRAME_RATE,
+        split_energy: bool = False,
+    ) -> None:
+        given: Any = env
+        swimmer = given.unwrapped if isinstance(given, gymnasium.Env) else given
+        if not isinstance(swimmer, SwimEnv):
+            hint = "; RecordVectorEpisodes records a batch"
+            raise OptionError(
+                f"RecordEpisodes needs a SwimEnv, got {type(swimmer).__name__}"
+                f"{hint if isinstance(swimmer, gymnasium.vector.VectorEnv) else ''}"
+            )
+        gymnasium.utils.RecordConstructorArgs.__init__(
+            self,
+            folder=folder,
+            episode_trigger=episode_trigger,
+            name_prefix=name_prefix,
+            flow_rate=flow_rate,
+            frame_rate=frame_rate,
+            split_energy=split_energy,
+        )
+        gymnasium.Wrapper.__init__(self, env)
+        self._trigger = _chosen_by_default if episode_trigger is None else episode_trigger
+        self._prefix = _checked_prefix(name_prefix)
+        self._tape = new_tape(
+            swimmer.episodes, folder, [self._prefix], flow_rate, frame_rate, split_energy
+        )
+        self._episode = -1
+        weakref.finalize(self, finish_or_tell, self._tape)
+
+    @property
+    def written(self) -> list[WrittenRecording]:
+        """The files so far."""
+        return self._tape.written
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Start an episode, and write what there is of the one before."""
+        tape = self._tape
+        tape.end_or_warn(0)
+        wanted = self._trigger(self._episode + 1)
+        if wanted:
+            tape.attach()
+        else:
+            tape.detach()
+        result = self.env.reset(seed=seed, options=options)
+        self._episode += 1
+        if wanted:
+            tape.begin(0, self._prefix, self._episode)
+        return result
+
+    def step(self, action: NDArray[Any]) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """Hold an action, and write the file at the episode's end."""
+        tape = self._tape
+        if not tape.running:
+            return self.env.step(action)
+        try:
+            result = self.env.step(action)
+        except (SwimError, gymnasium.error.Error):
+            # A refused action changes nothing, and the episode can go on.
+            raise
+        except BaseException:
+            tape.pay_played()
+            tape.end_or_warn(0)
+            raise
+        tape.pay_last(0)
+        if result[2] or result[3]:
+            tape.end_or_warn(0)
+            tape.detach()
+        return result
+
+    def close(self) -> None:
+        """Write what there is and close the environment."""
+        try:
+            self._tape.finish()
+        finally:
+            super().close()
+
+
+class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
+    """Records episodes of chosen members of a `SwimVectorEnv` for rerun, one file each.
+
+    As `RecordEpisodes`; the files are called ``PREFIX-member-M-episode-N.rrd``.
+
+    Parameters
+    ----------
+    env : gymnasium.vector.VectorEnv
+        A `SwimVectorEnv`, with or without wrappers.
+    folder : str or os.PathLike
+        Where the files go.
+    members : collection of int
+        Which members; the first unless given.
+    episode_trigger, name_prefix, flow_rate, frame_rate, split_energy
+        As for `RecordEpisodes`; each member counts its own episodes.
+
+    Attributes
+    ----------
+    written : list of WrittenRecording
+        The files so far.
+
+    Raises
+    ------
+    OptionError
+        As for `RecordEpisodes`, or if there is no such member.
+    SwimError
+        If rerun is not installed, or the folder cannot be made or written to.
+
+    Warns
+    -----
+    UserWarning
+        If the folder holds recordings of these names: they will be overwritten.
+    """
+
+    def __init__(
+        self,
+        env: gymnasium.vector.VectorEnv[Any, Any, Any],
+        folder: str | os.PathLike[str],
+        members: Collection[int] = (0,),
+        episode_trigger: Trigger | None = None,
+        name_prefix: str = "swimmer",
+        flow_rate: float | None = None,
+        frame_rate: float = FRAME_RATE,
+        split_energy: bool = False,
+    ) -> None:
+        given: Any = env
+        batch = given.unwrapped if isinstance(given, gymnasium.vector.VectorEnv) else given
+        if not isinstance(batch, SwimVectorEnv):
+            single = isinstance(given, gymnasium.Env) and isinstance(given.unwrapped, SwimEnv)
+            raise OptionError(
+                f"RecordVectorEpisodes needs a SwimVectorEnv, got {type(batch).__name__}"
+                f"{'; RecordEpisodes records a single environment' if single else ''}"
+            )
+        super().__init__(env)
+        self._batch = batch
+        self._members = _checked_members(members, batch.num_envs)
+        self._trigger = _chosen_by_default if episode_trigger is None else episode_trigger
+        self._prefix = _checked_prefix(name_prefix)
+        prefixes = [self._name(member) for member in self._members]
+        self._tape = new_tape(batch.episodes, folder, prefixes, flow_rate, frame_rate, split_energy)
+        self._counts = dict.fromkeys(self._members, 0)
+        self._ended: set[int] = set()
+        self._tape.attach()
+        weakref.finalize(self, finish_or_tell, self._tape)
+
+    @property
+    def written(self) -> list[WrittenRecording]:
+        """The files so far."""
+        return self._tape.written
+
+    def reset(
+        self,
+        *,
+        seed: int | list[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Any, dict[str, Any]]:
+        """Start members, and write what there is of their episodes before."""
+        mask = options.get("reset_mask") if isinstance(options, Mapping) else None
+        starting = [one for one in self._members if mask is None or bool(mask[one])]
+        self._tape.attach()
+        for member in starting:
+            self._tape.end_or_warn(member)
+        # Gymnasium's own batched environments take a list of seeds too; its types do not say so.
+        result = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]
+        self._ended -= set(starting)
+        self._begin(starting)
+        return result
+
+    def step(self, actions: NDArray[Any]) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """Hold actions, and write the files of episodes that end."""
+        tape, mode = self._tape, self._batch.autoreset_mode
+        try:
+            result = self.env.step(actions)
+        except (SwimError, gymnasium.error.Error):
+            raise
+        except BaseException:
+            tape.pay_played()
+            for member in list(tape.running):
+                tape.end_or_warn(member)
+            raise
+        _, rewards, terminated, truncated, infos = result
+        anew = self._ended if mode is AutoresetMode.NEXT_STEP else set()
+        self._ended = set()
+        self._begin(sorted(anew))
+        for member in self._members:
+            ended = bool(terminated[member] or truncated[member])
+            same_step = ended and mode is AutoresetMode.SAME_STEP
+            if member in tape.running and member not in anew:
+                tape.pay(member, float(rewards[member]), same_step)
+            if same_step:
+                reason = str(infos["final_info"]["termination_reason"][member])
+                tape.end_or_warn(member, reason)
+                self._begin([member])
+            elif ended:
+                tape.end_or_warn(member)
+                self._ended.add(member)
+        return result
+
+    def _begin(self, members: Collection[int]) -> None:
+        """Count members that have started, and record those that are wanted, unless closed."""
+        for member in members:
+            number = self._counts[member]
+            self._counts[member] += 1
+            if self._tape.is_owner and self._trigger(number):
+                self._tape.begin(member, self._name(member), number)
+
+    def _name(self, member: int) -> str:
+        """Return what a member is called in its files."""
+        return f"{self._prefix}-member-{member}"
+
+    def close(self, **kwargs: Any) -> None:
+        """Write what there is and close the environment."""
+        try:
+            self._tape.finish()
+        finally:
+            super().close(**kwargs)

@@ -1,0 +1,582 @@
+"""A scene: everything that decides a run, checked as a whole, to and from YAML.
+
+Other rooms take a `Scene` and never read files of their own. The shipped scenes are the YAML
+files in ``configs/scenes``.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from swim_env.errors import SceneError
+from swim_env.scene.blocks import (
+    ENERGY_EXCESSES,
+    FLUID_MODEL_NAMES,
+    MOST_ELEMENTS_OF_EXPANSION,
+    MOST_PANELS_IN_ALL,
+    SCHEME_NAMES,
+    TOLERANCE_RANGE,
+    Actuation,
+    AxialAddedMass,
+    Beam,
+    CrossFlowDrag,
+    Damping,
+    Episode,
+    Fluid,
+    Initial,
+    Integrator,
+    InternalForces,
+    LinearStiffness,
+    PiecewiseStiffness,
+    Recording,
+    SelfContact,
+    StiffnessPiece,
+    Stream,
+    build_block,
+    plain,
+)
+from swim_env.scene.checks import check_fields, check_text, nearest
+from swim_env.scene.yaml import dump_yaml, parse_overrides, parse_yaml, read_text, write_text
+
+__all__ = [
+    "EFFECT_NAMES",
+    "ENERGY_EXCESSES",
+    "FLUID_MODEL_NAMES",
+    "SCHEME_NAMES",
+    "TOLERANCE_RANGE",
+    "Actuation",
+    "AxialAddedMass",
+    "Beam",
+    "CrossFlowDrag",
+    "Damping",
+    "Episode",
+    "Fluid",
+    "Initial",
+    "Integrator",
+    "InternalForces",
+    "LinearStiffness",
+    "PiecewiseStiffness",
+    "Recording",
+    "Scene",
+    "SelfContact",
+    "StiffnessPiece",
+    "Stream",
+    "load_scene",
+    "scene_names",
+]
+
+EFFECT_NAMES: tuple[str, ...] = (
+    "bending_stiffness",
+    "axial_added_mass",
+    "damping",
+    "cross_flow_drag",
+    "stream",
+    "self_contact",
+    "internal_forces",
+    "recording",
+)
+"""Names of the effects; each is also the name of its block in a scene, the first one in `beam`."""
+
+_BLOCKS: dict[str, type] = {
+    "beam": Beam,
+    "fluid": Fluid,
+    "axial_added_mass": AxialAddedMass,
+    "damping": Damping,
+    "cross_flow_drag": CrossFlowDrag,
+    "stream": Stream,
+    "self_contact": SelfContact,
+    "internal_forces": InternalForces,
+    "recording": Recording,
+    "actuation": Actuation,
+    "initial": Initial,
+    "integrator": Integrator,
+    "episode": Episode,
+}
+_OPTIONAL = ("fluid", *EFFECT_NAMES[1:], "actuation")
+#: Blocks without fields, which are there or not.
+_BARE = tuple(name for name, cls in _BLOCKS.items() if not fields(cls))
+_NOTHING: Any = object()
+
+#: Largest number of time steps in a control interval, which are recorded one by one, and of actions
+#: in an episode.
+MOST_STEPS_PER_ACTION, MOST_ACTIONS = 100_000, 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A body, its fluid, effects, drive, start and integrator.
+
+    Attributes
+    ----------
+    name : str
+        Short name on one line.
+    description : str
+        What the scene shows.
+    beam : Beam
+        The body.
+    fluid : Fluid or None
+        The fluid; None for none.
+    axial_added_mass : AxialAddedMass or None
+        Effect, present or not; needs a fluid of panels.
+    damping : Damping or None
+        Effect, present or not; needs a beam with stiffness.
+    cross_flow_drag : CrossFlowDrag or None
+        Effect, present or not; needs a fluid.
+    stream : Stream or None
+        Effect, present or not; needs a fluid.
+    self_contact : SelfContact or None
+        Effect, present or not; needs a thickness.
+    internal_forces : InternalForces or None
+        Effect, present or not.
+    recording : Recording or None
+        Effect, present or not.
+    actuation : Actuation or None
+        The prescribed torque; None for a passive body.
+    initial : Initial
+        The state at time zero.
+    integrator : Integrator
+        Time step, tolerance, scheme.
+    episode : Episode
+        Duration; and for environments the control interval, the heading and the start's noise.
+    """
+
+    name: str = "unnamed"
+    description: str = ""
+    beam: Beam = Beam()
+    fluid: Fluid | None = None
+    axial_added_mass: AxialAddedMass | None = None
+    damping: Damping | None = None
+    cross_flow_drag: CrossFlowDrag | None = None
+    stream: Stream | None = None
+    self_contact: SelfContact | None = None
+    internal_forces: InternalForces | None = None
+    recording: Recording | None = None
+    actuation: Actuation | None = None
+    initial: Initial = Initial()
+    integrator: Integrator = Integrator()
+    episode: Episode = Episode()
+
+    def __post_init__(self) -> None:
+        """Check what the blocks cannot check alone."""
+        if not check_text(self.name, "name").strip() or "\n" in self.name:
+            raise SceneError(f"name must be text on one line, got {self.name!r}")
+        check_text(self.description, "description")
+        for block, cls in _BLOCKS.items():
+            value = getattr(self, block)
+            if not isinstance(value, cls) and not (value is None and block in _OPTIONAL):
+                raise SceneError(
+                    f"{block} must be of type {cls.__name__}, got {type(value).__name__}"
+                )
+        self._check_fluid()
+        if self.damping is not None and not self.beam.stiffness_at_joints().any():
+            raise SceneError(
+                "damping has no meaning where beam.bending_stiffness is zero everywhere, as its "
+                "moment is proportional to it; leave damping out or give some stiffness"
+            )
+        self.initial.check_sizes(self.beam)
+        self.initial.check_inextensible(self.beam)
+
+    def _check_fluid(self) -> None:
+        """Check what depends on the fluid being there or not."""
+        beam = self.beam
+        if self.fluid is not None and self.fluid.present:
+            limit = 0.25 * beam.length
+            if self.fluid.has_outline and not 0.0 < beam.half_thickness < limit:
+                raise SceneError(
+                    f"beam.half_thickness must be above 0 and below a quarter of the length, "
+                    f"{limit:.6g} m, for an outline of panels, got {beam.half_thickness!r}"
+                )
+            panels = beam.elements * self.fluid.panels_per_element + 2 * self.fluid.panels_per_end(
+                beam
+            )
+            if self.fluid.model != "strip" and panels > MOST_PANELS_IN_ALL:
+                raise SceneError(
+                    f"beam.elements times fluid.panels_per_element and the ends' panels must be "
+                    f"at most {MOST_PANELS_IN_ALL} panels, got {panels}"
+                )
+        elif beam.rotary_inertia == 0.0:
+            raise SceneError(
+                "beam.rotary_inertia must be above 0 kg m without a fluid, as the mass matrix is "
+                "singular otherwise, got 0.0"
+            )
+        if self.axial_added_mass is not None and (
+            self.fluid is None or self.fluid.model != "panels"
+        ):
+            model = "none" if self.fluid is None else self.fluid.model
+            raise SceneError(
+                "axial_added_mass has no meaning without fluid.model panels, as it is that of the "
+                f"end panels; leave it out or change the model, got {model}"
+            )
+        for name in ("cross_flow_drag", "stream"):
+            if getattr(self, name) is not None and not (self.fluid and self.fluid.present):
+                raise SceneError(
+                    f"{name} has no meaning without a fluid; leave it out or give the scene a fluid"
+                )
+        if self.self_contact is not None and beam.half_thickness == 0.0:
+            raise SceneError(
+                "self_contact needs beam.half_thickness, a number above 0 in m, got 0.0"
+            )
+        if (
+            self.fluid is not None
+            and self.fluid.model == "expansion"
+            and beam.elements > MOST_ELEMENTS_OF_EXPANSION
+        ):
+            raise SceneError(
+                f"fluid.model expansion takes at most {MOST_ELEMENTS_OF_EXPANSION} elements, as "
+                f"its tensor grows with their fourth power, got {beam.elements}; take panels"
+            )
+
+    # ---- views ---------------------------------------------------------------------------------
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects that are present, in the order of `EFFECT_NAMES`."""
+        stiff = bool(self.beam.stiffness_at_joints().any())
+        return tuple(
+            name
+            for name in EFFECT_NAMES
+            if (stiff if name == "bending_stiffness" else getattr(self, name) is not None)
+        )
+
+    @property
+    def steps_per_action(self) -> int:
+        """Number of time steps over which an environment holds an action.
+
+        Raises
+        ------
+        SceneError
+            If the control interval is not a whole number of time steps, or too many of them.
+        """
+        ratio = self.episode.control_interval / self.integrator.time_step
+        steps = round(min(ratio, 1.0 + MOST_STEPS_PER_ACTION))
+        if not ratio <= MOST_STEPS_PER_ACTION:
+            raise SceneError(
+                f"episode.control_interval must be at most {MOST_STEPS_PER_ACTION:,} steps of "
+                f"integrator.time_step, {self.integrator.time_step!r} s, got "
+                f"{self.episode.control_interval!r} s"
+            )
+        if steps < 1 or abs(ratio - steps) > 1e-9 * ratio:
+            raise SceneError(
+                f"episode.control_interval must be a whole number of steps of "
+                f"integrator.time_step, {self.integrator.time_step!r} s, got "
+                f"{self.episode.control_interval!r} s, which is {ratio:.6g} steps"
+            )
+        return steps
+
+    @property
+    def torque_limit(self) -> float:
+        """Torque that an environment's action of 1 stands for [N m].
+
+        A scene without a prescribed torque has the default limit.
+        """
+        return (self.actuation or Actuation(amplitude=0.0)).torque_limit
+
+    @property
+    def actions_per_episode(self) -> int:
+        """Number of actions that an environment takes in an episode, at least 1.
+
+        Raises
+        ------
+        SceneError
+            If there are too many to count.
+        """
+        ratio = self.episode.duration / self.episode.control_interval
+        if not ratio <= MOST_ACTIONS:
+            raise SceneError(
+                f"episode.duration must be at most {MOST_ACTIONS:,} times "
+                f"episode.control_interval, {self.episode.control_interval!r} s, got "
+                f"{self.episode.duration!r} s"
+            )
+        return max(1, round(ratio))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return every field as mappings, lists and scalars; absent blocks are left out."""
+        data = {spec.name: plain(getattr(self, spec.name)) for spec in fields(self)}
+        return {key: value for key, value in data.items() if value is not None}
+
+    def to_yaml(self) -> str:
+        """Return the scene as YAML text, with all defaults written out."""
+        return dump_yaml(self.to_dict())
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the scene as a YAML file, whole or not at all.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            The file; its folder must exist.
+
+        Raises
+        ------
+        SceneError
+            If the file cannot be written.
+        """
+        write_text(path, self.to_yaml())
+
+    # ---- making scenes -------------------------------------------------------------------------
+
+    @classmethod
+    def from_dict(cls, mapping: Mapping[str, Any], source: str | None = None) -> Scene:
+        """Make a scene from mappings, lists and scalars.
+
+        Parameters
+        ----------
+        mapping : mapping
+            Fields and blocks by name; what is left out has its default, optional blocks left
+            out or null are absent. Only those that have no fields may not be null, since a bare
+            ``axial_added_mass:`` might be meant as its presence.
+        source : str, optional
+            Where the mapping came from, for messages.
+
+        Raises
+        ------
+        SceneError
+            If a field is unknown, missing, of the wrong type, out of range, or if fields do not
+            fit together.
+        """
+        try:
+            given = check_fields(mapping, "", [spec.name for spec in fields(cls)])
+            for name, block in _BLOCKS.items():
+                if name in given:
+                    given[name] = _build(name, block, given[name])
+            return cls(**given)
+        except SceneError as error:
+            raise error.located(source) from None
+
+    @classmethod
+    def from_yaml(cls, path: str | os.PathLike[str]) -> Scene:
+        """Read a scene from a YAML file; without a name it takes the file's.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            The file.
+
+        Raises
+        ------
+        SceneError
+            If the file cannot be read or does not hold a valid scene.
+        """
+        return _read(Path(path), os.fspath(path))
+
+    def replace(self, path: str | Mapping[str, object], value: object = _NOTHING) -> Scene:
+        """Return a scene with one or several fields changed, checked once all are in.
+
+        Parameters
+        ----------
+        path : str or mapping
+            Dotted path of a field (``"beam.elements"``) or block (``"damping"``), or a mapping
+            from such paths to values, for changes that are valid only together.
+        value : object
+            The new value. None removes an optional block. A path into an absent optional block
+            makes the block. Setting `fluid.model` to ``none`` also drops the density.
+
+        Returns
+        -------
+        Scene
+            The changed scene.
+
+        Raises
+        ------
+        SceneError
+            If a path is unknown or the changed scene is not valid.
+
+        Examples
+        --------
+        >>> Scene().replace("beam.elements", 27).beam.elements
+        27
+        """
+        if isinstance(path, Mapping):
+            if value is not _NOTHING:
+                raise TypeError("replace takes a mapping, or a path and a value, not both")
+            changes = dict(path)
+        elif value is _NOTHING:
+            raise TypeError("replace needs a value for the path")
+        else:
+            changes = {path: value}
+        data = self.to_dict()
+        for key, new in changes.items():
+            block, _, field = _known_path(key).partition(".")
+            if field:
+                inner = data.setdefault(block, {})
+                if not isinstance(inner, Mapping):
+                    inner = plain(_build(block, _BLOCKS[block], inner))
+                data[block] = {**inner, field: new}
+            elif new is None and block in _OPTIONAL:
+                data.pop(block, None)
+            else:
+                data[block] = new
+        if changes.get("fluid.model") == "none" and "fluid.density" not in changes:
+            data["fluid"].pop("density", None)
+        return Scene.from_dict(data)
+
+    def for_accuracy(
+        self, tolerance: float, keep_elements: bool = False, duration: float | None = None
+    ) -> Scene:
+        """Return the scene with the cheapest settings that compute it to a tolerance.
+
+        Fluid model, panels, elements, time step and scheme are chosen from the measured front of
+        accuracy against cost (docs/accuracy.md), by playing the scene with its prescribed torque: a
+        matter of seconds. Body, drive and effects stay as they are; what was chosen and why is
+        appended to the description. `swim_env.accuracy.choose` returns more about it.
+
+        Parameters
+        ----------
+        tolerance : float
+            Largest relative error of the net displacement, |dX - dX_ref| / max(|dX_ref|, 0.01 l),
+            averaged over the last period of the drive; 0.001 to 0.3.
+        keep_elements : bool
+            Whether to keep the number of elements, as an agent for so many joints needs it. The
+            error is then that of a body of so many elements.
+        duration : float, optional
+            Simulated time on which it is judged (s), the scene's own unless given; 20 s at most.
+
+        Raises
+        ------
+        SwimError
+            If no settings are known to be good enough, or the scene has no converged reference.
+        """
+        if _choose_settings is None:
+            raise RuntimeError("nothing chooses settings: swim_env.accuracy was not registered")
+        return _choose_settings(self, tolerance, keep_elements, duration)
+
+
+_choose_settings: Callable[[Scene, float, bool, float | None], Scene] | None = None
+
+
+def register_choice(choose: Callable[[Scene, float, bool, float | None], Scene]) -> None:
+    """Name the function behind `Scene.for_accuracy`, which plays scenes: a room above this one."""
+    global _choose_settings
+    _choose_settings = choose
+
+
+def _known_path(path: object) -> str:
+    """Return a dotted path if it names a field or block of a scene."""
+    known = ["name", "description"]
+    for block, cls in _BLOCKS.items():
+        known += [block, *(f"{block}.{spec.name}" for spec in fields(cls))]
+    if path not in known:
+        leaf = str(path).rpartition(".")[2]
+        hint = nearest(str(path), known)
+        same_leaf = [name for name in known if name.rpartition(".")[2] == leaf]
+        if same_leaf:
+            hint = f" (nearest: {same_leaf[0]})"
+        blocks = ", ".join(["name", "description", *_BLOCKS])
+        raise SceneError(f"unknown field {path}{hint or f'; a scene has {blocks}'}")
+    return str(path)
+
+
+def _build(name: str, cls: type, value: object) -> object:
+    """Make one block of a scene from what a file has for it."""
+    if name in _BARE:
+        if value is True:
+            return cls()
+        if value is None or value is False:
+            raise SceneError(
+                f"{name} must be {{}} or true, or left out to have none, got "
+                + ("null" if value is None else "false")
+            )
+    if value is None and name in _OPTIONAL:
+        return None
+    return build_block(cls, value, name)
+
+
+# ---- finding scenes ----------------------------------------------------------------------------
+
+
+def _scene_folder() -> Path | None:
+    """Return the folder of the shipped scenes: in the wheel, or beside the package."""
+    here = Path(__file__).parents[1]
+    for base in (here, here.parent):
+        folder = base / "configs" / "scenes"
+        if folder.is_dir():
+            return folder
+    return None
+
+
+def scene_names() -> tuple[str, ...]:
+    """Return the names of the shipped scenes, sorted."""
+    folder = _scene_folder()
+    return () if folder is None else tuple(sorted(path.stem for path in folder.glob("*.yaml")))
+
+
+def _read(path: Path, source: str) -> Scene:
+    """Read a scene file, naming it `source` in messages."""
+    if not os.path.exists(path):
+        folder = path.parent
+        there = [entry.name for entry in folder.glob("*.y*ml")] if folder.is_dir() else []
+        hint = nearest(path.name, there) or nearest(path.stem, scene_names())
+        shipped = ", ".join(scene_names())
+        raise SceneError(f"no such scene file: {source}{hint}; shipped scenes: {shipped}")
+    data: Any = parse_yaml(read_text(path, source), source)
+    if isinstance(data, dict):
+        data = {"name": path.stem, **data}
+    elif data is None:
+        raise SceneError("the file is empty, must hold the fields of a scene", source)
+    return Scene.from_dict(data, source)
+
+
+def load_scene(
+    scene: str | os.PathLike[str] | Scene,
+    overrides: str | Iterable[str] | Mapping[str, object] | None = None,
+) -> Scene:
+    """Find a scene and change fields of it.
+
+    Parameters
+    ----------
+    scene : str, os.PathLike or Scene
+        A shipped name (see `scene_names`), the path of a YAML file, or a scene.
+    overrides : str, iterable of str, or mapping, optional
+        Changes by dotted path, as ``"fluid.panels_per_element=12"`` (the value read as YAML) or
+        as a mapping. They are applied together.
+
+    Returns
+    -------
+    Scene
+        The scene.
+
+    Raises
+    ------
+    SceneError
+        If there is no such scene, or it or an override is not valid.
+
+    Examples
+    --------
+    >>> load_scene("paper_i", ["beam.elements=27"]).beam.elements
+    27
+    """
+    found, source = _find(scene)
+    if overrides is None:
+        return found
+    changes = parse_overrides(overrides)
+    if not changes:
+        return found
+    try:
+        return found.replace(changes)
+    except SceneError as error:
+        raise error.located(source and f"{source} with overrides") from None
+
+
+def _find(scene: str | os.PathLike[str] | Scene) -> tuple[Scene, str | None]:
+    """Return a scene and what to call its file in messages."""
+    if isinstance(scene, Scene):
+        return scene, None
+    if not isinstance(scene, (str, os.PathLike)):
+        raise SceneError(
+            f"a scene must be given as a name, a path or a Scene, got {type(scene).__name__}"
+        )
+    given = os.fspath(scene)
+    folder = _scene_folder()
+    if isinstance(scene, str) and folder is not None and scene in scene_names():
+        source = f"configs/scenes/{scene}.yaml"
+        return _read(folder / f"{scene}.yaml", source), source
+    looks_like_path = Path(given).suffix in (".yaml", ".yml") or len(Path(given).parts) > 1
+    if not isinstance(scene, str) or looks_like_path or os.path.isfile(given):
+        return _read(Path(given), given), given
+    names = scene_names()
+    shipped = f"; shipped scenes: {', '.join(names)}" if names else "; no scenes are shipped"
+    raise SceneError(f"unknown scene {scene!r}{nearest(scene, names)}{shipped}")

@@ -1,0 +1,258 @@
+"""From what the kernels trace to a `Trajectory`, and the effect that keeps it for every step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.errors import OptionError
+from swim_env.physics.invariants import momentum_map
+from swim_env.physics.planar.beam import centres_of_trajectory
+from swim_env.physics.solve.integrator import RECORD_NAMES
+from swim_env.scene import Scene
+from swim_env.sim.trajectory import Trajectory
+
+__all__ = ["Kept", "Recorder", "needs_recording", "trace_columns", "trajectory_of"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: Of a member: steps taken before, energy (J), and rows of its start and of every step.
+Kept = tuple[int, float, Array]
+
+#: Rows that a table has with its first step; there are twice as many whenever they are full.
+_FIRST_ROWS = 1024
+
+
+def trace_columns(scene: Scene) -> int:
+    """Return the columns of a trace: coordinates, momenta, and internal forces where there are."""
+    elements = scene.beam.elements
+    forces = 2 * (elements - 1) if scene.internal_forces is not None else 0
+    return 2 * (elements + 2) + forces
+
+
+def trajectory_of(
+    scene: Scene,
+    reason: str,
+    first: int,
+    energy: float,
+    trace: Array,
+    torques: Array,
+    record: Array,
+) -> Trajectory:
+    """Make a trajectory of T steps from what `Bodies.advance` has written.
+
+    Parameters
+    ----------
+    scene : Scene
+        What was run.
+    reason : str
+        Why it ended early, empty where it did not.
+    first : int
+        Steps taken before its first instant.
+    energy : float
+        H at its first instant (J).
+    trace : (T + 1, C) array
+        Coordinates and momenta of the first instant and after each step, and internal forces of
+        each step where the scene asks for them.
+    torques : (T, N - 1) array
+        Torques of each step (N m).
+    record : (T, 12) array
+        Columns RECORD_NAMES.
+    """
+    elements = scene.beam.elements
+    n = elements + 2
+    q, p = trace[:, :n].copy(), trace[:, n : 2 * n]
+    forces = None
+    if scene.internal_forces is not None:
+        forces = trace[1:, 2 * n :].reshape(-1, elements - 1, 2).copy()
+    positions = np.empty((len(q), elements, 2))
+    centres_of_trajectory(q, scene.beam.element_length, positions)
+    columns = dict(zip(RECORD_NAMES, record.T.copy(), strict=True))
+    # The kernel records the energy at the end of each step.
+    energies = np.concatenate([[energy], columns.pop("energy")])
+    outside = [columns.pop(name) for name in ("impulse_x", "impulse_y", "angular_impulse")]
+    steps = np.arange(first, first + len(q), dtype=np.float64)
+    return Trajectory(
+        scene=scene,
+        termination_reason=reason,
+        time=steps * scene.integrator.time_step,
+        centres=positions,
+        angles=np.cumsum(q[:, 2:], axis=1),
+        torques=torques.copy(),
+        momentum=momentum_map(q, p),
+        energy=energies,
+        impulse=np.stack(outside, axis=-1),
+        internal_forces=forces,
+        **columns,
+    )
+
+
+class Recorder:
+    """Keeps the steps of M bodies since each one's start.
+
+    A member has a table with a row for its start and for every step, which doubles when it is full.
+    Rows are never written to again, so what was taken out of a table stays as it is.
+
+    Parameters
+    ----------
+    scene : Scene
+        What they are.
+    count : int
+        Their number M.
+    """
+
+    def __init__(self, scene: Scene, count: int) -> None:
+        self._scene = scene
+        #: Columns of a table: trace, torques, record.
+        first = trace_columns(scene)
+        last = first + scene.beam.elements - 1
+        self._parts = slice(first), slice(first, last), slice(last, last + len(RECORD_NAMES))
+        self._kept: list[Kept | None] = [None] * count
+        #: Steps in each table.
+        self._steps = [0] * count
+        self._trace = np.empty((count, 0, first))
+
+    def begin(self, member: int, steps: int, energy: float, state: Array) -> None:
+        """Forget a member's steps; its trajectory begins here.
+
+        Parameters
+        ----------
+        member : int
+            Which one.
+        steps : int
+            Steps it has taken before.
+        energy : float
+            Its energy (J).
+        state : (2 (N + 2),) array
+            Its coordinates and momenta.
+        """
+        start = np.full((1, self._parts[-1].stop), np.nan)
+        start[0, : state.size] = state
+        self._kept[member] = (steps, energy, start)
+        self._steps[member] = 0
+
+    def forget(self) -> None:
+        """Forget everything."""
+        count = len(self._kept)
+        self._kept, self._steps = [None] * count, [0] * count
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return what there is, to go back to."""
+        return {"kept": [self._kept_of(member) for member in range(len(self._kept))]}
+
+    def _kept_of(self, member: int) -> Kept | None:
+        kept = self._kept[member]
+        return None if kept is None else (*kept[:2], kept[2][: self._steps[member] + 1])
+
+    def restore(self, snapshot: Mapping[str, Any]) -> None:
+        """Go back to a snapshot of this recorder."""
+        kept: Sequence[Kept | None] = snapshot["kept"]
+        # What others may still hold must not be written to when steps are added.
+        self._kept = [None if one is None else (*one[:2], one[2].copy()) for one in kept]
+        self._steps = [0 if one is None else len(one[2]) - 1 for one in kept]
+
+    def room(self, steps: int) -> Array:
+        """Return where a trace of T steps is to be written, (M, T, C), the same as long as T is."""
+        if self._trace.shape[1] != steps:
+            self._trace = np.empty((len(self._kept), steps, self._trace.shape[2]))
+        return self._trace
+
+    def add(
+        self,
+        members: Indices,
+        taken: Indices,
+        trace: Array,
+        torques: Array,
+        hold: int,
+        record: Array,
+    ) -> None:
+        """Add the steps that members have taken, as `Bodies.advance` has written them.
+
+        Parameters
+        ----------
+        members : (K,) array of int
+            Which ones.
+        taken : (M,) array of int
+            Steps that each of all has taken in the last call of it.
+        trace : (M, T, C) array
+            Coordinates and momenta after each step, and internal forces where there are any.
+        torques : (M, R, N - 1) array
+            Torques (N m), each row held over some steps.
+        hold : int
+            That many.
+        record : (M, T, 12) array
+            Columns RECORD_NAMES.
+        """
+        for member in members.tolist():
+            if self.wants(member):
+                self._add(member, int(taken[member]), trace, torques, hold, record)
+
+    def wants(self, member: int) -> bool:
+        """Tell whether a member's steps are to be kept: everyone's here."""
+        return True
+
+    def _add(
+        self, member: int, taken: int, trace: Array, torques: Array, hold: int, record: Array
+    ) -> None:
+        kept = self._kept[member]
+        if kept is None:  # this recorder came in the middle of its run
+            return
+        rows = kept[2]
+        begin = self._steps[member] + 1
+        end = begin + taken
+        if end > len(rows):
+            longer = np.empty((max(end, 2 * len(rows), _FIRST_ROWS), rows.shape[1]))
+            longer[:begin] = rows[:begin]
+            rows = longer
+            self._kept[member] = (*kept[:2], rows)
+        traced, driven, recorded = self._parts
+        rows[begin:end, traced] = trace[member, :taken]
+        held = torques[member]
+        rows[begin:end, driven] = held if len(held) == 1 else held[np.arange(taken) // hold]
+        rows[begin:end, recorded] = record[member, :taken]
+        self._steps[member] = end - 1
+
+    def trajectory(self, member: int, reason: str) -> Trajectory:
+        """Return a member's trajectory since its start, which ended for this reason or goes on.
+
+        Raises
+        ------
+        OptionError
+            If it was never started.
+        """
+        return self._trajectory(self._kept_of(member), reason)
+
+    def _trajectory(self, kept: Kept | None, reason: str) -> Trajectory:
+        if kept is None:
+            raise OptionError("nothing was recorded yet: call reset first")
+        steps, energy, rows = kept
+        traced, driven, recorded = self._parts
+        return trajectory_of(
+            self._scene,
+            reason,
+            steps,
+            energy,
+            rows[:, traced],
+            rows[1:, driven],
+            rows[1:, recorded],
+        )
+
+
+def needs_recording(recorder: Recorder | None) -> Recorder:
+    """Return the recorder of a scene with the effect ``recording``.
+
+    Raises
+    ------
+    OptionError
+        If there is none.
+    """
+    if recorder is None:
+        raise OptionError(
+            "nothing was recorded: the scene needs the block recording "
+            "(scene.replace('recording', True))"
+        )
+    return recorder

@@ -1,0 +1,90 @@
+"""Playing a scene's prescribed torque."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any
+
+from swim_env.errors import SwimError
+from swim_env.scene import Scene
+from swim_env.sim.simulator import Simulator
+from swim_env.sim.trajectory import Trajectory
+
+__all__ = ["replay", "steps_of"]
+
+#: Longest replay, whose trajectory is kept in memory.
+MOST_STEPS = 2_000_000
+
+
+def steps_of(scene: Scene, duration: float | None = None) -> int:
+    """Return how many physics steps come closest to a duration.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its episode's duration is taken where none is given.
+    duration : float, optional
+        Simulated time (s), above 0.
+
+    Raises
+    ------
+    SwimError
+        If the duration is not a positive number, shorter than half a step, or longer than
+        MOST_STEPS steps.
+    """
+    wanted = scene.episode.duration if duration is None else duration
+    if not (math.isfinite(wanted) and wanted > 0.0):
+        raise SwimError(f"the duration must be a positive number of seconds, got {wanted!r}")
+    if wanted / scene.integrator.time_step > MOST_STEPS:
+        raise SwimError(
+            f"the duration must be at most {MOST_STEPS:,} time steps of "
+            f"{scene.integrator.time_step:g} s, got {wanted:g} s"
+        )
+    steps = round(wanted / scene.integrator.time_step)
+    if steps < 1:
+        raise SwimError(
+            f"the duration must be at least one time step, {scene.integrator.time_step:g} s, "
+            f"got {wanted:g} s"
+        )
+    return steps
+
+
+def replay(
+    scene: Scene,
+    duration: float | None = None,
+    progress: Callable[[int], object] | None = None,
+) -> tuple[Trajectory, dict[str, Any]]:
+    """Play the scene's prescribed torque from its start.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    duration : float, optional
+        Simulated time (s), rounded to whole steps; the scene's own unless given.
+    progress : callable, optional
+        Called with the number of steps taken since the last call.
+
+    Returns
+    -------
+    trajectory : Trajectory
+        The run.
+    summary : dict
+        `Trajectory.summary` and ``wall_seconds``, the time that the steps took.
+
+    Raises
+    ------
+    SwimError
+        If the duration is not usable or the start cannot be simulated.
+    """
+    steps = steps_of(scene, duration)
+    simulator = Simulator(scene)
+    torques = simulator.prescribed_torques(steps)
+    start = time.perf_counter()
+    trajectory = simulator.rollout(torques, progress=progress)
+    return trajectory, {
+        **trajectory.summary(),
+        "wall_seconds": time.perf_counter() - start,
+    }

@@ -1,0 +1,327 @@
+"""A recorded run: arrays over time, the figures that sum it up, and its file."""
+
+from __future__ import annotations
+
+import os
+import zipfile
+from dataclasses import dataclass, fields
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.errors import SceneError, TrajectoryError
+from swim_env.files.atomic import write_atomically
+from swim_env.physics.invariants import (
+    energy_drift,
+    momentum_drift,
+    unexplained_energy,
+    unexplained_momentum,
+)
+from swim_env.physics.status import TERMINATION_REASONS
+from swim_env.scene import Scene
+from swim_env.scene.yaml import parse_yaml
+
+__all__ = ["Trajectory"]
+
+Array = NDArray[np.float64]
+
+#: Version of the file format; a reader refuses versions that it does not know. Version 2 had no
+#: impulse from outside.
+FORMAT_VERSION = 3
+_READABLE = (2, FORMAT_VERSION)
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A run of T steps of one scene.
+
+    Attributes
+    ----------
+    scene : Scene
+        What was run.
+    termination_reason : str
+        Why the run ended early, a reason of `swim_env.TERMINATION_REASONS`; empty where it did
+        not.
+    time : (T + 1,) array
+        Instants (s).
+    centres : (T + 1, N, 2) array
+        Element centres (m).
+    angles : (T + 1, N) array
+        Element angles (rad).
+    torques : (T, N - 1) array
+        Joint torques held over each step (N m).
+    momentum : (T + 1, 3) array
+        Linear momentum (kg m/s) and angular momentum about the origin (kg m^2/s).
+    energy : (T + 1,) array
+        H(q_n, p_n) (J).
+    impulse : (T, 3) array
+        Linear and angular impulse from outside in each step, of drag and stream, in the units of
+        `momentum`: what the momentum changes by.
+    work, positive_work, dissipated : (T,) arrays
+        Work of the torques in each step, the sum of its positive parts over joints, and the loss
+        to damping (J).
+    residual : (T,) array
+        Scaled residual of the step equations that was met.
+    iterations : (T,) array
+        Newton corrections tried.
+    evaluations : (T,) array
+        Evaluations of the whole residual, with the derivative of the added mass.
+    parts : (T,) array
+        Parts that a step had to be cut into; 1 where it was solved whole.
+    at_round_off : (T,) array
+        1 where rounding kept the residual above the tolerance.
+    internal_forces : (T, N - 1, 2) array or None
+        Force (N) with which what is behind a joint pulls at what is in front of it, at the
+        beginning of each step, a mean over that step and the one before; not numbers at the
+        beginning of a run. None unless the scene asks for them. It follows from the momentum
+        balance of the elements, the fluid's impulse on an element's own panels included.
+    """
+
+    scene: Scene
+    termination_reason: str
+    time: Array
+    centres: Array
+    angles: Array
+    torques: Array
+    momentum: Array
+    energy: Array
+    work: Array
+    positive_work: Array
+    dissipated: Array
+    residual: Array
+    iterations: Array
+    evaluations: Array
+    parts: Array
+    at_round_off: Array
+    impulse: Array
+    internal_forces: Array | None = None
+
+    # ---- figures -------------------------------------------------------------------------------
+
+    @property
+    def steps(self) -> int:
+        """Number T of steps."""
+        return len(self.time) - 1
+
+    @property
+    def duration(self) -> float:
+        """Simulated time that the run covers (s)."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def path(self) -> Array:
+        """Path of the mean element centre, (T + 1, 2) (m)."""
+        mean: Array = self.centres.mean(axis=1)
+        return mean
+
+    @property
+    def displacement(self) -> Array:
+        """Change of the mean element centre, (2,) (m)."""
+        net: Array = self.path[-1] - self.path[0]
+        return net
+
+    @property
+    def heading_change(self) -> float:
+        """Change of the mean element angle (rad)."""
+        return float(self.angles[-1].mean() - self.angles[0].mean())
+
+    @property
+    def nodes(self) -> Array:
+        """Nodes of the centre line from head to tail, (T + 1, N + 1, 2) (m)."""
+        half = 0.5 * self.scene.beam.element_length
+        arms = half * np.stack([np.cos(self.angles), np.sin(self.angles)], axis=-1)
+        return np.concatenate([self.centres - arms, (self.centres + arms)[:, -1:]], axis=1)
+
+    @property
+    def unexplained_energy(self) -> Array:
+        """Energy that nothing explains since the start, (T + 1,) (J)."""
+        return unexplained_energy(self.energy, self.work, self.dissipated)
+
+    @property
+    def unexplained_momentum(self) -> Array:
+        """Momentum that nothing explains since the start, (T + 1, 3) (kg m/s, kg m^2/s)."""
+        return unexplained_momentum(self.momentum, self.impulse)
+
+    @property
+    def energy_drift(self) -> float:
+        """Largest energy that nothing explains, as a share of the largest energy."""
+        return energy_drift(self.energy, self.work, self.dissipated)
+
+    def warnings(self) -> list[str]:
+        """Return in words why this run should not be trusted; empty for one that may be."""
+        found = []
+        drift, tolerance = self.energy_drift, self.scene.integrator.energy_tolerance
+        if not drift <= tolerance:
+            found.append(
+                f"the energy budget is off by {drift:.2g} of the largest energy, more than the "
+                f"scene's integrator.energy_tolerance of {tolerance:g}: do not trust this run; a "
+                "smaller time step, integrator.scheme composed or damping may help"
+            )
+        return found
+
+    def summary(self) -> dict[str, Any]:
+        """Return the figures of PHYSICS section 5, plain numbers and lists.
+
+        Returns
+        -------
+        dict
+            ``scene``; ``duration`` (s) and ``steps`` that were run; ``displacement`` [dx, dy] (m)
+            of the mean element centre, ``heading_change`` (rad), ``mean_speed``
+            |displacement|/duration (m/s); ``work``, ``positive_work``, ``dissipated`` (J);
+            ``energy_drift``, the scene's ``energy_tolerance`` for it and whether the run is to be
+            ``trusted`` by that, with ``warnings`` in words; ``momentum_drift``; ``max_residual``;
+            ``newton_iterations_mean``, ``evaluations_mean``; ``halved_steps`` and ``most_parts``
+            of a step; ``round_off_steps``; ``termination_reason`` (empty where the run was not cut
+            short).
+        """
+        steps = self.steps
+        speed = float(np.hypot(*self.displacement)) / self.duration if steps else 0.0
+        warnings = self.warnings()
+        return {
+            "scene": self.scene.name,
+            "duration": self.duration,
+            "steps": steps,
+            "displacement": [float(x) for x in self.displacement],
+            "heading_change": self.heading_change,
+            "mean_speed": speed,
+            "work": float(self.work.sum()),
+            "positive_work": float(self.positive_work.sum()),
+            "dissipated": float(self.dissipated.sum()),
+            "energy_drift": self.energy_drift,
+            "energy_tolerance": self.scene.integrator.energy_tolerance,
+            "trusted": not warnings,
+            "warnings": warnings,
+            "momentum_drift": momentum_drift(self.momentum, self.impulse),
+            "max_residual": float(self.residual.max(initial=0.0)),
+            "newton_iterations_mean": float(self.iterations.mean()) if steps else 0.0,
+            "evaluations_mean": float(self.evaluations.mean()) if steps else 0.0,
+            "halved_steps": int(np.count_nonzero(self.parts > 1)),
+            "most_parts": int(self.parts.max(initial=0)),
+            "round_off_steps": int(np.count_nonzero(self.at_round_off)),
+            "termination_reason": self.termination_reason,
+        }
+
+    # ---- file ----------------------------------------------------------------------------------
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the trajectory to a compressed NumPy file (.npz), whole or not at all.
+
+        The arrays stand under their names; the scene is a YAML text under ``scene``. Nothing in
+        it needs pickle.
+
+        Raises
+        ------
+        TrajectoryError
+            If the file cannot be written.
+        """
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        if self.internal_forces is not None:
+            arrays["internal_forces"] = self.internal_forces
+
+        def write(file: IO[bytes]) -> None:
+            np.savez_compressed(
+                file,
+                format_version=np.array(FORMAT_VERSION),
+                scene=np.array(self.scene.to_yaml()),
+                termination_reason=np.array(self.termination_reason),
+                **arrays,
+            )
+
+        try:
+            write_atomically(path, write)
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise TrajectoryError(
+                f"cannot write the trajectory: {reason} ({os.fspath(path)})"
+            ) from None
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Trajectory:
+        """Read a trajectory that `save` wrote.
+
+        Raises
+        ------
+        TrajectoryError
+            If the file cannot be read, is damaged, or is not a trajectory of a known version.
+        """
+        name = os.fspath(path)
+        try:
+            with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
+                # Reading less than all of an array, as a damaged head of it may ask for, would
+                # not come to its checksum.
+                damaged = file.zip.testzip()
+                if damaged is not None:
+                    raise zipfile.BadZipFile(f"the checksum of {damaged} is wrong")
+                content = {key: file[key] for key in file.files}
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise TrajectoryError(f"cannot read the trajectory: {reason} ({name})") from None
+        except MemoryError:
+            raise
+        except Exception as error:  # a damaged archive makes its readers raise almost anything
+            told = " ".join(str(error).split()) or type(error).__name__
+            raise TrajectoryError(
+                f"not a trajectory file, or a damaged one: {told} ({name})"
+            ) from None
+        if content.get("format_version", np.array(0)).tolist() == 2 and "torques" in content:
+            content["impulse"] = np.zeros((len(content["torques"]), 3))
+        wanted = ("format_version", "scene", "termination_reason", *_ARRAYS)
+        missing = [key for key in wanted if key not in content]
+        if missing:
+            raise TrajectoryError(f"not a trajectory file, it lacks {', '.join(missing)} ({name})")
+        version = content["format_version"].tolist()
+        if version not in _READABLE:
+            raise TrajectoryError(
+                f"the trajectory has format version {version}, this version of swim_env reads "
+                f"{' and '.join(str(number) for number in _READABLE)} ({name})"
+            )
+        reason = str(content["termination_reason"])
+        if reason not in TERMINATION_REASONS.values():
+            raise TrajectoryError(f"unknown termination_reason {reason!r} ({name})")
+        try:
+            data: Any = parse_yaml(str(content["scene"]), name)
+            scene = Scene.from_dict(data, name)
+        except SceneError as error:
+            raise TrajectoryError(f"the trajectory's scene is not valid: {error}") from None
+        try:
+            arrays = {
+                key: np.asarray(content[key], dtype=np.float64)
+                for key in (*_ARRAYS, "internal_forces")
+                if key in content
+            }
+        except (TypeError, ValueError) as error:
+            raise TrajectoryError(f"the trajectory holds no numbers: {error} ({name})") from None
+        if scene.internal_forces is not None and "internal_forces" not in arrays:
+            raise TrajectoryError(f"not a trajectory file, it lacks internal_forces ({name})")
+        trajectory = cls(scene=scene, termination_reason=reason, **arrays)
+        trajectory._check_shapes(name)
+        return trajectory
+
+    def _check_shapes(self, name: str) -> None:
+        elements = self.scene.beam.elements
+        steps = len(np.atleast_1d(self.torques))
+        shapes = dict.fromkeys(_ARRAYS, (steps,)) | {
+            "time": (steps + 1,),
+            "centres": (steps + 1, elements, 2),
+            "angles": (steps + 1, elements),
+            "torques": (steps, elements - 1),
+            "momentum": (steps + 1, 3),
+            "energy": (steps + 1,),
+            "impulse": (steps, 3),
+        }
+        if self.internal_forces is not None:
+            shapes["internal_forces"] = (steps, elements - 1, 2)
+        for key, shape in shapes.items():
+            if getattr(self, key).shape != shape:
+                raise TrajectoryError(
+                    f"the trajectory's {key} must have shape {shape}, got "
+                    f"{getattr(self, key).shape} ({name})"
+                )
+
+
+_ARRAYS = tuple(
+    field.name
+    for field in fields(Trajectory)
+    if field.name not in ("scene", "termination_reason", "internal_forces")
+)
