@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from swim_env.physics.solve.integrator import RECORD_NAMES
 
 from swim_env import load_scene
-from swim_env.physics.solve.integrator import RECORD_NAMES
 from swim_env.sim.batch import Bodies
 from swim_env.sim.recorder import Recorder
 from swim_env.sim.trajectory import Trajectory
