@@ -222,32 +222,24 @@ def test_members_that_are_reset_begin_anew_alone() -> None:
     assert env.recorded(0).steps == 8
 
 
-def test_next_step_autoreset_keeps_the_last_episode_until_the_next_step() -> None:
-    env = pair(RECORDED, max_episode_steps=3)
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_the_next_recording_begins_with_the_next_episode(mode: str) -> None:
+    env = pair(RECORDED, max_episode_steps=3, autoreset_mode=mode)
     env.reset(seed=6)
     actions = uniform(5, 2, 8)
     start = starts(env)
-    for row in actions[:3]:
-        *_, truncated, _ = env.step(row)
+    for row in actions[:2]:
+        env.step(row)
+    assert_recorded(env, start, actions[:2])
+    *_, truncated, _ = env.step(actions[2])
     assert truncated.all()
-    assert_recorded(env, start, actions[:3])
-    env.step(actions[3])
+    if mode == "NextStep":  # until then, the last one is there
+        assert_recorded(env, start, actions[:3])
+        env.step(actions[3])
     assert [one.steps for one in recordings(env)] == [0, 0]
     start = starts(env)
     env.step(actions[4])
     assert_recorded(env, start, actions[4:])
-
-
-def test_same_step_autoreset_begins_the_next_recording_at_once() -> None:
-    env = pair(RECORDED, max_episode_steps=2, autoreset_mode="SameStep")
-    env.reset(seed=7)
-    actions = uniform(3, 2, 8)
-    env.step(actions[0])
-    env.step(actions[1])
-    assert [one.steps for one in recordings(env)] == [0, 0]
-    start = starts(env)
-    env.step(actions[2])
-    assert_recorded(env, start, actions[2:])
 
 
 def test_members_and_recordings_that_are_not_there_are_refused() -> None:

@@ -143,7 +143,7 @@ def test_an_episode_is_what_the_documentation_says(task: str, variant: str) -> N
         reward = work = positive = 0.0
         if action is not None:
             observation, reward, terminated, truncated, info = env.step(action)
-            assert (terminated, truncated) == (False, False)
+            assert terminated is truncated is False
             run = simulator.rollout(np.tile(torque_of(env, action), (hold, 1)))
             work, positive = run.work.sum(), run.positive_work.sum()
             np.testing.assert_array_equal(env.torques, torque_of(env, action))
@@ -294,20 +294,17 @@ def test_a_scene_is_given_by_name_path_object_or_overrides(task: str, tmp_path: 
     scene = load_scene("swimmer", ["beam.elements=5", "beam.bending_stiffness=3.0"])
     file = tmp_path / "mine.yaml"
     scene.save(file)
-    ways: list[dict[str, Any]] = [
+    for way in (
         {"scene": scene},
         {"scene": file},
         {"scene": str(file)},
         {"overrides": {"beam.elements": 5, "beam.bending_stiffness": 3.0}},
         {"overrides": ["beam.elements=5", "beam.bending_stiffness=3.0"]},
         {"scene": scene.replace("beam.elements", 7), "overrides": "beam.elements=5"},
-    ]
-    runs = []
-    for way in ways:
-        env = make(task, **way)
-        runs.append((env.reset(seed=0), [env.step(action) for action in random_actions(env, 5)]))
-        assert env.scene.beam.elements == 5
-        assert_same(runs[-1], runs[0])
+    ):
+        env = make(task, **way)  # type: ignore[arg-type]
+        assert env.scene.beam == scene.beam
+        assert env.reset(seed=0)[0].shape == (13 + (task == TARGET),)
     assert make(task).scene == load_scene("swimmer")
     assert isinstance(gymnasium.make(f"swim_env:{task}").unwrapped, SwimEnv)
     assert make(task, "paper_i").scene == load_scene("paper_i")
@@ -403,18 +400,6 @@ def test_a_body_is_turned_with_the_motion_that_it_has() -> None:
     # A velocity given to reset is meant as it is, whatever the heading.
     _, velocity = start_of(env, options={"velocity": (-0.3, 0.1)})
     np.testing.assert_allclose(velocity[:2], [-0.3, 0.1], atol=1e-16)
-
-
-def test_noise_scales_with_its_factor() -> None:
-    env = make()
-    bare, _ = start_of(env, seed=9, options={"noise": 0.0})
-    full, full_velocity = start_of(env, seed=9)
-    half, half_velocity = start_of(env, seed=9, options={"noise": 0.5})
-    one, _ = start_of(env, seed=9, options={"noise": 1.0})
-    np.testing.assert_array_equal(one, full)
-    np.testing.assert_allclose(half - bare, 0.5 * (full - bare), atol=1e-15)
-    np.testing.assert_allclose(half_velocity, 0.5 * full_velocity, atol=1e-18)
-    assert (full - bare)[3:].all() and full_velocity.all()
 
 
 @each_task
@@ -537,30 +522,6 @@ def test_state_torques_and_goal_are_copies_and_are_restored(task: str) -> None:
 
 
 @each_task
-def test_an_early_end_has_its_reason(task: str) -> None:
-    env = make(task, overrides=LIVELY)
-    _, first = env.reset(seed=0)
-    keys = list(first)
-    rng = np.random.default_rng(0)
-    reasons = set()
-    episodes = 0
-    while episodes < 12:
-        observation, reward, terminated, truncated, info = env.step(rng.uniform(-1.0, 1.0, 3))
-        assert type(terminated) is type(truncated) is bool
-        assert list(info) == keys
-        assert np.isfinite(observation).all() and observation in env.observation_space
-        assert math.isfinite(reward) and math.isfinite(info["progress"])
-        assert terminated == (info["termination_reason"] != "")
-        if terminated:
-            reasons.add(info["termination_reason"])
-        if terminated or truncated:
-            episodes += 1
-            _, info = env.reset()
-            assert info["termination_reason"] == "" and info["time"] == 0.0
-    assert len(reasons) >= 2 and reasons <= {"", *TERMINATION_REASONS}
-    assert "under_resolved_gap" in reasons
-
-
 @pytest.mark.parametrize(
     ("limit", "stiffness", "action", "reason"),
     [
@@ -571,19 +532,21 @@ def test_an_early_end_has_its_reason(task: str) -> None:
     ],
 )
 def test_violent_actions_end_the_episode_by_name(
-    limit: float, stiffness: float, action: Array, reason: str
+    task: str, limit: float, stiffness: float, action: Array, reason: str
 ) -> None:
-    env = make(overrides={"actuation.torque_limit": limit, "beam.bending_stiffness": stiffness})
+    overrides = {"actuation.torque_limit": limit, "beam.bending_stiffness": stiffness}
+    env = make(task, overrides=overrides)
     for seed in range(2):
         observation, info = env.reset(seed=seed)
-        simulator = twin_of(env)
+        simulator, goal = twin_of(env), goal_of(env, info)
         terminated = False
         actions = 0
         while not terminated:
             before = info
             observation, reward, terminated, _, info = env.step(action)
             actions += 1
-        assert info["termination_reason"] == reason
+        assert terminated is True and info["termination_reason"] == reason
+        assert reason in TERMINATION_REASONS
         with pytest.raises(SimulationEndedError) as ended:
             for _ in range(4 * actions):
                 simulator.step(torque_of(env, action))
@@ -591,9 +554,11 @@ def test_violent_actions_end_the_episode_by_name(
         # The last state that was reached is the one that is observed.
         assert info["time"] == pytest.approx(simulator.time) and info["time"] >= before["time"]
         np.testing.assert_array_equal(env.coordinates, simulator.coordinates)
-        expected = expected_observation(simulator, (-1.0, 0.0), False)
+        expected = expected_observation(simulator, goal, task == TARGET)
         np.testing.assert_allclose(observation, expected, rtol=1e-6, atol=1e-6)
-        assert reward == pytest.approx(before["position"][0] - info["position"][0], abs=1e-12)
+        assert reward == pytest.approx(info["progress"] - before["progress"], abs=1e-12)
+        if task == FORWARD:
+            assert reward == pytest.approx(before["position"][0] - info["position"][0], abs=1e-12)
 
 
 @each_task

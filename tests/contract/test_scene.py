@@ -15,9 +15,7 @@ import pytest
 from swim_env.errors import SceneError, SwimError
 from swim_env.scene import (
     EFFECT_NAMES,
-    ENERGY_EXCESSES,
     FLUID_MODEL_NAMES,
-    SCHEME_NAMES,
     Actuation,
     AxialAddedMass,
     Beam,
@@ -38,7 +36,6 @@ from swim_env.scene import (
     load_scene,
     scene_names,
 )
-from swim_env.scene.blocks import STRAIN_NAMES
 from tests.support import ROOT, refuses, run_python
 
 PAPER = ["i", "ii", "iii", "iv", "v", "vi", "vii", "viii", "ix", "x", "xi", "xii"]
@@ -69,10 +66,6 @@ def fails(call, *parts: str) -> SceneError:
 
 
 # ---- the shipped scenes ------------------------------------------------------------------------
-
-
-def test_the_papers_scenes_and_the_one_for_learning_are_shipped() -> None:
-    assert set(SHIPPED) <= set(scene_names())
 
 
 @pytest.mark.parametrize(
@@ -224,13 +217,9 @@ def test_the_short_forms_of_a_file_take_default_values(tmp_path) -> None:
 
 
 def test_names_and_defaults() -> None:
-    assert set(EFFECTS) <= {spec.name for spec in dataclasses.fields(Scene)}
-    assert SCHEME_NAMES == ("paper", "composed")
-    assert STRAIN_NAMES == ("averaged_directors", "mean_angles", "joint_angle")
-    assert ENERGY_EXCESSES == ("warn", "end")
     default = Integrator()
-    assert default.energy_excess == ENERGY_EXCESSES[0]
-    assert (default.scheme, default.strain) == (SCHEME_NAMES[0], STRAIN_NAMES[0])
+    assert (default.scheme, default.strain) == ("paper", "averaged_directors")
+    assert default.energy_excess == "warn"
     assert ", ".join(FLUID_MODEL_NAMES) == MODELS
 
 
@@ -250,8 +239,9 @@ def test_stiffness_laws_mean_the_same_at_every_resolution(elements) -> None:
     assert halves.shape == linear.shape == (elements - 1,)
 
 
-def test_stiffness_as_list_number_and_three_pieces() -> None:
-    """A list is taken as it is, a number everywhere, and a joint on a border is behind it."""
+def test_a_list_is_taken_as_it_is_a_number_everywhere_and_a_joint_on_a_border_is_behind_it() -> (
+    None
+):
     assert Beam(elements=4, bending_stiffness=[1, 2, 3]).stiffness_at_joints().tolist() == [1, 2, 3]
     assert Beam(elements=4, bending_stiffness=7).stiffness_at_joints().tolist() == [7, 7, 7]
     pieces = {"pieces": [{"until": u, "value": v} for u, v in ((0.25, 1), (0.5, 2), (1.0, 3))]}
@@ -267,8 +257,7 @@ def test_stiffness_as_list_number_and_three_pieces() -> None:
     )
 
 
-def test_blocks_are_frozen_and_take_numpy_values() -> None:
-    """Fields cannot be set; numpy scalars and arrays become plain values, equal and hashable."""
+def test_blocks_are_frozen_and_numpy_values_become_plain_ones() -> None:
     beam = Beam(
         length=np.float32(2.0), elements=np.int64(3), bending_stiffness=np.array([1.0, 2.0])
     )
@@ -297,8 +286,7 @@ def test_torque_formula(name) -> None:
             assert row[k - 2] == pytest.approx(expected, rel=1e-13, abs=1e-14)
 
 
-def test_torques_end_in_viii() -> None:
-    """Scene viii is scene i before 50 s and has exactly no torque from then on."""
+def test_scene_viii_is_scene_i_before_50_s_and_then_without_torque() -> None:
     scene = load_scene("paper_viii")
     times = np.arange(4990, 5010) * scene.integrator.time_step
     torques = scene.actuation.torques(times, scene.beam)
@@ -309,8 +297,7 @@ def test_torques_end_in_viii() -> None:
     assert not torques[~before].any()
 
 
-def test_torques_only_in_front_half_in_ix() -> None:
-    """Scene ix drives the joints with s <= l/2 as scene i does, and no other."""
+def test_scene_ix_drives_the_joints_of_the_front_half_as_scene_i_does_and_no_other() -> None:
     scene = load_scene("paper_ix")
     times = np.linspace(0.0, 1.0, 11)
     torques = scene.actuation.torques(times, scene.beam)
@@ -324,8 +311,7 @@ def test_torques_only_in_front_half_in_ix() -> None:
     )
 
 
-def test_amplitude_may_exceed_the_torque_limit() -> None:
-    """The torque limit scales an environment's actions and does not clip the wave."""
+def test_the_torque_limit_does_not_clip_the_wave() -> None:
     scene = load_scene("paper_i", {"actuation.amplitude": 5.0, "actuation.torque_limit": 2.0})
     assert np.abs(scene.actuation.torques(np.arange(0, 1, 0.01), scene.beam)).max() > 4.9
 
@@ -333,8 +319,7 @@ def test_amplitude_may_exceed_the_torque_limit() -> None:
 # ---- initial state -----------------------------------------------------------------------------
 
 
-def test_reference_pose() -> None:
-    """By default the body lies straight along +x with the head at the origin, at rest."""
+def test_by_default_the_body_lies_straight_along_x_with_the_head_at_the_origin_at_rest() -> None:
     beam = Beam(length=2.0, elements=4)
     centres, angles = Initial().pose(beam)
     np.testing.assert_allclose(centres, [[0.25, 0], [0.75, 0], [1.25, 0], [1.75, 0]], atol=1e-15)
@@ -344,8 +329,7 @@ def test_reference_pose() -> None:
     assert not moving.any() and not rates.any()
 
 
-def test_bent_pose_is_a_chain() -> None:
-    """Joint angles add up behind the heading, and neighbouring elements meet at a node."""
+def test_joint_angles_add_up_behind_the_heading_and_elements_meet_at_nodes() -> None:
     beam = Beam(elements=3)
     start = Initial(position=(1.0, 2.0), heading=0.4, joint_angles=[0.5, -0.2])
     centres, angles = start.pose(beam)
@@ -367,8 +351,7 @@ def test_velocity_slope_turns_the_straight_body() -> None:
     np.testing.assert_array_equal(rates, np.full(9, -1e-4))
 
 
-def test_consistent_velocities_of_a_bent_body_are_accepted() -> None:
-    """Velocities per element that do obey (15) pass, also far from the origin."""
+def test_velocities_of_a_bent_body_that_obey_inextensibility_are_accepted() -> None:
     beam = Beam(elements=4)
     pose = {"position": [3.0, -7.0], "heading": 2.0, "joint_angles": [0.3, -0.8, 0.5]}
     rates = np.array([0.7, -0.4, 1.3, 0.2])
@@ -381,13 +364,8 @@ def test_consistent_velocities_of_a_bent_body_are_accepted() -> None:
     assert Scene.from_dict(scene.to_dict()) == scene
     np.testing.assert_array_equal(scene.initial.velocities(beam)[0], moving)
     moving[2] += [1e-7, 0.0]
-    fails(
-        lambda: Scene(beam=beam, initial=dataclasses.replace(start, velocity=moving)),
-        "initial.velocity",
-        "inextensibility (15)",
-        "elements 2 and 3",
-        "1e-07 m/s",
-    )
+    with refuses(SceneError, "initial.velocity", "inextensibility (15)", "elements 2", "1e-07 m/s"):
+        Scene(beam=beam, initial=dataclasses.replace(start, velocity=moving))
 
 
 # ---- bad values --------------------------------------------------------------------------------
@@ -425,9 +403,7 @@ BAD = [
     # wrong types
     ("beam.length", True, "must be a number in m, got true"),
     ("beam.length", "5", "must be a number in m, got text '5'"),
-    ("beam.length", None, "must be a number in m, got null"),
     ("beam.length", [1.0], "must be a number in m, got a list of 1"),
-    ("beam.length", {"m": 1}, "must be a number in m, got a mapping"),
     ("beam.length", 1j, "must be a number in m, got 1j"),
     ("beam.length", np.zeros((2, 2)), "must be a number in m, got a list of 2"),
     ("beam.elements", 9.0, "must be an integer, got 9.0"),
@@ -461,17 +437,7 @@ BAD = [
     ("fluid.model", "panel", f"must be one of {MODELS}, got 'panel' (nearest: panels)"),
     ("fluid.model", None, f"must be one of {MODELS}, got null"),
     ("integrator.scheme", "Paper", "must be one of paper, composed, got 'Paper' (nearest: paper)"),
-    (
-        "integrator.strain",
-        "mean_angle",
-        "must be one of averaged_directors, mean_angles, joint_angle, got 'mean_angle' "
-        "(nearest: mean_angles)",
-    ),
-    (
-        "integrator.strain",
-        None,
-        "must be one of averaged_directors, mean_angles, joint_angle, got null",
-    ),
+    ("integrator.strain", "mean_angle", "joint_angle, got 'mean_angle' (nearest: mean_angles)"),
     ("integrator.energy_tolerance", 0.0, "energy_tolerance must be above 0, got 0.0"),
     ("integrator.energy_excess", "stop", "must be one of warn, end, got 'stop'"),
     # stiffness
@@ -602,10 +568,8 @@ def test_the_message_of_a_file_has_field_bound_value_and_the_path_as_given(
         ({"fluid": {"qqq": 1}}, ["unknown field fluid.qqq; known fields: model, density"]),
         ({"damping": {}}, ["damping.retardation_time is missing"]),
         ({"actuation": {"frequency": 1}}, ["actuation.amplitude is missing"]),
-        ({"fluid": {"model": "panels"}}, ["panels needs fluid.density"]),
         ({"fluid": {}}, ["panels needs fluid.density"]),
         ({"fluid": {"model": "none", "density": 10}}, ["fluid.density has no meaning", "got 10"]),
-        ({"axial_added_mass": None}, ["axial_added_mass must be {} or true", "null"]),
         ({"name": None}, ["name must be text, got null"]),
         ([1, 2], ["scene must be a mapping of fields, got a list of 2"]),
         ("paper_i", ["scene must be a mapping of fields, got text 'paper_i'"]),
@@ -793,14 +757,11 @@ def test_a_file_may_say_1e_3_and_be_without_a_name(tmp_path) -> None:
         (b"[" * 3000, ["not valid YAML"]),
         (b"", ["the file is empty"]),
         (b"# nothing\n", ["the file is empty"]),
-        (b"- beam\n", ["scene must be a mapping of fields, got a list of 1"]),
-        (b"just text\n", ["scene must be a mapping of fields, got text 'just text'"]),
         (b"beam: {length: 1:30}\n", ["beam.length must be a number in m, got text '1:30'"]),
         (b"beam: {length: .nan}\n", ["beam.length must be a finite number in m, got nan"]),
         (b"beam: {length: -.inf}\n", ["beam.length must be a finite number in m, got -inf"]),
-        (b"axial_added_mass:\n", ["axial_added_mass must be {} or true", "got null"]),
     ],
-    ids=range(26),
+    ids=range(23),
 )
 def test_a_file_that_is_not_a_scene_is_refused(text, parts, tmp_path, monkeypatch) -> None:
     """With the line where YAML breaks, and the file's name."""
