@@ -45,9 +45,7 @@ MOTIONS = {
     "swimmer under random torques": Motion("swimmer", {}, 100, random_held),
     "five times the torque": Motion("paper_i", {"actuation.amplitude": 5.0}, 50),
     "axial added mass, two cap panels": Motion(
-        "paper_i",
-        {"axial_added_mass": True, "fluid.cap_panels": 2, "beam.elements": 6},
-        100,
+        "paper_i", {"axial_added_mass": True, "fluid.cap_panels": 2, "beam.elements": 6}, 100
     ),
     "no fluid, drifting": Motion(
         "paper_i",
@@ -87,28 +85,6 @@ MOTIONS = {
 }
 
 
-def reference_run(scene: Scene, torques: Array) -> dict[str, Array]:
-    fluid, beam = scene.fluid, scene.beam
-    result: dict[str, Array] = independent.simulate(
-        elements=beam.elements,
-        length=beam.length,
-        half_thickness=beam.half_thickness,
-        line_density=beam.line_density,
-        rotary_inertia=beam.rotary_inertia,
-        bending_stiffness=beam.stiffness_at_joints(),
-        density=fluid.density if fluid else None,
-        panels_per_element=fluid.panels_per_element if fluid else 2,
-        cap_panels=fluid.cap_panels if fluid else 1,
-        time_step=scene.integrator.time_step,
-        torques=torques,
-        retardation_time=scene.damping.retardation_time if scene.damping else 0.0,
-        velocity=scene.initial.velocity,
-        slope=scene.initial.velocity_slope,
-        axial=scene.axial_added_mass is not None,
-    )
-    return result
-
-
 @pytest.mark.parametrize("name", MOTIONS)
 def test_same_motion(name: str) -> None:
     motion = MOTIONS[name]
@@ -122,7 +98,7 @@ def test_same_motion(name: str) -> None:
     trajectory = simulator.rollout(torques)
     assert trajectory.termination_reason == ""
     assert trajectory.parts.max() == 1.0, "the reference cannot cut a step"
-    exact = reference_run(scene, torques)
+    exact = independent.simulate(scene, torques)
     figures = {
         key: float(np.abs(getattr(trajectory, key) - exact[key]).max())
         for key in ("centres", "angles", "momentum", "energy", "work")
