@@ -17,7 +17,8 @@ from swim_env.physics.fluid.added_mass import (
     motion_count,
     shape_force,
 )
-from swim_env.physics.fluid.outline import FluidGeometry
+from swim_env.physics.fluid.outline import LATERAL, LENGTH, ROTARY, FluidGeometry
+from swim_env.physics.fluid.panels import POTENTIAL, normal_influence
 from swim_env.physics.loading import load_kernels
 from swim_env.physics.planar.beam import BeamConstants
 from swim_env.physics.planar.lagrangian import (
@@ -27,7 +28,6 @@ from swim_env.physics.planar.lagrangian import (
     evaluate_step,
     mass_matrix,
     pose_jacobian,
-    set_pose,
     step_array_size,
     step_jacobian,
 )
@@ -72,41 +72,6 @@ def _step_probe(
     z: Array,
     h: float,
     difference: float,
-    beam: BeamConstants,
-    fluid: FluidConstants,
-    floats: Array,
-    integers: Integers,
-    residual: Array,
-    change: Array,
-    jacobian: Array,
-    mass: Array,
-) -> int:
-    used = fluid_work_sizes(fluid)[0]
-    step = floats[used : used + step_array_size(beam.elements, motion_count(fluid))]
-    w = carve_step_arrays(step, beam.elements, motion_count(fluid))
-    work = carve_fluid_work(floats[:used], integers, fluid)
-    set_pose(q, beam, w)
-    status = added_mass(q[3:], fluid, work, w.added_mass)
-    if status == 0:
-        mass_matrix(beam, fluid, work, w)
-        for i in range(mass.shape[0]):
-            copy(w.mass[i], mass[i])
-        evaluate_step(p, torques, z, h, beam, fluid, work, w)
-        copy(w.unknowns[RESIDUAL], residual)
-        copy(w.unknowns[CHANGE], change)
-        step_jacobian(h, beam, fluid, work, difference, w)
-        for i in range(jacobian.shape[0]):
-            copy(w.jacobian[i], jacobian[i])
-    return status
-
-
-@entry_kernel
-def _pose_probe(
-    q: Array,
-    p: Array,
-    torques: Array,
-    z: Array,
-    h: float,
     ends: Array,
     beam: BeamConstants,
     fluid: FluidConstants,
@@ -116,6 +81,7 @@ def _pose_probe(
     change: Array,
     jacobian: Array,
     pose: Array,
+    mass: Array,
 ) -> int:
     used = fluid_work_sizes(fluid)[0]
     step = floats[used : used + step_array_size(beam.elements, motion_count(fluid))]
@@ -127,6 +93,9 @@ def _pose_probe(
     pose_jacobian(h, beam, w)
     for i in range(pose.shape[0]):
         copy(w.jacobian[i], pose[i])
+    mass_matrix(beam, fluid, work, w)  # prepare has left its factor
+    for i in range(mass.shape[0]):
+        copy(w.mass[i], mass[i])
     if ends.size > 0:
         w.adjoint[0] = 1.0
         status = added_mass(ends, fluid, work, w.added_mass)
@@ -135,7 +104,7 @@ def _pose_probe(
     evaluate_step(p, torques, z, h, beam, fluid, work, w)
     copy(w.unknowns[RESIDUAL], residual)
     copy(w.unknowns[CHANGE], change)
-    step_jacobian(h, beam, fluid, work, 0.0, w)
+    step_jacobian(h, beam, fluid, work, difference, w)
     for i in range(jacobian.shape[0]):
         copy(w.jacobian[i], jacobian[i])
     return status
@@ -182,12 +151,47 @@ def probe_fluid(
     return FluidProbe(mass, raw, gradient)
 
 
+class PanelProbe(NamedTuple):
+    """The added mass of panels and what it is made of.
+
+    Normal influence and potential of unit sources (M, M), the panels' normal velocity under unit
+    motions (M, 2 N), and their lengths (M,), padded by panels without length.
+    """
+
+    mass: Array
+    normal: Array
+    potential: Array
+    motions: Array
+    lengths: Array
+
+
+def probe_panels(joint_angles: Array, fluid: FluidConstants) -> PanelProbe:
+    elements = fluid.geometry.elements
+    floats, integers = fluid_work_sizes(fluid)
+    work = carve_fluid_work(np.zeros(floats), np.zeros(integers, dtype=np.int64), fluid)
+    mass = np.zeros((2 * elements, 2 * elements))
+    assert added_mass(joint_angles, fluid, work, mass) == 0
+    panels, element = work.outline.panels, work.outline.element
+    lengths = panels[LENGTH]
+    normal = np.empty((lengths.size, lengths.size))
+    normal_influence(panels, int(np.count_nonzero(lengths)), work.layers, normal)
+    motions = np.zeros((lengths.size, 2 * elements))
+    every = np.arange(lengths.size)
+    motions[every, element], motions[every, elements + element] = panels[LATERAL], panels[ROTARY]
+    return PanelProbe(mass, normal, work.layers[POTENTIAL], motions, lengths)
+
+
 class StepProbe(NamedTuple):
-    """Residual, change of the momentum, minus the residual's Jacobian, and the mass at q_n."""
+    """A step's residual and change of momentum, and matrices at its start.
+
+    They are minus the residual's Jacobian, the Jacobian that is made of the mass at q_n, and that
+    mass.
+    """
 
     residual: Array
     change: Array
     jacobian: Array
+    pose: Array
     mass: Array
 
 
@@ -199,46 +203,19 @@ def probe_step(
     h: float,
     beam: BeamConstants,
     fluid: FluidConstants,
-    difference: float = 0.0,
-) -> StepProbe:
-    load_kernels()
-    n = beam.elements + 2
-    floats, integers = work_sizes(beam, fluid)
-    out = StepProbe(np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros((n, n)))
-    work = (np.zeros(floats), np.zeros(integers, dtype=np.int64))
-    status = _step_probe(q, p, torques, z, h, difference, beam, fluid, *work, *out)
-    assert status == 0, f"the step cannot be evaluated, status {status}"
-    return out
-
-
-class PoseProbe(NamedTuple):
-    """Residual, change, Newton's matrix, and the one made of the mass at q_n."""
-
-    residual: Array
-    change: Array
-    jacobian: Array
-    pose: Array
-
-
-def probe_pose(
-    q: Array,
-    p: Array,
-    torques: Array,
-    z: Array,
-    h: float,
-    beam: BeamConstants,
-    fluid: FluidConstants,
     *,
+    difference: float = 0.0,
     adjoint: bool = False,
-) -> PoseProbe:
-    """Evaluate a step after `prepare`, as a run does, or the adjoint of a step."""
+) -> StepProbe:
+    """Evaluate a step from q by z as a run does, or the adjoint of a step."""
     load_kernels()
     n = beam.elements + 2
     floats, integers = work_sizes(beam, fluid)
-    out = PoseProbe(np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros((n, n)))
+    square = np.zeros((3, n, n))
+    out = StepProbe(np.zeros(n), np.zeros(n), *square)
     work = (np.zeros(floats), np.zeros(integers, dtype=np.int64))
     ends = q[3:] + z[3:] if adjoint else np.zeros(0)
-    status = _pose_probe(q, p, torques, z, h, ends, beam, fluid, *work, *out)
+    status = _step_probe(q, p, torques, z, h, difference, ends, beam, fluid, *work, *out)
     assert status == 0, f"the step cannot be evaluated, status {status}"
     return out
 

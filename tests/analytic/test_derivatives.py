@@ -1,7 +1,8 @@
-"""Gradient of the added mass and of L_d against an independent complex step (PHYSICS section 4)."""
+"""Gradient of the added mass and of L_d against an independent complex step."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 
 from swim_env.physics.fluid.added_mass import FluidConstants
 from swim_env.physics.planar.beam import BeamConstants
-from tests.analytic.probes import fluid_constants, probe_fluid, probe_step
+from tests.analytic.probes import StepProbe, fluid_constants, probe_fluid, probe_step
+from tests.invariants.runs import orders
 from tests.reference import independent
 
 Array = NDArray[np.float64]
@@ -132,6 +134,9 @@ class Step(NamedTuple):
     fluid: FluidConstants
     reference: independent._Beam
 
+    def probe(self, *, difference: float = 0.0, adjoint: bool = False) -> StepProbe:
+        return probe_step(*self[:7], difference=difference, adjoint=adjoint)
+
 
 def make_step(
     elements: int,
@@ -197,25 +202,30 @@ def reference_derivatives(step: Step, z: Array, shape: bool = True) -> tuple[Arr
     return first, second
 
 
-def reference_residual(step: Step, z: Array, shape: bool = True) -> Array:
+def generalised_impulse(step: Step, z: Array) -> Array:
+    """Return the impulse h F of torques and damping on mean centre and angles."""
     impulse = step.h * step.torques - step.beam.joint_damping * z[3:]
     force = np.zeros(len(z))
     force[3:] += impulse
     force[2:-1] -= impulse
-    return step.p + reference_derivatives(step, z, shape)[0] + 0.5 * force
+    return force
+
+
+def reference_residual(step: Step, z: Array, shape: bool = True) -> Array:
+    first = reference_derivatives(step, z, shape)[0]
+    return step.p + first + 0.5 * generalised_impulse(step, z)
 
 
 @pytest.mark.parametrize("name", STEPS)
 def test_residual_and_change_are_derivatives_of_the_lagrangian(name: str) -> None:
     step = STEPS[name]()
-    found = probe_step(*step[:5], step.beam, step.fluid)
+    found = step.probe()
     first, second = reference_derivatives(step, step.z)
     scale = float(np.abs(first).max())
     residual = reference_residual(step, step.z)
     error = float(np.abs(found.residual - residual).max()) / scale
     assert error < 1e-12, f"{name}: p + D1 L_d + h F/2 off by {error:.1e} of |D1 L_d|"
-    # h F is twice what the residual has of it.
-    change = first + second + 2.0 * (residual - step.p - first)
+    change = first + second + generalised_impulse(step, step.z)
     error = float(np.abs(found.change - change).max()) / scale
     assert error < 1e-12, f"{name}: D1 L_d + D2 L_d + h F off by {error:.1e} of |D1 L_d|"
     # What is left undisturbed by shifting and turning everything: momentum's conservation law.
@@ -225,7 +235,7 @@ def test_residual_and_change_are_derivatives_of_the_lagrangian(name: str) -> Non
 @pytest.mark.parametrize("name", STEPS)
 def test_mass_is_the_independent_one(name: str) -> None:
     step = STEPS[name]()
-    found = probe_step(*step[:5], step.beam, step.fluid).mass
+    found = step.probe().mass
     x = angles_of(step.q)
     mass = None
     if step.fluid.density:
@@ -238,25 +248,25 @@ def test_mass_is_the_independent_one(name: str) -> None:
     assert error < 1e-13, f"{name}: reduced mass off by {error:.1e}"
 
 
-def differences(step: Step, shape: bool) -> Array:
-    """Differentiate the reference's residual by z with differences of eighth order."""
+def differentiate(function: Callable[[Array], Array], z: Array) -> Array:
+    """Return the Jacobian of a function at z by differences of eighth order."""
     weights = {1: 4.0 / 5.0, 2: -1.0 / 5.0, 3: 4.0 / 105.0, 4: -1.0 / 280.0}
-    n = len(step.z)
     size = 0.02
-    out = np.zeros((n, n))
-    for j, unit in enumerate(np.eye(n)):
-        for k, weight in weights.items():
-            ahead = reference_residual(step, step.z + k * size * unit, shape)
-            back = reference_residual(step, step.z - k * size * unit, shape)
-            out[:, j] += weight * (ahead - back) / size
-    return out
+    columns = [
+        sum(
+            weight * (function(z + k * size * unit) - function(z - k * size * unit)) / size
+            for k, weight in weights.items()
+        )
+        for unit in np.eye(len(z))
+    ]
+    return np.stack(columns, axis=1)
 
 
 @pytest.mark.parametrize("name", STEPS)
 def test_newton_matrix_with_the_shape_force_held(name: str) -> None:
     step = STEPS[name]()
-    found = probe_step(*step[:5], step.beam, step.fluid, 0.0).jacobian
-    exact = -differences(step, shape=False)
+    found = step.probe().jacobian
+    exact = -differentiate(lambda z: reference_residual(step, z, shape=False), step.z)
     error = float(np.abs(found - exact).max() / np.abs(exact).max())
     assert error < 1e-12, f"{name}: Newton's matrix off by {error:.1e}"
 
@@ -264,18 +274,18 @@ def test_newton_matrix_with_the_shape_force_held(name: str) -> None:
 @pytest.mark.parametrize("name", [name for name in STEPS if name != "no fluid"])
 def test_newton_matrix_with_the_shape_force_differenced(name: str) -> None:
     step = STEPS[name]()
-    exact = -differences(step, shape=True)
-    held = probe_step(*step[:5], step.beam, step.fluid, 0.0).jacobian
+    exact = -differentiate(lambda z: reference_residual(step, z), step.z)
+    held = step.probe().jacobian
     part = float(np.abs(held - exact).max())
     sizes = [1e-1, 1e-2, 1e-3]
     errors = []
     for size in sizes:
-        found = probe_step(*step[:5], step.beam, step.fluid, size).jacobian
+        found = step.probe(difference=size).jacobian
         errors.append(float(np.abs(found - exact).max()) / part)
-    orders = np.log10(np.array(errors[:-1]) / errors[1:])
+    observed = orders(errors, ratio=10.0)
     text = f"{name}: errors {errors} of the shape force's part {part:.2e}, sizes {sizes}"
     # The force is a quadratic form, so the quotient is off in proportion to its step.
-    assert (np.abs(orders - 1.0) < 1e-3).all(), f"{text}, orders {orders.tolist()}"
-    used = probe_step(*step[:5], step.beam, step.fluid, 1e-5).jacobian
+    assert (np.abs(observed - 1.0) < 1e-3).all(), f"{text}, orders {observed.tolist()}"
+    used = step.probe(difference=1e-5).jacobian
     error = float(np.abs(used - exact).max()) / part
     assert error < 1e-3, f"{name}: as Newton uses it, off by {error:.1e} of its part"

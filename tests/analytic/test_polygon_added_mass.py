@@ -1,4 +1,4 @@
-"""Added mass of closed outlines against closed forms (PHYSICS.md section 6, item 1)."""
+"""Added mass of closed outlines against closed forms."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from swim_env import OutlineError
 from swim_env.physics import added_mass_of_polygon
 from tests.analytic.conformal import mapped_mass, rectangle_mass, series_boundary
 from tests.analytic.probes import fluid_constants, probe_fluid
+from tests.invariants.runs import orders
 
 Array = NDArray[np.float64]
 
@@ -43,11 +44,6 @@ def cut_edges(corners: NDArray[np.complex128], per_edge: list[int], graded: bool
 def lopsided() -> Array:
     """Return a concave outline of five corners without any symmetry, about 1 m across."""
     return np.array([[0.1, -0.2], [1.1, 0.1], [0.5, 0.3], [0.9, 0.9], [-0.2, 0.6]])
-
-
-def orders(errors: list[float]) -> list[float]:
-    """Return observed orders of convergence where each resolution is twice the one before."""
-    return [float(np.log2(abs(a / b))) for a, b in zip(errors, errors[1:], strict=False)]
 
 
 @pytest.mark.parametrize(("a", "b"), [(1.0, 1.0), (2.0, 1.0), (1.0, 0.5), (0.3, 1.0), (1.0, 0.2)])
@@ -211,7 +207,7 @@ def test_scaled_and_mirrored(scale: float) -> None:
 
 
 def swimmer_outline(joint_angles: Array, panels: int, caps: int, h: float = 0.01) -> Array:
-    """Return the outline of PHYSICS.md section 2 for a beam of unit length, head at the origin."""
+    """Return the mitred outline (docs/physics.md) of a beam of unit length, head at the origin."""
     n = len(joint_angles) + 1
     angles = np.concatenate([[0.0], np.cumsum(joint_angles)])
     nodes = np.concatenate([[0.0], np.cumsum(np.exp(1j * angles)) / n])
