@@ -13,7 +13,7 @@ from swim_env import Simulator, load_scene
 from tests.analytic.probes import StepProbe, fluid_constants, rigid_mass
 from tests.analytic.test_derivatives import Step, angles_of, head_coordinates, make_step
 from tests.invariants.runs import VIOLENT, each_scheme, normals_of, orders, passive, stiff_scene
-from tests.reference import before_effects, independent
+from tests.reference import independent, stored_runs
 from tests.support import assert_same, held_torques, rollout
 
 Array = NDArray[np.float64]
@@ -21,22 +21,47 @@ Array = NDArray[np.float64]
 DENSITY = 10.0
 
 
-# ---- effects that are absent -------------------------------------------------------------------
+# ---- runs that are stored ----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", sorted(before_effects.scenes()))
-def test_absent_effects_change_no_bit(name: str) -> None:
-    result = before_effects.run(before_effects.scenes()[name])
-    with np.load(before_effects.STORED) as stored:
-        wanted, machine = stored[name], str(stored["machine"])
-    if before_effects.machine() == machine:
-        gap = np.abs(result - wanted).max()
-        assert np.array_equal(result, wanted), f"{name} differs by {gap:.2g} from before"
+@pytest.fixture(scope="module")
+def stored() -> tuple[dict[str, stored_runs.Run], str]:
+    return stored_runs.stored()
+
+
+@pytest.mark.parametrize("name", sorted(stored_runs.cases()))
+def test_stored_runs_change_no_bit(
+    stored: tuple[dict[str, stored_runs.Run], str], name: str
+) -> None:
+    runs, machine = stored
+    found, wanted = stored_runs.run(stored_runs.cases()[name]), runs[name]
+    if stored_runs.machine() == machine:
+        said = stored_runs.difference(found, wanted)
+        assert not said, f"{name} differs from before: {said}"
     else:
         # Another processor or compiler fuses products and sums in another order. Bits cannot be
         # compared then, but an effect that leaks would show far above what rounding grows to.
-        gap = np.abs(result - wanted).max() / np.abs(wanted).max()
+        assert found.numbers.shape == wanted.numbers.shape
+        gap = np.abs(found.numbers - wanted.numbers).max() / np.abs(wanted.numbers).max()
         assert gap < 1e-9, f"{name} differs by {gap:.2g} of the largest number from before"
+        assert found.digests[0] == wanted.digests[0], f"{name} ends otherwise: {found.digests[0]}"
+
+
+def test_stored_runs_have_cut_steps_and_early_ends(
+    stored: tuple[dict[str, stored_runs.Run], str],
+) -> None:
+    runs, _ = stored
+    assert runs.keys() == stored_runs.cases().keys()
+    cut = {name for name, one in runs.items() if (one.counts[2] > 1).any()}
+    assert {"cut_steps", "cut_steps_composed"} <= cut
+    ended = {name: one.digests[0] for name, one in runs.items() if one.digests[0][-1] != ":"}
+    assert ended == {
+        "ends_in_contact": "termination_reason:self_contact",
+        "ends_unexplained": "termination_reason:energy_unexplained",
+    }
+
+
+# ---- effects that are absent -------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
