@@ -35,9 +35,17 @@ from swim_env.physics.runtime.compile import entry_kernel
 from swim_env.physics.runtime.dense import copy
 from swim_env.physics.solve.integrator import prepare, work_sizes
 from swim_env.sim.batch import Bodies
+from tests.support import Array
 
-Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+
+class FluidProbe(NamedTuple):
+    """Added mass, the matrix before its symmetric part is taken, and the shape gradient."""
+
+    mass: Array
+    raw: Array
+    gradient: Array
 
 
 @entry_kernel
@@ -47,21 +55,33 @@ def _fluid_probe(
     fluid: FluidConstants,
     floats: Array,
     integers: Integers,
-    mass: Array,
-    raw: Array,
-    gradient: Array,
+    out: FluidProbe,
 ) -> int:
     work = carve_fluid_work(floats, integers, fluid)
-    status = added_mass(joint_angles, fluid, work, mass)
+    status = added_mass(joint_angles, fluid, work, out.mass)
     if status == 0:
-        shape_force(motion, fluid, work, gradient)
-        for a in range(raw.shape[0]):
-            for b in range(raw.shape[0]):
+        shape_force(motion, fluid, work, out.gradient)
+        for a in range(out.raw.shape[0]):
+            for b in range(out.raw.shape[0]):
                 total = 0.0
                 for i in range(work.loads.shape[1]):
                     total += work.loads[a, i] * work.strengths[i, b]
-                raw[a, b] = -fluid.density * total
+                out.raw[a, b] = -fluid.density * total
     return status
+
+
+class StepProbe(NamedTuple):
+    """A step's residual and change of momentum, and matrices at its start.
+
+    They are minus the residual's Jacobian, the Jacobian that is made of the mass at q_n, and that
+    mass.
+    """
+
+    residual: Array
+    change: Array
+    jacobian: Array
+    pose: Array
+    mass: Array
 
 
 @entry_kernel
@@ -77,11 +97,7 @@ def _step_probe(
     fluid: FluidConstants,
     floats: Array,
     integers: Integers,
-    residual: Array,
-    change: Array,
-    jacobian: Array,
-    pose: Array,
-    mass: Array,
+    out: StepProbe,
 ) -> int:
     used = fluid_work_sizes(fluid)[0]
     step = floats[used : used + step_array_size(beam.elements, motion_count(fluid))]
@@ -91,22 +107,22 @@ def _step_probe(
     if status != 0:
         return status
     pose_jacobian(h, beam, w)
-    for i in range(pose.shape[0]):
-        copy(w.jacobian[i], pose[i])
+    for i in range(out.pose.shape[0]):
+        copy(w.jacobian[i], out.pose[i])
     mass_matrix(beam, fluid, work, w)  # prepare has left its factor
-    for i in range(mass.shape[0]):
-        copy(w.mass[i], mass[i])
+    for i in range(out.mass.shape[0]):
+        copy(w.mass[i], out.mass[i])
     if ends.size > 0:
         w.adjoint[0] = 1.0
         status = added_mass(ends, fluid, work, w.added_mass)
         if status != 0:
             return status
     evaluate_step(p, torques, z, h, beam, fluid, work, w)
-    copy(w.unknowns[RESIDUAL], residual)
-    copy(w.unknowns[CHANGE], change)
+    copy(w.unknowns[RESIDUAL], out.residual)
+    copy(w.unknowns[CHANGE], out.change)
     step_jacobian(h, beam, fluid, work, difference, w)
-    for i in range(jacobian.shape[0]):
-        copy(w.jacobian[i], jacobian[i])
+    for i in range(out.jacobian.shape[0]):
+        copy(w.jacobian[i], out.jacobian[i])
     return status
 
 
@@ -125,14 +141,6 @@ def fluid_constants(
     return FluidConstants(FLUID_MODELS[model], geometry, density, axial)
 
 
-class FluidProbe(NamedTuple):
-    """Added mass, the matrix before its symmetric part is taken, and the shape gradient."""
-
-    mass: Array
-    raw: Array
-    gradient: Array
-
-
 def probe_fluid(
     joint_angles: Array, fluid: FluidConstants, motion: Array | None = None
 ) -> FluidProbe:
@@ -141,14 +149,12 @@ def probe_fluid(
     floats, integers = fluid_work_sizes(fluid)
     if motion is None:
         motion = np.zeros(count)
-    mass, raw = np.zeros((count, count)), np.zeros((count, count))
     gradient = np.zeros(fluid.geometry.elements)
+    out = FluidProbe(np.zeros((count, count)), np.zeros((count, count)), gradient)
     work = (np.zeros(floats), np.zeros(integers, dtype=np.int64))
-    status = _fluid_probe(
-        np.asarray(joint_angles, dtype=float), motion, fluid, *work, mass, raw, gradient
-    )
+    status = _fluid_probe(np.asarray(joint_angles, dtype=float), motion, fluid, *work, out)
     assert status == 0, f"no added mass, status {status}, for joints {joint_angles}"
-    return FluidProbe(mass, raw, gradient)
+    return out
 
 
 class PanelProbe(NamedTuple):
@@ -181,20 +187,6 @@ def probe_panels(joint_angles: Array, fluid: FluidConstants) -> PanelProbe:
     return PanelProbe(mass, normal, work.layers[POTENTIAL], motions, lengths)
 
 
-class StepProbe(NamedTuple):
-    """A step's residual and change of momentum, and matrices at its start.
-
-    They are minus the residual's Jacobian, the Jacobian that is made of the mass at q_n, and that
-    mass.
-    """
-
-    residual: Array
-    change: Array
-    jacobian: Array
-    pose: Array
-    mass: Array
-
-
 def probe_step(
     q: Array,
     p: Array,
@@ -215,7 +207,7 @@ def probe_step(
     out = StepProbe(np.zeros(n), np.zeros(n), *square)
     work = (np.zeros(floats), np.zeros(integers, dtype=np.int64))
     ends = q[3:] + z[3:] if adjoint else np.zeros(0)
-    status = _step_probe(q, p, torques, z, h, difference, ends, beam, fluid, *work, *out)
+    status = _step_probe(q, p, torques, z, h, difference, ends, beam, fluid, *work, out)
     assert status == 0, f"the step cannot be evaluated, status {status}"
     return out
 

@@ -6,12 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from swim_env import Scene, Trajectory, load_scene
-from tests.support import rollout
-
-Array = NDArray[np.float64]
+from tests.support import Array, rollout
 
 #: Fluid blocks of a scene by name. These are the same on both sides of the body.
 CLOSED: dict[str, dict[str, object]] = {
@@ -50,6 +47,11 @@ VIOLENT = 20.0 * np.tile([1.0, -1.0], 4)
 def fluid_changes(model: str) -> dict[str, object]:
     """Return the changes that give a scene one of MODELS."""
     return {"fluid": {"density": 10.0, **MODELS[model]}}
+
+
+def largest(values: Array) -> float:
+    """Return the largest absolute value."""
+    return float(np.abs(values).max())
 
 
 def orders(errors: Sequence[float] | Array, ratio: float = 2.0) -> Array:

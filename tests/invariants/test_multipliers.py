@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from swim_env import Scene, Simulator, load_scene
 from tests.analytic.probes import mass_of
@@ -24,8 +24,7 @@ from tests.reference.multipliers import (
     redundant_velocity,
     simulate,
 )
-
-Array = NDArray[np.float64]
+from tests.support import Array
 
 TOLERANCE = 1e-12
 #: Bound on differences of the two forms in m, rad, kg m/s and kg m^2/s.

@@ -6,11 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from swim_env import Scene, SimulationEndedError, Simulator, load_scene
-
-Array = NDArray[np.float64]
+from tests.support import Array
 
 
 def _point_gap(point: Array, start: Array, end: Array) -> float:

@@ -7,13 +7,10 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from swim_env import Simulator, SwimEnv, SwimError, SwimVectorEnv, Trajectory, load_scene
 from tests.invariants.runs import MODELS, VIOLENT, fluid_changes
-from tests.support import assert_same, held_torques, rollout, run_python, uniform
-
-Array = NDArray[np.float64]
+from tests.support import Array, assert_same, held_torques, rollout, run_python, uniform
 
 SCENES = {
     "paper_i": load_scene("paper_i"),
