@@ -17,7 +17,7 @@ from tests.invariants.runs import (
     orders,
 )
 from tests.reference import independent
-from tests.support import Array
+from tests.support import Array, uniform
 
 
 class Shape(NamedTuple):
@@ -27,23 +27,17 @@ class Shape(NamedTuple):
     fluid: FluidConstants
 
 
-def _random(elements: int, size: float) -> Array:
-    """Return joint angles (N - 1,) of a size up to `size` (rad)."""
-    angles: Array = np.random.default_rng(elements).uniform(-1.0, 1.0, elements - 1)
-    return size * angles
-
-
 SHAPES = {
     "straight": Shape(np.zeros(8), fluid_constants(9, 4)),
-    "default bent": Shape(_random(9, 0.5), fluid_constants(9, 4)),
+    "default bent": Shape(uniform(8, seed=9, size=0.5), fluid_constants(9, 4)),
     "two elements": Shape(np.array([0.9]), fluid_constants(2, 2, 3)),
     "two at 140 degrees": Shape(np.array([2.45]), fluid_constants(2, 8)),
     "three finely cut": Shape(np.array([1.9, -1.2]), fluid_constants(3, 12)),
-    "axial": Shape(_random(5, 0.9), fluid_constants(5, 6, 2, axial=True)),
+    "axial": Shape(uniform(4, seed=5, size=0.9), fluid_constants(5, 6, 2, axial=True)),
     "axial, three strongly": Shape(np.array([1.6, 1.5]), fluid_constants(3, 12, 4, axial=True)),
     "zigzag": Shape(1.5 * (-1.0) ** np.arange(8), fluid_constants(9, 8, 2)),
     "hook": Shape(np.full(8, 0.6), fluid_constants(9, 4, axial=True)),
-    "long": Shape(_random(27, 0.4), fluid_constants(27, 4)),
+    "long": Shape(uniform(26, seed=27, size=0.4), fluid_constants(27, 4)),
     "thick and short": Shape(
         np.array([0.5, -0.7, 0.3]),
         fluid_constants(4, 6, 5, axial=True, length=0.3, half_thickness=0.02, density=998.0),

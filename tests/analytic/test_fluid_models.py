@@ -1,4 +1,4 @@
-"""Added mass of every fluid model: gradient, symmetries, order in the bend, refusals."""
+"""Added mass of every fluid model: gradient, order in the bend, centre line, refusals."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from swim_env.physics.fluid.added_mass import FluidConstants
 from swim_env.sim.batch import scene_constants
 from tests.analytic.probes import probe_fluid
 from tests.analytic.test_derivatives import differentiate
-from tests.invariants.runs import CLOSED, MODELS, VARIANTS, each_model, each_size, largest, orders
-from tests.support import Array, refuses
+from tests.invariants.runs import MODELS, VARIANTS, each_model, each_size, largest, orders
+from tests.support import Array, refuses, uniform
 
 each_variant = pytest.mark.parametrize("variant", VARIANTS)
 
@@ -32,7 +32,7 @@ def fluid_of(fluid: Mapping[str, object], elements: int, **beam: float) -> Fluid
 
 def random_bend(elements: int, size: float = 0.5) -> Array:
     """Return joint angles (N - 1,) of up to `size` (rad)."""
-    return size * np.random.default_rng(elements).uniform(-1.0, 1.0, elements - 1)
+    return uniform(elements - 1, seed=elements, size=size)
 
 
 # ---- the shape force ---------------------------------------------------------------------------
@@ -145,28 +145,12 @@ def test_caps_in_proportion_are_refined_with_the_sides() -> None:
     assert found == {4: 1, 8: 2, 12: 3}
 
 
-# ---- mirror images -----------------------------------------------------------------------------
+# ---- centre line -------------------------------------------------------------------------------
+# Symmetries of all models: see tests.invariants.test_symmetry.
 
 
-@each_size
-@each_model
-def test_only_the_centre_line_pushes_a_straight_body_to_one_side(name: str, elements: int) -> None:
-    fluid = fluid_of(MODELS[name], elements)
-    sideways = np.repeat([1.0, 0.0], elements)
-    probe = probe_fluid(np.zeros(elements - 1), fluid, sideways)
-    share = float(np.abs(probe.gradient).max() / (sideways @ probe.mass @ sideways))
-    if name in CLOSED:
-        # Zero by the mirror, up to rounding: 2e-15 seen.
-        assert share < 1e-13, f"a shape force of {share:.1e} V^T A V"
-    else:
-        # 0.05 to 0.1 seen.
-        assert share > 1e-2, f"a shape force of {share:.1e} V^T A V only"
-
-
-def sheet_mass(
-    joints: Array, variant: str, panels: int, side: float = 1.0, length: float = 1.0
-) -> Array:
-    """Return the centre line's A from the formulas, density 10; the fluid on d1's side or not.
+def sheet_mass(joints: Array, variant: str, panels: int, length: float = 1.0) -> Array:
+    """Return the centre line's A from the formulas, density 10, the fluid on d1's side.
 
     Complex positions: a unit source on the segment from 0 to h has the potential
     z log z - (z - h) log(z - h) - h over 2 pi, lengths in units of the body's.
@@ -185,11 +169,11 @@ def sheet_mass(
     ahead, behind = np.log(seen / length), np.log((seen - h) / length)
     potential = (seen * ahead - (seen - h) * behind - h).real / (2.0 * np.pi)
     velocity = (ahead - behind) / tangent / (2.0 * np.pi)  # u_x - i u_y
-    normal = side * 1j * tangent
+    normal = 1j * tangent
     influence = (velocity * normal[:, None]).real
     np.fill_diagonal(influence, 0.5)
     arm = along + 0.5 * h - 0.5 * dl - origin * dl
-    own = side * np.eye(n)[element]
+    own = np.eye(n)[element]
     boundary = np.hstack([own, factor * arm[:, None] * own])
     mass: Array = -10.0 * h * boundary.T @ potential @ np.linalg.solve(influence, boundary)
     return 0.5 * (mass + mass.T)
@@ -215,43 +199,6 @@ def test_the_variant_is_the_consistent_one_unless_named() -> None:
     ]
     assert np.array_equal(masses[0], masses[1])
     assert not np.array_equal(masses[0], masses[2])
-
-
-@each_size
-@each_model
-def test_a_mirror_image_has_the_fluid_on_the_other_side(name: str, elements: int) -> None:
-    # The image bends the other way and moves with -v, -w: where the fluid is on both sides, A is
-    # even in the bend.
-    fluid = fluid_of(MODELS[name], elements)
-    joints = random_bend(elements)
-    one, image = probe_fluid(joints, fluid).mass, probe_fluid(-joints, fluid).mass
-    wanted = sheet_mass(joints, name, 4, side=-1.0) if name in VARIANTS else one
-    # Panels are summed in another order: rounding alone, 3e-14 seen.
-    assert largest(image - wanted) < 1e-12 * largest(one)
-    if name in VARIANTS:
-        # 0.09 to 0.34 seen.
-        assert largest(image - one) > 0.03 * largest(one)
-
-
-@each_size
-@each_model
-def test_counted_from_the_tail_a_mirror_image_is_the_same(name: str, elements: int) -> None:
-    # Counting from the tail turns d3 and d1 around, the mirror turns d1 back: v stays, w does not.
-    # The fluid stays on d1's side, so this holds for the centre line too, while arms are the same
-    # from either end.
-    fluid = fluid_of(MODELS[name], elements)
-    joints = random_bend(elements)
-    sign = np.repeat([1.0, -1.0], elements)
-    one = sign[:, None] * sign * probe_fluid(joints, fluid).mass
-    blocks = one.reshape(2, elements, 2, elements)[:, ::-1, :, ::-1]
-    found = probe_fluid(joints[::-1], fluid).mass
-    error = largest(found - blocks.reshape(2 * elements, 2 * elements)) / largest(found)
-    if name.endswith("arm_from_start"):
-        # 0.06 to 0.5 seen.
-        assert error > 0.02, f"off by {error:.1e} only"
-    else:
-        # Rounding, 2e-14 seen; in the expansion's second derivatives 1e-10.
-        assert error < (2e-9 if name == "expansion" else 1e-12), f"off by {error:.1e}"
 
 
 # ---- refusals ----------------------------------------------------------------------------------

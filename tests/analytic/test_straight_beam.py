@@ -1,4 +1,4 @@
-"""Added mass of the straight default beam (PHYSICS.md section 2 and section 6, item 2)."""
+"""Added mass of the straight default beam."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_simulator_carries_body_and_fluid() -> None:
 
 
 def test_refining_sides_alone_stays_off() -> None:
-    # PHYSICS.md section 2: one cap panel leaves 0.8 % in the lateral and 1.3 % in the rotary mass.
+    # One cap panel leaves 0.8 % in the lateral and 1.3 % in the rotary mass.
     exact = rectangle_mass(1.0, 0.02)[1:]
     found = [straight(9, panels) for panels in (16, 32, 64)]
     errors = np.array([np.array(f[:2]) / exact - 1.0 for f in found])

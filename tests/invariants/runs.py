@@ -54,6 +54,11 @@ def largest(values: Array) -> float:
     return float(np.abs(values).max())
 
 
+def with_scheme(scheme: str, strain: str = "averaged_directors") -> dict[str, object]:
+    """Return the changes that give a scene a scheme and a strain."""
+    return {"integrator.scheme": scheme, "integrator.strain": strain}
+
+
 def orders(errors: Sequence[float] | Array, ratio: float = 2.0) -> Array:
     """Return observed orders of convergence of errors at steps that fall by a ratio."""
     sizes = np.abs(errors)

@@ -30,15 +30,16 @@ DENSITY = 10.0
 # ---- runs that are stored ----------------------------------------------------------------------
 
 
+Stored = tuple[dict[str, stored_runs.Run], str]
+
+
 @pytest.fixture(scope="module")
-def stored() -> tuple[dict[str, stored_runs.Run], str]:
+def stored() -> Stored:
     return stored_runs.stored()
 
 
 @pytest.mark.parametrize("name", sorted(stored_runs.cases()))
-def test_stored_runs_change_no_bit(
-    stored: tuple[dict[str, stored_runs.Run], str], name: str
-) -> None:
+def test_stored_runs_change_no_bit(stored: Stored, name: str) -> None:
     runs, machine = stored
     found, wanted = stored_runs.run(stored_runs.cases()[name]), runs[name]
     if stored_runs.machine() == machine:
@@ -52,9 +53,7 @@ def test_stored_runs_change_no_bit(
         assert found.digests[0] == wanted.digests[0], f"{name} ends otherwise: {found.digests[0]}"
 
 
-def test_stored_runs_have_cut_steps_and_early_ends(
-    stored: tuple[dict[str, stored_runs.Run], str],
-) -> None:
+def test_stored_runs_have_cut_steps_and_early_ends(stored: Stored) -> None:
     runs, _ = stored
     assert runs.keys() == stored_runs.cases().keys()
     cut = {name for name, one in runs.items() if (one.counts[2] > 1).any()}

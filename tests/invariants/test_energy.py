@@ -19,6 +19,7 @@ from tests.invariants.runs import (
     fluid_changes,
     largest,
     orders,
+    with_scheme,
 )
 from tests.support import rollout
 
@@ -109,11 +110,10 @@ def _cases() -> dict[str, Case]:
         "strip": {"fluid.model": "strip"},
     }
     for strain, name in itertools.product(STRAINS, effects):
-        scheme = {"integrator.scheme": "composed", "integrator.strain": strain}
         soft = {"beam.bending_stiffness": 0.5, "integrator.tolerance": 1e-13, **_passive(0.3)}
-        cases[f"passive, composed, {strain}, {name}"] = Case(
-            {**soft, **scheme, **effects[name]}, 2.0, 0.05, 1e-3, (0.01, 0.005, 0.0025)
-        )
+        changes = {**soft, **with_scheme("composed", strain), **effects[name]}
+        measured = (2.0, 0.05, 1e-3, (0.01, 0.005, 0.0025))
+        cases[f"passive, composed, {strain}, {name}"] = Case(changes, *measured)
     for scheme, order in (("paper", 1.0), ("composed", 2.0)):
         drag = {**DRAG, "integrator.scheme": scheme}
         cases[f"drag, {scheme}"] = Case(drag, order, 0.25, 5e-3, duration=2.0)

@@ -156,12 +156,8 @@ def added_mass(
     ----------
     joint_angles : (..., N-1) array
         th_{k+1} - th_k, rad; real or complex, leading axes are a batch.
-    length, half_thickness : float
-        Body length and half thickness, m.
-    elements : int
-        Number N of elements.
-    density : float
-        Fluid density, kg/m^3 (unit depth).
+    length, half_thickness, density : float
+        Of the body, m; of the fluid, kg/m^3 (unit depth).
     panels_per_element, cap_panels : int
         Panels on both sides of an element together (even), and on each end.
     axial : bool

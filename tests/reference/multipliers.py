@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 
 from swim_env import Scene
 from tests.reference import independent
+from tests.reference.independent import _dot
 
 Array = NDArray[np.float64]
 #: Real, or complex where a derivative is taken by a complex step.
@@ -50,11 +51,6 @@ SMALLEST_MOMENTUM = 1e-3
 MOST_ITERATIONS = 25
 #: Largest turn of an element or a joint in a step (rad); beyond it the root is a wrong one.
 LARGEST_TURN = 0.5
-
-
-def _dot(a: Numbers, b: Numbers) -> Numbers:
-    # Not np.vdot: a complex step needs the product without conjugation.
-    return np.asarray((a * b).sum(axis=-1))
 
 
 def _times(scalars: Numbers, vectors: Numbers) -> Numbers:
@@ -117,20 +113,17 @@ def constraint_jacobian(q: Array, dl: float) -> Array:
     return np.concatenate((directors.reshape(3 * n, 6 * n), chain.reshape(2 * n - 2, 6 * n)))
 
 
-def joint_angles(q: Numbers) -> Numbers:
-    """Return theta_k - theta_{k-1} (rad), (N - 1,), of any directors; complex if they are."""
-    d1, d3 = q[:, D1], q[:, D3]
-    sine = 0.5 * (_dot(d1[:-1], d3[1:]) - _dot(d3[:-1], d1[1:]))
-    cosine = 0.5 * (_dot(d1[:-1], d1[1:]) + _dot(d3[:-1], d3[1:]))
+def angles_between(q: Numbers, other: Numbers) -> Numbers:
+    """Return the angles (rad), (..., N), from any directors in q to others; complex if they are."""
+    d1, d3 = q[..., D1, :], q[..., D3, :]
+    sine = 0.5 * (_dot(d1, other[..., D3, :]) - _dot(d3, other[..., D1, :]))
+    cosine = 0.5 * (_dot(d1, other[..., D1, :]) + _dot(d3, other[..., D3, :]))
     return independent._atan2(sine, cosine)
 
 
-def turns(q: Array, dq: Numbers) -> Numbers:
-    """Return how far every element turns in a step (rad), (..., N); fit for complex steps."""
-    new = q + dq
-    sine = 0.5 * (_dot(q[:, D1], dq[..., D3, :]) - _dot(q[:, D3], dq[..., D1, :]))
-    cosine = 0.5 * (_dot(q[:, D1], new[..., D1, :]) + _dot(q[:, D3], new[..., D3, :]))
-    return np.asarray(2.0 * np.arctan(sine / (1.0 + cosine)))
+def joint_angles(q: Numbers) -> Numbers:
+    """Return theta_k - theta_{k-1} (rad), (N - 1,)."""
+    return angles_between(q[:-1], q[1:])
 
 
 # ---- the discrete Lagrangian -------------------------------------------------------------------
@@ -269,7 +262,7 @@ class Step(NamedTuple):
         A moment m on an element is f_d3 = m d1/2, f_d1 = -m d3/2: its virtual work on
         dd3 = d1 dtheta, dd1 = -d3 dtheta is m dtheta.
         """
-        turned = turns(self.q, dq)
+        turned = angles_between(self.q, self.q + dq)
         impulse = self.h * self.torques - self.body.damping * np.diff(turned, axis=-1)
         moment = np.zeros_like(turned)
         moment[..., 1:] += impulse
@@ -365,7 +358,7 @@ def simulate(scene: Scene, q0: Array, velocity: Array, torques: Array) -> Multip
         p = momenta[-1] if momenta else step.momenta(rate)
         momenta = momenta or [p]
         dq, pulls, residual = step.solve(p, dq, tolerance)
-        turned = turns(q, dq)
+        turned = angles_between(q, q + dq)
         if max(np.abs(turned).max(), np.abs(np.diff(turned)).max()) > LARGEST_TURN:
             raise independent.ReferenceFailureError(f"a turn of over {LARGEST_TURN} rad in a step")
         momenta.append(step.by_end(dq) + step.half_impulse(q + dq, dq))
