@@ -166,7 +166,7 @@ def test_recorded_impulses_and_losses_are_those_of_the_force_per_length() -> Non
     exact = h * np.column_stack([forces.sum(1), angular])
     # Two Gauss points are exact where the velocity has one sign on every element.
     smooth = (np.abs(across) > 0.5 * dl * np.abs(turns / h)).all(1)
-    assert smooth.sum() > 20, f"{smooth.sum()} steps to judge by"
+    assert smooth.sum() > 20, f"only {smooth.sum()} steps without a change of sign"
     assert np.ptp(run.angles, axis=1).max() > 0.05, "the torques hardly bent the body"
     # Differences of centres divided by the time step leave 1e-13 of the velocity.
     assert largest((run.impulse - exact)[smooth]) < 1e-11 * largest(exact)
@@ -304,7 +304,7 @@ GALILEAN: dict[str, dict[str, object]] = {
 @pytest.mark.parametrize("name", GALILEAN)
 def test_a_stream_carries_the_motion_at_rest_along(name: str) -> None:
     # These numbers and their differences have few digits, so that both starts are the same to the
-    # bit in the frame of the stream, where nothing then tells the runs apart.
+    # bit in the frame of the stream, in which both runs are then the same.
     stream, start = np.array([0.25, -0.5]), np.array([0.125, 0.0625])
     resting = load_scene("swimmer", {**GALILEAN[name], "initial.velocity": tuple(start)})
     carried = resting.replace(

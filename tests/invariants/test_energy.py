@@ -138,7 +138,7 @@ def test_the_energys_error_falls_at_the_schemes_order(name: str) -> None:
     assert errors[0] < case.largest, f"errors {errors}"
     if name.startswith("drag"):
         lost = runs[0].summary()["dissipated"]
-        assert lost > 0.1 * runs[0].energy.max(), "drag took too little to tell"
+        assert lost > 0.1 * runs[0].energy.max(), "drag took too little to matter"
 
 
 @pytest.mark.parametrize("name", SLENDER)

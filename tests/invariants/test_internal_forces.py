@@ -142,7 +142,7 @@ def test_steps_in_parts_are_under_the_same_tension(scheme: str, rate: float) -> 
     changes = {"fluid": strip, "integrator.scheme": scheme}
     scene = stiff_scene(0.0015, 0.01, {**_spinning(rate, 4), **changes})
     run = passive(scene, 0.8)
-    assert {1.0, 2.0} == set(run.parts), "steps were to be cut, and then whole again"
+    assert {1.0, 2.0} == set(run.parts), "no steps were cut, or none whole again"
     turns = np.diff(run.angles.mean(axis=1)) / 0.01
     rates = 0.5 * (turns[1:] + turns[:-1])
     places = scene.beam.joint_fractions - 0.5
@@ -173,7 +173,7 @@ def test_internal_forces_of_pieces_are_those_of_one_rollout() -> None:
     simulator = Simulator(scene)
     whole = simulator.rollout(torques).internal_forces
     assert whole is not None and whole.shape == (450, 8, 2)
-    # At the start nothing is known of the step before.
+    # At the start there is no step before.
     assert np.isnan(whole[0]).all() and np.isfinite(whole[1:]).all()
     simulator.reset()
     pieces = [simulator.rollout(held).internal_forces for held in np.split(torques, 5)]

@@ -61,7 +61,7 @@ def _scene(name: str, tolerance: float, changes: dict[str, object] | None = None
 def test_torques_leave_the_momentum_alone(name: str, tolerance: float, moving: bool) -> None:
     scene = _scene(name, tolerance, {"initial": MOVING} if moving else {})
     run = Simulator(scene).rollout(held_torques(scene, 300, 1, 0.2 if name in LADDER else 1.0))
-    assert run.steps >= 100, f"only {run.steps} steps to judge by"
+    assert run.steps >= 100, f"only {run.steps} steps were taken"
     assert np.abs(run.angles - run.angles[0]).max() > 0.01, "the torques hardly moved the beam"
     begin = run.momentum[0]
     if moving:
@@ -98,7 +98,7 @@ def test_momentum_changes_by_the_impulse_from_outside(
     start = {**MOVING, "velocity": (0.3, -0.4)}
     scene = _scene(name, tolerance, {"initial": start, **OUTSIDE[effects]})
     run = Simulator(scene).rollout(held_torques(scene, 200, 5))
-    assert run.steps >= 100, f"only {run.steps} steps to judge by"
+    assert run.steps >= 100, f"only {run.steps} steps were taken"
     moved = np.abs(run.momentum - run.momentum[0]).max(axis=0)
     # A stream alone carries a momentum along, which swings about the origin.
     felt = moved if "drag" in effects else moved[2:]

@@ -326,7 +326,7 @@ def test_a_step_whose_second_half_fails_is_two_of_half_the_length(case: str, str
     # In the second half of the step the elements would turn by more than half a radian.
     violent = np.array([10.0, -10.0])
     one = first_half.rollout(violent[None])
-    assert one.parts.tolist() == [1.0], "the first half was to be taken"
+    assert one.parts.tolist() == [1.0], "the first half must succeed"
     cut = whole.rollout(violent[None])
     two = halves.rollout(np.tile(violent, (2, 1)))
     assert cut.parts.tolist() == [2.0]

@@ -108,7 +108,7 @@ def test_contact_is_that_of_the_stadia(elements: int, share: float) -> None:
 
 
 def test_segments_that_cross_are_seen_however_thin() -> None:
-    # No end is near the other segment: only the crossing tells.
+    # No end is near the other segment: only the crossing shows it.
     simulator = Simulator(_watched(3, 1e-9))
     crossing = np.array([0.0, 0.75 * math.pi, 1.5 * math.pi])
     assert _touches(crossing, 1.0, 1e-9)[0]
@@ -178,7 +178,7 @@ def test_a_run_that_curls_ends_before_it_touches(name: str) -> None:
     assert not any(_touches(angles, 1.0, 0.01)[0] for angles in run.angles)
     with pytest.raises(SimulationEndedError, match="self_contact"):
         simulator.step(np.zeros(8))
-    # Without the effect the same run goes on to the pose that touches, unless the panels refuse it.
+    # Without the effect the same run reaches the pose that touches, unless the panels refuse it.
     unwatched = Simulator(scene.replace("self_contact", None))
     beyond = unwatched.rollout(torques[: run.steps + 1])
     assert np.array_equal(beyond.angles[: run.steps + 1], run.angles)

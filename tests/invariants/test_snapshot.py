@@ -59,7 +59,7 @@ def test_a_restored_run_continues_bit_for_bit(name: str, cut: int) -> None:
     torques = _torques(name)
     whole = rollout(SCENES[name], torques)
     if name.endswith("cut steps"):
-        assert whole.parts[20] > 1, "the step before the snapshot was to be a cut one"
+        assert whole.parts[20] > 1, "the step before the snapshot must be a cut one"
     simulator = Simulator(SCENES[name])
     simulator.rollout(torques[:cut])
     kept = simulator.snapshot()
