@@ -100,12 +100,6 @@ def test_a_rollout_in_chunks_is_one_rollout(name: str) -> None:
     assert simulator.steps == STEPS
 
 
-def test_watching_the_progress_changes_nothing() -> None:
-    torques = np.tile(_torques("swimmer"), (6, 1))
-    watched = Simulator("swimmer").rollout(torques, lambda steps: None)
-    assert_same(watched, Simulator("swimmer").rollout(torques))
-
-
 def test_reading_the_state_changes_nothing() -> None:
     torques = _torques("swimmer")
     simulator = Simulator("swimmer")
