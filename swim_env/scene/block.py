@@ -25,7 +25,7 @@ from swim_env.scene.checks import (
     check_text,
 )
 
-__all__ = ["Block", "build_block", "integer", "one_of", "pair", "plain", "real", "text"]
+__all__ = ["Block", "block", "build_block", "integer", "one_of", "pair", "plain", "real", "text"]
 
 #: Returns a value in its stored form; the second argument is the field's name for messages.
 Check = Callable[[object, str], Any]
@@ -58,6 +58,11 @@ def pair(unit: str = "") -> Check:
     return functools.partial(check_pair, unit=unit)
 
 
+def block(cls: type[Block]) -> Check:
+    """Return a check for a block, or a mapping from which it is made."""
+    return functools.partial(build_block, cls)
+
+
 #: A check for text.
 text: Check = check_text
 
@@ -86,7 +91,8 @@ class Block:
     def __post_init__(self) -> None:
         """Check every field that has a check and store it in its final form."""
         prefix = f"{self._path}." if self._path else ""
-        for name, check, optional in _checks(type(self)):
+        # mypy takes the class for an instance of it.
+        for name, check, optional in _checks(type(self)):  # type: ignore[arg-type]
             value = getattr(self, name)
             if value is not None or not optional:
                 self._store(**{name: check(value, prefix + name)})
@@ -102,7 +108,7 @@ class Block:
 
 
 @functools.cache
-def _checks(cls: type) -> tuple[tuple[str, Check, bool], ...]:
+def _checks(cls: type[Block]) -> tuple[tuple[str, Check, bool], ...]:
     """Return the name, the check and whether None is allowed of a block's annotated fields."""
     hints = get_type_hints(cls, include_extras=True)
     found = []

@@ -25,13 +25,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swim_agents.learning.config import ConfigError, TrainingConfig
-from swim_agents.learning.settings import ALGORITHMS, network_of
+from swim_agents.learning.settings import ALGORITHMS, Network
 from swim_env.envs.assessment import OBSERVATION_LAYOUT, observation_size
 from swim_env.envs.interface import action_space_of, observation_space_of
 from swim_env.envs.task import TASKS, Task
 from swim_env.errors import OptionError, SceneError, SwimError
 from swim_env.files.folders import write_folder
 from swim_env.scene import Beam, Scene
+from swim_env.scene.block import build_block
 from swim_env.scene.blocks import plain
 from swim_env.scene.checks import check_name, check_text
 
@@ -234,7 +235,7 @@ def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
     try:
         scene = Scene.from_dict(description["scene"])
         task: Task = TASKS[description["task"]](scene)
-        network = network_of(description["network"])
+        network = build_block(Network, description["network"], "network")
         layout = description["observation"]
         algorithm = check_name(description["algorithm"], "algorithm", ALGORITHMS)
         gsde = bool(description["state_dependent_noise"])
