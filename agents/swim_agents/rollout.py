@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -12,10 +12,14 @@ from numpy.typing import NDArray
 
 from swim_agents.baselines import Policy
 from swim_env.envs.single import SwimEnv
+from swim_env.envs.task import TARGET_RADIUS
 from swim_env.errors import OptionError
 from swim_env.scene import Scene
 from swim_env.sim.simulator import Simulator
 from swim_env.sim.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from swim_env.recording import Swimmer
 
 __all__ = ["Rollout", "play_episode", "score"]
 
@@ -91,6 +95,34 @@ class Rollout:
         hold = played.steps_per_action
         steps = self.steps * hold // self.scene.steps_per_action
         return simulator.rollout(np.repeat(self.torques, hold, axis=0)[:steps], progress)
+
+    def swimmer(
+        self,
+        name: str,
+        trajectory: Trajectory | None = None,
+        target_radius: float = TARGET_RADIUS,
+    ) -> Swimmer:
+        """Return the episode for a recording.
+
+        Parameters
+        ----------
+        name : str
+            The swimmer's name.
+        trajectory : Trajectory, optional
+            Its motion; its torques are played again unless given.
+        target_radius : float
+            How close a target had to be reached (BL), where the goal is one.
+        """
+        from swim_env.recording import Swimmer
+
+        return Swimmer(
+            name,
+            self.simulate() if trajectory is None else trajectory,
+            self.rewards,
+            self.goal,
+            target_radius if self.goal_is_point else None,
+            self.velocity,
+        )
 
 
 def score(rollout: Rollout, position: Array) -> float:

@@ -35,7 +35,7 @@ def load_tuned_wave() -> dict[str, Any]:
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise SwimError(
             f"cannot read the tuned wave ({TUNED_WAVE_FILE.name}): {error!r}; "
-            "scripts/tune_wave.py makes it anew"
+            "`swim-env tune` makes it anew"
         ) from None
     return {**data, "wave": wave}
 

@@ -44,7 +44,7 @@ def test_an_agent_ships_with_all_its_files(name: str) -> None:
     assert sorted(path.name for path in folder.iterdir()) == sorted(SHIPPED_FILES)
     assert sum(path.stat().st_size for path in folder.iterdir()) < 1_000_000
     training = load_agent(folder).description["training"]
-    assert training["command"] == f"python scripts/train.py {name} --seeds {training['seed']}"
+    assert training["command"] == f"swim-env train {name} --seeds {training['seed']}"
     assert training["run_seconds"] >= training["seconds"] > 0.0
     curve = read_log(folder / "evaluations.csv")
     assert curve["steps"][-1] == training["run_steps"]
@@ -100,8 +100,8 @@ def test_an_agent_plays_another_solver_and_refuses_another_body() -> None:
 def test_an_agent_ships_from_a_finished_run_with_its_true_command(tmp_path: Path) -> None:
     config = small_config(steps=128)
     run = tmp_path / "run"
-    train(config, run, 3, command="python scripts/train.py mine.yaml --seeds 3")
-    assert command_of(run) == "python scripts/train.py mine.yaml --seeds 3"
+    train(config, run, 3, command="swim-env train mine.yaml --seeds 3")
+    assert command_of(run) == "swim-env train mine.yaml --seeds 3"
     scene = load_scene(config.scene)
     entries = entries_of([str(run / "agent")], scene)
     record = hold_contest(scene, entries, [FIRST_SEED, FIRST_SEED + 1]).record

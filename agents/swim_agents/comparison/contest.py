@@ -17,7 +17,6 @@ from swim_agents.baselines import Policy
 from swim_agents.comparison.performance import Performance, measure_performance
 from swim_agents.evaluation import play_episodes
 from swim_agents.policies import load_policy, policy_names
-from swim_agents.recording import swimmer_of
 from swim_agents.rollout import Rollout
 from swim_agents.tuned_wave import load_tuned_wave
 from swim_agents.verification import TOLERANCE, fine_scene, verify_rollout
@@ -130,7 +129,7 @@ class Contest:
         names += [name for name in REFERENCES if name in self.rollouts]
         radius = self.record.get("target_radius", TARGET_RADIUS)
         return [
-            swimmer_of(name, self.rollouts[name][0], self.trajectories[name][0], radius)
+            self.rollouts[name][0].swimmer(name, self.trajectories[name][0], radius)
             for name in names
         ]
 

@@ -46,7 +46,7 @@ def command_of(run: str | os.PathLike[str]) -> str:
     kept = _settings(place / "config.yaml")
     name = str(status["name"])
     if name in config_names() and _settings(name) == kept:
-        return f"python scripts/train.py {name} --seeds {status['seed']}"
+        return f"swim-env train {name} --seeds {status['seed']}"
     return str(status["command"])
 
 

@@ -49,7 +49,6 @@ from swim_agents.learning.models import (
     torch_threads,
 )
 from swim_agents.learning.saved import save_agent
-from swim_agents.recording import swimmer_of
 from swim_env import __version__
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
@@ -462,9 +461,8 @@ class _Run:
         self.last = {"steps": self.steps, "seconds": round(self.seconds, 3), **values}
         self.evaluation_log.add(self.last)
         if self.recordings is not None:
-            swimmer = swimmer_of(
-                f"{config.name}-{self.steps}", rollouts[0], target_radius=self.judge.task.radius
-            )
+            name, radius = f"{config.name}-{self.steps}", self.judge.task.radius
+            swimmer = rollouts[0].swimmer(name, target_radius=radius)
             file = self.recordings / f"evaluation-{self.steps}.rrd"
             write_recording(file, [swimmer], flow_rate=None)
         if self.best is None or self._merit(values) > self._merit(self.best):
