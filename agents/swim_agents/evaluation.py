@@ -26,7 +26,7 @@ def play_episodes(
 ) -> list[Rollout]:
     """Play one episode for each seed.
 
-    With the same actions an episode is bit for bit the one that `agents.play_episode` plays. The
+    With the same actions an episode is bit for bit the one that `play_episode` plays. The
     actions of a network can differ from those in the last digit, since a product of matrices may
     round otherwise for a batch.
 
@@ -34,14 +34,10 @@ def play_episodes(
     ----------
     env : SwimVectorEnv
         A batch of as many members, in autoreset mode NEXT_STEP.
-    policy : Policy
-        Who plays.
+    policy, options, deterministic
+        As for `play_episode`, the same for all.
     seeds : sequence of int
         Of the starts.
-    options : mapping, optional
-        For the reset, the same for all.
-    deterministic : bool
-        Whether to leave out what a policy does at random.
     progress : callable, optional
         Called with 1 after every action of the batch.
 

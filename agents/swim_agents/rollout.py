@@ -97,10 +97,7 @@ class Rollout:
         return simulator.rollout(np.repeat(self.torques, hold, axis=0)[:steps], progress)
 
     def swimmer(
-        self,
-        name: str,
-        trajectory: Trajectory | None = None,
-        target_radius: float = TARGET_RADIUS,
+        self, name: str, trajectory: Trajectory | None = None, target_radius: float = TARGET_RADIUS
     ) -> Swimmer:
         """Return the episode for a recording.
 
@@ -149,11 +146,11 @@ def play_episode(
     env : gymnasium.Env
         A `SwimEnv`, with or without wrappers that leave observations and actions alone.
     policy : Policy
-        Who plays.
+        The policy.
     seed, options : optional
         For the reset.
     deterministic : bool
-        Whether to leave out what a policy does at random.
+        Whether to leave exploration out.
     progress : callable, optional
         Called with 1 after every action.
 

@@ -8,11 +8,11 @@ import sys
 from swim_agents.commands import command_line as cli
 from swim_agents.commands.playing import record
 from swim_agents.comparison.contest import FIRST_SEED, entries_of, hold_contest, steps_to_play
-from swim_agents.comparison.files import check_contest_folder, write_contest
-from swim_agents.comparison.report import as_text
+from swim_agents.comparison.report import CONTEST_FILES, as_text, write_contest
 from swim_agents.policies import policy_names
 from swim_env.envs.assessment import load_assessment
 from swim_env.envs.task import check_task
+from swim_env.files.folders import check_folder
 from swim_env.plots import require_matplotlib
 from swim_env.recording import recording_file
 
@@ -58,7 +58,7 @@ def main(options: argparse.Namespace) -> int:
     scene = cli.played_scene(cli.scene_of(options), options.duration)
     if options.output is not None:
         require_matplotlib()
-        check_contest_folder(options.output)
+        check_folder(options.output, CONTEST_FILES)
     file = None
     if options.record is not None:
         file = recording_file(options.record, f"{scene.name}-{options.task}")

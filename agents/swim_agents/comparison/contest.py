@@ -40,7 +40,7 @@ __all__ = [
     "steps_to_play",
 ]
 
-#: What every score is put beside.
+#: The policies that every score is compared with.
 REFERENCES = ("paper_wave", "tuned_wave")
 
 #: Scores are taken from starts with this seed and those after it: trainings draw theirs from below
@@ -67,6 +67,16 @@ _GAIT_FIGURES = (
     "mode_share",
     "torque_travelling_share",
 )
+#: Figures whose spread over training seeds is given; of displacements it is that of the medians.
+_SPREADS = (
+    "net_displacement",
+    "fine_displacement",
+    "verified_share",
+    *(f"ratio_to_{reference}" for reference in REFERENCES),
+    *(f"fine_ratio_to_{reference}" for reference in REFERENCES),
+    "success_rate",
+    "verified_success_rate",
+)
 _WAVE_FIGURES = ("amplitude", "frequency", "wave_number", "phase", "explained")
 
 
@@ -81,7 +91,7 @@ class Entry:
     group : str
         The same for agents that differ in nothing but their training seed.
     policy : Policy
-        Who plays.
+        The policy itself.
     about : dict
         For an agent what ``agent.json`` says of its training, else empty.
     source : str
@@ -97,7 +107,7 @@ class Entry:
 
 @dataclass(frozen=True, eq=False)
 class Contest:
-    """What came of a contest.
+    """The result of a contest.
 
     Attributes
     ----------
@@ -210,7 +220,7 @@ def hold_contest(
     scene : Scene
         What swims; its episode says for how long.
     entries : sequence of Entry
-        Who plays; in the forward task the REFERENCES must be among them.
+        The policies; in the forward task the REFERENCES must be among them.
     seeds : sequence of int
         Of the starts and, in the target task, of the targets.
     task : str
@@ -222,7 +232,7 @@ def hold_contest(
     keep : int
         Episodes of each entry that are kept for pictures.
     threads : int, optional
-        As many as numba is told to use unless given.
+        As many as numba uses unless given.
     progress : callable, optional
         Called with the simulated seconds that were played or checked since the last call.
 
@@ -254,34 +264,24 @@ def hold_contest(
             f"every contest needs {' and '.join(REFERENCES)}, {missing[0]} is missing"
         )
     workers = threads or usable_threads()
-    made = VECTOR_ENVIRONMENTS[task]
     performances: dict[str, list[Performance]] = {}
     kept: dict[str, list[Rollout]] = {}
     trajectories: dict[str, list[Trajectory]] = {}
-
-    interval = scene.episode.control_interval * count
     fine_step = fine_scene(scene).integrator.time_step
-
     lock = threading.Lock()
 
-    def told(seconds: float) -> None:
+    def report(seconds: float) -> None:
         if progress is not None:
             with lock:
                 progress(seconds)
 
-    def played(actions: int) -> None:
-        told(actions * interval)
-
-    def checked(steps: int) -> None:
-        told(steps * fine_step)
-
     def judge(rollout: Rollout) -> tuple[Performance, Trajectory]:
         trajectory = rollout.simulate()
-        verification = verify_rollout(rollout, progress=checked)
+        verification = verify_rollout(rollout, progress=lambda steps: report(steps * fine_step))
         return measure_performance(rollout, trajectory, verification), trajectory
 
     for entry in entries:
-        env = made(
+        env = VECTOR_ENVIRONMENTS[task](
             count,
             scene,
             autoreset_mode=AutoresetMode.NEXT_STEP,
@@ -289,7 +289,13 @@ def hold_contest(
             **(environment or {}),
         )
         radius = env.task.radius
-        rollouts = play_episodes(env, entry.policy, seeds, {"noise": noise}, progress=played)
+        rollouts = play_episodes(
+            env,
+            entry.policy,
+            seeds,
+            {"noise": noise},
+            progress=lambda actions: report(actions * scene.episode.control_interval * count),
+        )
         env.close()
         # The kernels release the interpreter's lock.
         with ThreadPoolExecutor(workers) as pool:
@@ -421,20 +427,12 @@ def _groups(entries: Sequence[Entry], policies: dict[str, dict[str, Any]]) -> di
         if len(members) < 2:
             continue
         found: dict[str, Any] = {"members": members}
-        names = ["median net_displacement", "median fine_displacement", "verified_share"]
-        names += [f"ratio_to_{reference}" for reference in REFERENCES]
-        names += [f"fine_ratio_to_{reference}" for reference in REFERENCES]
-        names += ["success_rate", "verified_success_rate"]
-        for name in names:
-            inside = name.startswith("median ")
-            key = name.removeprefix("median ")
+        for key in _SPREADS:
+            inside = key in ("net_displacement", "fine_displacement")
             values = [policies[m]["median"][key] if inside else policies[m][key] for m in members]
             known = [value for value in values if value is not None]
             if known and all(map(math.isfinite, known)):
-                found[key] = {
-                    "median": float(np.median(known)),
-                    "min": min(known),
-                    "max": max(known),
-                }
+                middle = float(np.median(known))
+                found[key] = {"median": middle, "min": min(known), "max": max(known)}
         groups[group] = found
     return groups

@@ -23,7 +23,7 @@ _FEWEST_ACTIONS = 16
 
 @dataclass(frozen=True)
 class Performance:
-    """What came of an episode.
+    """The figures of an episode.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Performance:
     fine_displacement : float
         The same from the trust check's finer computation (BL).
     verified : bool
-        Whether the two agree, see `agents.verify_rollout`.
+        Whether the two agree, see `swim_agents.verify_rollout`.
     duration : float
         Simulated time (s), shorter than the scene's where an end came early.
     speed : float
@@ -81,31 +81,17 @@ class Performance:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON; what is not finite as null."""
-        data: dict[str, Any] = {}
-        for name, value in vars(self).items():
-            if isinstance(value, Gait):
-                data[name] = value.to_dict()
-            elif isinstance(value, float) and not math.isfinite(value):
-                data[name] = None
-            else:
-                data[name] = value
-        return data
+        data = {**vars(self), "gait": None if self.gait is None else self.gait.to_dict()}
+        return {
+            name: None if isinstance(value, float) and not math.isfinite(value) else value
+            for name, value in data.items()
+        }
 
 
 def measure_performance(
     rollout: Rollout, trajectory: Trajectory, verification: Verification
 ) -> Performance:
-    """Sum up an episode.
-
-    Parameters
-    ----------
-    rollout : Rollout
-        The episode.
-    trajectory : Trajectory
-        The same motion with energy and work, from `Rollout.simulate`.
-    verification : Verification
-        Of the same episode.
-    """
+    """Return the figures of an episode; the trajectory is that of `Rollout.simulate`."""
     scene = rollout.scene
     beam = scene.beam
     net, duration = rollout.net_displacement, trajectory.duration
@@ -134,15 +120,7 @@ def measure_performance(
 
 
 def measure_gait(rollout: Rollout, trajectory: Trajectory) -> Gait | None:
-    """Return the gait of an episode after its start; None where there is none.
-
-    Parameters
-    ----------
-    rollout : Rollout
-        The episode.
-    trajectory : Trajectory
-        The same motion, from `Rollout.simulate`.
-    """
+    """Return the gait of an episode after its start; None where there is none."""
     scene = rollout.scene
     hold = scene.steps_per_action
     whole = trajectory.steps // hold

@@ -91,7 +91,7 @@ class TrainingEnv(VecEnvWrapper):  # type: ignore[misc]
         return 1.0 / float(np.sqrt(self._spread.var + _SMALL))
 
     def state(self) -> dict[str, Any]:
-        """Return all that decides how the episodes go on, as arrays and plain values."""
+        """Return everything the episodes need to continue, as arrays and plain values."""
         episodes = self.batch.snapshot().episodes
         return {
             "arrays": episodes.arrays,
@@ -104,7 +104,7 @@ class TrainingEnv(VecEnvWrapper):  # type: ignore[misc]
         }
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Go on from what `state` returned."""
+        """Restore what `state` returned."""
         self.venv.reset()  # gives every member a generator, whose state is then replaced
         task = self.batch.episodes.task.identity
         snapshot = EpisodesSnapshot(task, state["arrays"], state["randoms"])
@@ -127,8 +127,8 @@ def make_training_env(config: TrainingConfig, seed: int, threads: int | None = N
     seed : int
         Member i is seeded with ``seed * members + i``, so runs with different seeds share no start.
     threads : int, optional
-        Threads of the batch; as many as numba is told to use unless given. The results do not
-        depend on it.
+        Threads of the batch; as many as numba uses unless given. The results do not depend on
+        it.
     """
     venv = SwimVecEnv(make_batch(config, config.members, threads))
     venv.seed(seed * config.members)

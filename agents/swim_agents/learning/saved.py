@@ -10,11 +10,8 @@ on request.
 from __future__ import annotations
 
 import io
-import json
 import os
-import pickle
 import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -25,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swim_agents.learning.config import ConfigError, TrainingConfig
+from swim_agents.learning.files import DAMAGED, read_json, write_json
 from swim_agents.learning.settings import ALGORITHMS, Network
 from swim_env.envs.assessment import OBSERVATION_LAYOUT, observation_size
 from swim_env.envs.interface import action_space_of, observation_space_of
@@ -136,7 +134,8 @@ class AgentPolicy:
         if task is not None and task != trained:
             raise AgentError(f"agent {self.name} was trained for task {trained}, not for {task}")
         own = self.scene
-        found = _differences(own, scene)
+        found = [(path, _value(own, path), _value(scene, path)) for path in _SAME]
+        found = [(path, here, there) for path, here, there in found if here != there]
         if found:
             field, here, there = found[0]
             more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
@@ -144,16 +143,6 @@ class AgentPolicy:
                 f"agent {self.name} was trained on scene {own.name} and cannot play scene "
                 f"{scene.name}: {field} is {there}, it was {here} in training{more}"
             )
-
-
-def _differences(own: Scene, other: Scene) -> list[tuple[str, Any, Any]]:
-    """Return the fields that must agree and do not: name, the agent's value, the scene's."""
-    found = []
-    for path in _SAME:
-        here, there = _value(own, path), _value(other, path)
-        if here != there:
-            found.append((path, here, there))
-    return found
 
 
 def _value(scene: Scene, path: str) -> Any:
@@ -168,10 +157,7 @@ def _value(scene: Scene, path: str) -> Any:
 
 
 def save_agent(
-    folder: str | os.PathLike[str],
-    model: Any,
-    config: TrainingConfig,
-    record: Mapping[str, Any],
+    folder: str | os.PathLike[str], model: Any, config: TrainingConfig, record: Mapping[str, Any]
 ) -> None:
     """Write an agent's folder, whole or not at all; one of an earlier agent is replaced.
 
@@ -207,8 +193,7 @@ def save_agent(
     }
 
     def write(ready: Path) -> None:
-        text = json.dumps(description, indent=1, allow_nan=False)
-        (ready / "agent.json").write_text(text + "\n", encoding="utf-8")
+        write_json(ready / "agent.json", description)
         model.save(ready / "model.zip")
 
     write_folder(folder, AGENT_FILES, write)
@@ -270,11 +255,9 @@ def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
 
 def _description(path: Path) -> dict[str, Any]:
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = read_json(path, "agent.json cannot be read", AgentError)
     except FileNotFoundError:
         raise AgentError(f"no agent there: {path.name} is missing ({path.parent})") from None
-    except (OSError, ValueError, RecursionError) as error:
-        raise AgentError(f"agent.json cannot be read: {error} ({path.parent})") from None
     version = data.get("format_version") if isinstance(data, dict) else None
     if version != FORMAT_VERSION:
         raise AgentError(
@@ -295,17 +278,7 @@ def _weights(path: Path) -> Any:
         raise AgentError(f"no agent there: {path.name} is missing ({path.parent})") from None
     except OSError as error:
         raise AgentError(f"cannot read the model: {error.strerror or error} ({path})") from None
-    except (
-        zipfile.BadZipFile,
-        zlib.error,
-        KeyError,
-        AttributeError,
-        TypeError,
-        RuntimeError,
-        EOFError,
-        ValueError,
-        pickle.UnpicklingError,
-    ):
+    except DAMAGED:
         raise AgentError(
             f"the model is damaged or cut short, or no file of stable-baselines3 ({path})"
         ) from None
@@ -342,19 +315,7 @@ def load_bare_model(path: str | os.PathLike[str], scene: Scene, trust: bool) -> 
                 path, device="cpu", custom_objects={"replay_buffer_class": None}
             )
             break
-        except (
-            zipfile.BadZipFile,
-            KeyError,
-            RuntimeError,
-            EOFError,
-            pickle.UnpicklingError,
-            ValueError,
-            AttributeError,
-            TypeError,
-            AssertionError,
-            ImportError,
-            IndexError,
-        ):
+        except DAMAGED:
             continue
         except OSError as error:
             raise AgentError(f"cannot read the model: {error.strerror or error} ({name})") from None

@@ -1,20 +1,20 @@
-"""A training run: rounds of stable-baselines3 between which everything can be kept and taken up.
+"""A training run: rounds of stable-baselines3, between which its whole state can be saved.
 
 A run is one folder:
 
 ============================  ======================================================================
 ``config.yaml``               the resolved configuration, the scene in full
-``run.json``                  seed, device, versions, machine and commit; how far it has come
+``run.json``                  seed, device, versions, machine and commit; its progress
 ``progress.csv``              a line per log interval; ``tensorboard/`` has the same
 ``evaluations.csv``           a line per periodic evaluation
-``checkpoint.zip``            all that decides how the run goes on, replaced whole
+``checkpoint.zip``            everything the run needs to continue, replaced whole
 ``agent/``                    the agent with the best evaluation so far, replaced whole
 ``final_agent/``              the agent at the end
 ============================  ======================================================================
 
-A run that was killed goes on from its last checkpoint and gives bit for bit what it would have
-given without the kill: the checkpoint has the networks and their optimisers, the replay buffer,
-every generator of random numbers and the state of every episode.
+A run that was killed continues from its last checkpoint and ends bit for bit as it would have
+without the kill: the checkpoint has the networks and their optimisers, the replay buffer, every
+random number generator and the state of every episode.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ from swim_agents.evaluation import play_episodes
 from swim_agents.learning.checkpoints import load_checkpoint, save_checkpoint
 from swim_agents.learning.config import ConfigError, TrainingConfig, load_config
 from swim_agents.learning.environment import make_batch, make_training_env
+from swim_agents.learning.files import INTACT, read_json, writing
 from swim_agents.learning.logs import CsvLog, TensorBoardLog
 from swim_agents.learning.models import (
     checked_device,
@@ -91,7 +92,7 @@ _LOG_EVERY = 8192
 
 
 class RunExistsError(SwimError):
-    """A folder holds a run already, or another process is at it."""
+    """A folder holds a run already, or another process uses it."""
 
 
 def run_status(folder: str | os.PathLike[str]) -> dict[str, Any] | None:
@@ -104,11 +105,9 @@ def run_status(folder: str | os.PathLike[str]) -> dict[str, Any] | None:
     """
     path = Path(folder) / "run.json"
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = read_json(path, "cannot read the run's record")
     except FileNotFoundError:
         return None
-    except (OSError, ValueError) as error:
-        raise SwimError(f"cannot read the run's record: {error} ({path})") from None
     if (
         not isinstance(found, dict)
         or not isinstance(found.get("steps"), int)
@@ -130,7 +129,7 @@ def train(
     record: str | os.PathLike[str] | None = None,
     progress: Callable[[int, str], object] | None = None,
 ) -> dict[str, Any]:
-    """Train an agent, or go on with a run.
+    """Train an agent, or continue a run.
 
     Parameters
     ----------
@@ -141,7 +140,7 @@ def train(
     seed : int
         Of starts, first weights, exploration and minibatches.
     resume : bool
-        Whether to go on from the folder's last checkpoint; a run without one starts anew, and a
+        Whether to continue from the folder's last checkpoint; a run without one starts anew, and a
         finished one is left as it is.
     device : str
         For PyTorch: ``cpu``, ``cuda``, ``auto``.
@@ -150,8 +149,8 @@ def train(
     command : str, optional
         What the user typed, for the record.
     record : str or os.PathLike, optional
-        Folder for a recording of every evaluation's first episode; nothing of the training hangs
-        on it but its time.
+        Folder for a recording of every evaluation's first episode; the training does not depend
+        on it.
     progress : callable, optional
         Called with the number of environment steps since the last call (or since the start, after
         a resume) and a short text on how it goes.
@@ -167,7 +166,7 @@ def train(
     ConfigError
         If the folder's run has another configuration.
     RunExistsError
-        If the folder holds a run and `resume` is not set, or another process is at it.
+        If the folder holds a run and `resume` is not set, or another process uses it.
     CheckpointError, SwimError
         If a file cannot be written or read; the last checkpoint is intact.
     """
@@ -177,10 +176,8 @@ def train(
     recordings = None
     if record is not None:
         recordings = recording_file(Path(record) / "any.rrd", "any").parent
-    try:
+    with writing("the run's folder", place, verb="make"):
         place.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SwimError(f"cannot make the run's folder: {error.strerror} ({place})") from None
     with _alone(place), torch_threads(config.torch_threads):
         before = _run_before(config, place, seed, resume, device)
         _clear_scratch(place)
@@ -207,7 +204,7 @@ def check_run(
     Returns
     -------
     dict or None
-        What ``run.json`` says of the run that would be gone on with, None without one.
+        What ``run.json`` says of the run that would be continued, None without one.
 
     Raises
     ------
@@ -235,7 +232,7 @@ def _check_seed(config: TrainingConfig, seed: int) -> None:
 def _run_before(
     config: TrainingConfig, place: Path, seed: int, resume: bool, device: str
 ) -> dict[str, Any] | None:
-    """Return the record of the run that is to be gone on with, None without one."""
+    """Return the record of the run that is to be continued, None without one."""
     before = run_status(place)
     if before is None:
         if (place / "checkpoint.zip").exists():
@@ -249,7 +246,7 @@ def _run_before(
 
 
 def _clear_scratch(folder: Path) -> None:
-    """Remove what a killed process was writing; nobody else is at it, see `_alone`.
+    """Remove what a killed process was writing; no other process uses the folder, see `_alone`.
 
     A process that was killed while one agent took another's place has left the older one aside,
     from where it is put back.
@@ -266,12 +263,8 @@ def _clear_scratch(folder: Path) -> None:
 @contextlib.contextmanager
 def _alone(folder: Path) -> Iterator[None]:
     """Keep other processes out of a run's folder; a lock of a killed process is gone with it."""
-    try:
+    with writing("into the run's folder", folder):
         file = open(folder / ".lock", "w", encoding="utf-8")  # noqa: SIM115
-    except OSError as error:
-        raise SwimError(
-            f"cannot write into the run's folder: {error.strerror} ({folder})"
-        ) from None
     with file:
         try:
             if fcntl is not None:
@@ -289,11 +282,11 @@ def _check_same(
     folder: Path,
     resume: bool,
 ) -> None:
-    """Refuse to go on with a run that is another one."""
+    """Refuse to continue a run with other settings."""
     if not resume:
         state = "finished" if before["finished"] else f"at {before['steps']:,} steps"
         raise RunExistsError(
-            f"the folder holds a run ({state}); go on with --resume, or name another folder "
+            f"the folder holds a run ({state}); continue it with --resume, or name another folder "
             f"({folder})"
         )
     try:
@@ -304,7 +297,7 @@ def _check_same(
     for name in dict.fromkeys([*kept, *now]):
         if kept.get(name) != now.get(name):
             raise ConfigError(
-                f"the run was begun with another configuration, {name} differs; go on with the "
+                f"the run was begun with another configuration, {name} differs; continue with the "
                 f"configuration in {folder / 'config.yaml'}, or name another folder"
             )
     for name, value in (("seed", seed), ("device", device)):
@@ -347,7 +340,7 @@ class _Run:
             **where_and_when(),
         }
         if before is not None:
-            # What a run was begun with stays; what goes on with it is added.
+            # What a run was begun with stays; what continues it is added.
             now = {name: self.about[name] for name in ("command", "commit", "versions", "date")}
             self.about = {name: before[name] for name in self.about if name in before}
             self.about["resumed"] = [*before.get("resumed", []), now]
@@ -365,12 +358,8 @@ class _Run:
         self.progress_log = CsvLog(folder / "progress.csv", columns, steps)
         self.evaluation_log = CsvLog(folder / "evaluations.csv", EVALUATION_COLUMNS, steps)
         self.board = TensorBoardLog(folder / "tensorboard", steps)
-        try:
+        with writing("the run's configuration", folder):
             config.save(folder / "config.yaml")
-        except OSError as error:
-            raise SwimError(
-                f"cannot write the run's configuration: {error.strerror or error} ({folder})"
-            ) from None
         self._write_record(finished=False)
 
     @property
@@ -388,7 +377,7 @@ class _Run:
     def play(self, progress: Callable[[int, str], object] | None) -> dict[str, Any]:
         """Train to the end."""
         config = self.config
-        told = 0
+        reported = 0
         begin = time.perf_counter() - self.seconds
         if self.steps == 0:
             self._evaluate()
@@ -407,8 +396,8 @@ class _Run:
             if ends or _passed(before, now, config.checkpoint_every):
                 self._keep()
             if progress is not None:
-                progress(now - told, self._how_it_goes())
-                told = now
+                progress(now - reported, self._how_it_goes())
+                reported = now
         save_agent(self.folder / "final_agent", self.model, config, self._record())
         return self._write_record(finished=True)
 
@@ -495,13 +484,8 @@ class _Run:
         record = {**self._record(), "finished": finished, "best": self.best}
         record["last"] = record.pop("evaluation")
         text = json.dumps(record, indent=1, allow_nan=False) + "\n"
-        try:
+        with writing("the run's record", self.folder, advice=INTACT):
             write_atomically(self.folder / "run.json", lambda file: file.write(text.encode()))
-        except OSError as error:
-            raise SwimError(
-                f"cannot write the run's record: {error.strerror or error} ({self.folder}); the "
-                "last checkpoint is intact, go on with --resume"
-            ) from None
         return record
 
     # ---- checkpoints ---------------------------------------------------------------------------
