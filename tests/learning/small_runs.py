@@ -9,6 +9,8 @@ from typing import Any
 
 from swim_agents.learning.config import TrainingConfig
 
+from tests.support import files_of
+
 #: Changes to `small_config`, by name.
 KINDS: dict[str, dict[str, Any]] = {
     "ppo": {},
@@ -100,11 +102,7 @@ def assert_same_run(one: Path, other: Path) -> None:
 
 def contents(folder: Path) -> dict[str, bytes]:
     """Return the bytes of all files of a run but its lock, by their path in it."""
-    return {
-        str(path.relative_to(folder)): path.read_bytes()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name != ".lock"
-    }
+    return files_of(folder, leave_out=(".lock",))
 
 
 def hidden(folder: Path) -> list[str]:
