@@ -43,7 +43,7 @@ def replay_episode(
     Parameters
     ----------
     scene : Scene
-        What swims; its episode says for how long, and how often the policy acts.
+        The scene; its episode gives the duration, and how often the policy acts.
     policy : str
         A name or a path that `load_policy` knows.
     task : str

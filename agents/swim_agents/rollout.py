@@ -1,4 +1,4 @@
-"""Playing an episode and keeping what it takes to play it again."""
+"""Playing an episode, and recording what is needed to replay it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Rollout:
     Attributes
     ----------
     scene : Scene
-        What was played.
+        The scene.
     seed : int or None
         Seed of the start.
     coordinates, velocity : (N + 2,) arrays
@@ -45,8 +45,8 @@ class Rollout:
     torques : (T, N - 1) array
         Torques held over each control interval (N m).
     steps : int
-        Time steps that were taken; fewer than the torques stand for where an end came in the middle
-        of an action.
+        Time steps that were taken; fewer than the torques cover where the episode ended within an
+        action.
     rewards : (T,) array
         Rewards.
     path : (T + 1, 2) array
@@ -54,7 +54,7 @@ class Rollout:
     info : dict
         The last info.
     terminated, truncated : bool
-        How it ended; neither where it was stopped.
+        How it ended.
     """
 
     scene: Scene
@@ -123,7 +123,7 @@ class Rollout:
 
 
 def score(rollout: Rollout, position: Array) -> float:
-    """Return how far a position is along a rollout's way (BL)."""
+    """Return how far a position is from the start along the goal, or towards it (BL)."""
     start, length = rollout.path[0], rollout.scene.beam.length
     if rollout.goal_is_point:
         before, after = (float(np.hypot(*(rollout.goal - at))) for at in (start, position))

@@ -16,7 +16,7 @@ __all__ = ["TUNED_WAVE_FILE", "WAVE_FIELDS", "load_tuned_wave", "wave_on"]
 #: Where the result and the record of the search are kept; see `swim_agents.tuning`.
 TUNED_WAVE_FILE = Path(__file__).with_name("tuned_wave.json")
 
-#: What tells one wave from another: fields of an `Actuation`.
+#: The fields of an `Actuation` that define a wave.
 WAVE_FIELDS = ("amplitude", "frequency", "wave_number", "phase")
 
 
@@ -48,7 +48,7 @@ def wave_on(
     Parameters
     ----------
     scene : Scene
-        What swims.
+        The scene.
     amplitude, frequency, wave_number, phase : float
         N m, rad/s, rad per body length, rad.
     """

@@ -97,7 +97,7 @@ def search_wave(
     Parameters
     ----------
     scene : Scene
-        What swims.
+        The scene.
     frequencies, wave_numbers : int
         Size of the grid.
     generations, population : int
@@ -193,7 +193,7 @@ def check_candidates(
     Parameters
     ----------
     scene : Scene
-        What swims.
+        The scene.
     found : dict
         From `search_wave`.
     progress : callable, optional

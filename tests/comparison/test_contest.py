@@ -133,24 +133,18 @@ def test_the_references_take_part_in_front_of_the_others(contest: Contest) -> No
     assert list(contest.record["policies"]) == ["paper_wave", "tuned_wave", "random", "zero"]
 
 
-def test_every_list_has_one_entry_for_each_seed(contest: Contest) -> None:
+def test_the_lists_hold_the_figures_of_the_episodes_one_by_one(contest: Contest) -> None:
     record = plain(contest)
     assert record["seeds"] == list(SEEDS) == list(contest.seeds)
-    assert record["scene"] == "swimmer"
-    assert record["task"] == "forward"
-    assert record["duration"] == 1.0
-    assert record["tolerance"] == 0.1
-    for one in record["policies"].values():
-        lists = {name: value for name, value in one.items() if isinstance(value, list)}
-        assert {"net_displacement", "fine_displacement", "verified", "gait"} <= lists.keys()
+    about = {"scene": "swimmer", "task": "forward", "duration": 1.0, "tolerance": 0.1}
+    assert about.items() <= record.items()
+    env = SwimEnv(contest.scene)
+    for name, one in contest.record["policies"].items():
+        lists = {key: value for key, value in one.items() if isinstance(value, list)}
         assert {len(value) for value in lists.values()} == {len(SEEDS)}
         assert one["seed"] == list(SEEDS)
-
-
-def test_the_lists_hold_the_figures_of_the_episodes_one_by_one(contest: Contest) -> None:
-    env = SwimEnv(contest.scene)
-    for name in REFERENCES:
-        one = contest.record["policies"][name]
+        if name not in REFERENCES:
+            continue
         for i, seed in enumerate(SEEDS):
             rollout = play_episode(env, load_policy(name, contest.scene), seed)
             checked = verify_rollout(rollout)
@@ -309,7 +303,7 @@ def with_references(scene: Scene, name: str, policy: Policy) -> list[Entry]:
     return [*entries_of([], scene), Entry(name, name, policy, {})]
 
 
-def test_a_score_that_hangs_on_the_time_step_is_reported_as_unverified() -> None:
+def test_a_score_that_depends_on_the_time_step_is_reported_as_unverified() -> None:
     # Without damping, at a large step and near the second resonance, the motion is not resolved.
     scene = load_scene(
         "swimmer",
@@ -326,17 +320,6 @@ def test_a_score_that_hangs_on_the_time_step_is_reported_as_unverified() -> None
     gap = abs(one["fine_displacement"][0] - one["net_displacement"][0])
     assert gap > 0.1 * abs(one["net_displacement"][0]) or one["termination_reason"] != [""]
     assert record["tolerance"] == 0.1
-
-
-def test_an_episode_that_breaks_is_unverified_and_says_why() -> None:
-    scene = load_scene("swimmer", ["beam.bending_stiffness=0.05", "episode.duration=1.0"])
-    entries = entries_of(["zero"], scene)
-    record = plain(hold_contest(scene, entries, [0, 1], threads=2))
-    broken = record["policies"]["paper_wave"]
-    assert broken["verified"] == [False, False]
-    assert all(broken["termination_reason"])
-    assert max(broken["duration"]) < 1.0
-    assert record["policies"]["zero"]["termination_reason"] == ["", ""]
 
 
 # ---- bad input ---------------------------------------------------------------------------------
@@ -484,25 +467,15 @@ def test_folders_of_the_same_name_are_told_apart_and_not_thrown_together(
     assert sorted(map(len, groups_of(entries).values())) == [2, 2]
 
 
-def test_an_agent_for_another_body_or_task_is_refused(runs: Path, tmp_path: Path) -> None:
-    pytest.importorskip("stable_baselines3")
-    from swim_agents.learning.saved import AgentError
-
-    with pytest.raises(AgentError, match="cannot play scene swimmer: beam.bending_stiffness is 4"):
-        entries_of([str(runs)], short("beam.bending_stiffness=4.0"))
-    with pytest.raises(AgentError, match="was trained for task forward, not for target"):
-        entries_of([str(runs)], short(), "target")
-    with pytest.raises(AgentError, match="no agent there") as caught:
-        entries_of([str(tmp_path)], short())
-    assert "\n" not in str(caught.value)
-    # What does not change the body may differ.
-    scene = load_scene("swimmer", ["episode.duration=0.5", "integrator.time_step=0.01"])
-    assert len(entries_of([str(runs)], scene)) == 4
-
-
-def test_agents_for_a_target_play_for_a_target(tmp_path: Path) -> None:
+def test_agents_for_a_target_play_for_a_target_alone(tmp_path: Path) -> None:
     save_run(tmp_path / "seed_5", 5, task="target")
     scene = short()
     entries = entries_of([str(tmp_path / "seed_5")], scene, "target")
     record = hold_contest(scene, entries, [0], task="target", threads=1).record
     assert record["policies"][entries[2].name]["success_rate"] == 0.0
+    with refuses(SwimError, "was trained for task target, not for forward"):
+        entries_of([str(tmp_path / "seed_5")], scene)
+    with refuses(SwimError, "cannot play scene swimmer: beam.bending_stiffness is 4"):
+        entries_of([str(tmp_path / "seed_5")], short("beam.bending_stiffness=4.0"), "target")
+    with refuses(SwimError, "no agent there"):
+        entries_of([str(tmp_path)], scene)

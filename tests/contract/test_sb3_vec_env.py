@@ -154,7 +154,7 @@ def test_a_refused_reset_changes_nothing_and_keeps_what_waits() -> None:
     assert_same(venv.reset(), small(seed=5).reset(), "the seed that waited")
 
 
-def test_only_a_batch_that_restarts_in_the_same_step_will_do() -> None:
+def test_arguments_reach_the_batch_which_must_restart_in_the_same_step() -> None:
     for mode in ("NextStep", "Disabled"):
         with pytest.raises(OptionError, match=f"autoreset_mode='SameStep', not '{mode}'"):
             SwimVecEnv(SwimVectorEnv(2, autoreset_mode=mode))
@@ -166,15 +166,9 @@ def test_only_a_batch_that_restarts_in_the_same_step_will_do() -> None:
         make_swim_vec_env(num_envs=0)
     with pytest.raises(SceneError):
         make_swim_vec_env(scene="no such scene")
-
-
-def test_arguments_reach_the_batch() -> None:
-    venv = make_swim_vec_env(
-        TARGET, 2, scene="swimmer", overrides=SMALL, max_episode_steps=3, num_threads=1
-    )
+    venv = make_swim_vec_env(TARGET, 2, overrides=SMALL, max_episode_steps=3, num_threads=1)
     assert isinstance(venv.env, SwimTargetVectorEnv)
     assert (venv.num_envs, venv.env.num_threads, venv.env.episodes.limit) == (2, 1, 3)
-    assert venv.env.scene.beam.elements == 5
     assert venv.spec.id == TARGET
 
 

@@ -18,18 +18,23 @@ from tests.support import ROOT, run_python
 SOURCES = ("pyproject.toml", "setup.py", "README.md", "LICENSE", "swim_env", "agents", "configs")
 
 
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
-    """Build the wheel from a copy, since a build leaves folders in its source."""
-    pytest.importorskip("setuptools")
-    folder = tmp_path_factory.mktemp("wheel")
+def copy_sources(folder: Path) -> None:
+    """Copy what a build needs, since it leaves folders in its source."""
+    folder.mkdir()
     for name in SOURCES:
         if (ROOT / name).is_dir():
-            ignored = shutil.ignore_patterns("__pycache__", "*.egg-info")
-            shutil.copytree(ROOT / name, folder / "source" / name, ignore=ignored)
+            ignored = shutil.ignore_patterns("__pycache__", "*.egg-info", ".*")
+            shutil.copytree(ROOT / name, folder / name, ignore=ignored)
         else:
-            (folder / "source").mkdir(exist_ok=True)
-            shutil.copy(ROOT / name, folder / "source" / name)
+            shutil.copy(ROOT / name, folder / name)
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
+    """Build the wheel."""
+    pytest.importorskip("setuptools")
+    folder = tmp_path_factory.mktemp("wheel")
+    copy_sources(folder / "source")
     options = ["--no-deps", "--no-build-isolation", "--no-index", "--quiet"]
     done = subprocess.run(
         [sys.executable, "-m", "pip", "wheel", *options, "-w", str(folder), "./source"],

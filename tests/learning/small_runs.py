@@ -21,13 +21,7 @@ KINDS: dict[str, dict[str, Any]] = {
     # The buffer wraps around: it holds 125 transitions of each member.
     "sac": {
         "algorithm": "SAC",
-        "sac": {
-            "buffer": 500,
-            "minibatch": 16,
-            "rollout": 4,
-            "updates": 2,
-            "learning_starts": 100,
-        },
+        "sac": {"buffer": 500, "minibatch": 16, "rollout": 4, "updates": 2, "learning_starts": 100},
     },
 }
 KINDS["sac_independent_noise"] = {**KINDS["sac"], "state_dependent_noise": False}
@@ -38,11 +32,7 @@ def small_config(kind: str = "ppo", **changes: Any) -> TrainingConfig:
     data: dict[str, Any] = {
         "name": f"small_{kind}",
         "scene": "swimmer",
-        "overrides": {
-            "beam.elements": 3,
-            "fluid.panels_per_element": 2,
-            "episode.duration": 0.4,
-        },
+        "overrides": {"beam.elements": 3, "fluid.panels_per_element": 2, "episode.duration": 0.4},
         "members": 4,
         "steps": 1600,
         "learning_rate": 0.01,

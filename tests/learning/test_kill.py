@@ -190,11 +190,7 @@ def test_a_kill_while_a_file_takes_its_place_does_no_harm(
     config = small_config("ppo", name="small", steps=1600)
     path = written(config, tmp_path)
     folder = tmp_path / "killed"
-    options: dict[str, Any] = {
-        "config": str(path),
-        "folder": str(folder),
-        "seed": SEED,
-    }
+    options: dict[str, Any] = {"config": str(path), "folder": str(folder), "seed": SEED}
     code = DRIVER.format(function=function, name=name, number=number, after=after, **options)
     done = run_python("-c", code, timeout=PATIENCE)
     assert done.code == -signal.SIGKILL, f"it was not killed: {done.err[-2000:]}"

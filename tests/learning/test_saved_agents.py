@@ -148,9 +148,7 @@ def test_exploration_is_there_on_request(kind: str, saved: Saved) -> None:
     assert np.abs(loud).max() <= 1.0
 
 
-def test_the_description_says_what_the_agent_is(
-    saved: Saved,
-) -> None:
+def test_the_description_says_what_the_agent_is(saved: Saved) -> None:
     _, folder = saved("target")
     config = small_config("target")
     about = json.loads((folder / "agent.json").read_text())

@@ -23,6 +23,7 @@ from swim_agents.learning.shipping import SHIPPED_FILES, command_of, scores_of, 
 from swim_agents.learning.trainer import train
 
 from tests.learning.small_runs import small_config
+from tests.support import refuses
 
 NAMES = ("ppo_forward", "sac_forward", "ppo_target")
 
@@ -87,13 +88,9 @@ def test_the_target_agent_does_as_its_record_says() -> None:
 
 def test_an_agent_plays_another_solver_and_refuses_another_body() -> None:
     assert isinstance(load_policy("ppo_forward", "paper_i"), AgentPolicy)
-    with pytest.raises(AgentError, match="cannot play scene paper_ii: beam.bending_stiffness"):
-        load_policy("ppo_forward", "paper_ii")
-    with pytest.raises(AgentError, match="cannot play scene paper_iv: beam.elements is 3"):
+    with refuses(AgentError, "cannot play scene paper_iv: beam.elements is 3"):
         load_policy("ppo_forward", "paper_iv")
-    with pytest.raises(AgentError, match="trained for task target, not for forward"):
-        load_policy("ppo_target", task="forward")
-    with pytest.raises(OptionError, match=r"unknown policy 'ppo_forwrd' \(nearest: ppo_forward\)"):
+    with refuses(OptionError, "unknown policy 'ppo_forwrd' (nearest: ppo_forward)"):
         load_policy("ppo_forwrd")
 
 

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import os
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from swim_env import Simulator, SwimError, load_scene
 from swim_env.recording import open_viewer, read_recording, take_picture
-from swim_env.recording.show import _runtime_folder
 from tests.support import call_script, run_script
 
 
@@ -138,18 +136,6 @@ def test_a_display_that_does_not_answer(tmp_path, monkeypatch, code, told):
     assert (line is not None) == told
     if line is not None:
         assert "no display answers" in line and "rerun --web-viewer some.rrd" in line
-
-
-def test_viewers_have_a_runtime_folder(monkeypatch):
-    """The system's, or one that goes with them."""
-    monkeypatch.setenv("XDG_RUNTIME_DIR", "/given")
-    with _runtime_folder():
-        assert os.environ["XDG_RUNTIME_DIR"] == "/given"
-    monkeypatch.delenv("XDG_RUNTIME_DIR")
-    with _runtime_folder():
-        folder = Path(os.environ["XDG_RUNTIME_DIR"])
-        assert folder.is_dir()
-    assert "XDG_RUNTIME_DIR" not in os.environ and not folder.exists()
 
 
 def test_replay_records(command, tmp_path):

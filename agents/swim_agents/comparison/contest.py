@@ -87,7 +87,7 @@ class Entry:
     Attributes
     ----------
     name : str
-        What it is called in the tables.
+        Its name in the tables.
     group : str
         The same for agents that differ in nothing but their training seed.
     policy : Policy
@@ -95,7 +95,7 @@ class Entry:
     about : dict
         For an agent what ``agent.json`` says of its training, else empty.
     source : str
-        What it was asked for by.
+        The name or path that it was loaded from.
     """
 
     name: str
@@ -112,7 +112,7 @@ class Contest:
     Attributes
     ----------
     scene : Scene
-        What swam.
+        The scene.
     task : str
         ``forward`` or ``target``.
     seeds : tuple of int
@@ -120,7 +120,7 @@ class Contest:
     performances : dict of str to list of Performance
         For each entry one for each seed.
     rollouts, trajectories : dict of str to list
-        For each entry its first episodes, as many as were to be kept.
+        For each entry its first `keep` episodes.
     record : dict
         All figures as plain values; see `hold_contest`.
     """
@@ -153,9 +153,9 @@ def entries_of(
     ----------
     names : sequence of str
         Names and paths for `load_policy`. A folder with runs ``seed_0``, ``seed_1`` ... stands for
-        all of them, which are then summed up as one group. The REFERENCES are added in front.
+        all of them, which then form one group. The REFERENCES are added in front.
     scene : Scene
-        What they are to play.
+        The scene that they play.
     task : str
         ``forward`` or ``target``.
     trust : bool
@@ -187,7 +187,7 @@ def _runs_in(folder: Path) -> list[Path]:
 
 
 def _labels(name: str, run: Path | None, policy: Policy) -> tuple[str, str]:
-    """Return what a policy and its group are called: an agent by its own name, and its run."""
+    """Return the names of a policy and its group: of an agent its own name, and its run."""
     known = str(getattr(policy, "name", name))
     if run is not None:
         return f"{known}/{run.name}", known
@@ -198,7 +198,7 @@ def _labels(name: str, run: Path | None, policy: Policy) -> tuple[str, str]:
 
 
 def steps_to_play(scene: Scene, entries: int, seeds: int) -> int:
-    """Return what `hold_contest` reports progress of: simulated seconds, played and checked."""
+    """Return what the progress of `hold_contest` adds up to: seconds simulated and checked."""
     return math.ceil(2 * entries * seeds * scene.episode.duration)
 
 
@@ -213,12 +213,12 @@ def hold_contest(
     threads: int | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Contest:
-    """Let policies play the same starts, and check every score.
+    """Play policies from the same starts, and check every score.
 
     Parameters
     ----------
     scene : Scene
-        What swims; its episode says for how long.
+        The scene; its episode gives the duration.
     entries : sequence of Entry
         The policies; in the forward task the REFERENCES must be among them.
     seeds : sequence of int
@@ -275,7 +275,7 @@ def hold_contest(
             with lock:
                 progress(seconds)
 
-    def judge(rollout: Rollout) -> tuple[Performance, Trajectory]:
+    def assess(rollout: Rollout) -> tuple[Performance, Trajectory]:
         trajectory = rollout.simulate()
         verification = verify_rollout(rollout, progress=lambda steps: report(steps * fine_step))
         return measure_performance(rollout, trajectory, verification), trajectory
@@ -299,10 +299,10 @@ def hold_contest(
         env.close()
         # The kernels release the interpreter's lock.
         with ThreadPoolExecutor(workers) as pool:
-            judged = list(pool.map(judge, rollouts))
-        performances[entry.name] = [performance for performance, _ in judged]
+            assessed = list(pool.map(assess, rollouts))
+        performances[entry.name] = [performance for performance, _ in assessed]
         kept[entry.name] = rollouts[:keep]
-        trajectories[entry.name] = [trajectory for _, trajectory in judged[:keep]]
+        trajectories[entry.name] = [trajectory for _, trajectory in assessed[:keep]]
     settings = {"noise": noise, "environment": dict(environment or {})}
     if task == "target":
         settings["target_radius"] = radius

@@ -15,9 +15,9 @@ from swim_env.sim.trajectory import Trajectory
 
 __all__ = ["Performance", "measure_gait", "measure_performance"]
 
-#: Share of an episode, from its start, that does not count for the gait: it gets going there.
-GETTING_GOING = 0.25
-#: Fewer actions than this after it are no gait.
+#: Share of an episode, from its start, that is left out of the gait as a transient.
+_TRANSIENT = 0.25
+#: Fewest actions after it from which a gait is measured.
 _FEWEST_ACTIONS = 16
 
 
@@ -124,7 +124,7 @@ def measure_gait(rollout: Rollout, trajectory: Trajectory) -> Gait | None:
     scene = rollout.scene
     hold = scene.steps_per_action
     whole = trajectory.steps // hold
-    first = math.ceil(GETTING_GOING * whole)
+    first = math.ceil(_TRANSIENT * whole)
     if whole - first < _FEWEST_ACTIONS:
         return None
     bending = np.diff(trajectory.angles, axis=1)[: whole * hold : hold][first:]

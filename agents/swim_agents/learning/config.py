@@ -1,9 +1,10 @@
-"""A training run's configuration: one YAML file, one dataclass, everything that decides the run."""
+"""A training run's configuration: one YAML file, one dataclass that determines the whole run."""
 
 from __future__ import annotations
 
+import contextlib
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any
@@ -50,6 +51,15 @@ class ConfigError(SettingsError):
     """A training configuration cannot be used."""
 
 
+@contextlib.contextmanager
+def _located(source: str | None = None, prefix: str = "") -> Iterator[None]:
+    """Turn an error of settings into one of a configuration, from a source if that is known."""
+    try:
+        yield
+    except SettingsError as error:
+        raise ConfigError(prefix + error.problem, source or error.source) from None
+
+
 def _name(value: object, field: str) -> str:
     name = check_text(value, field)
     if name in ("", ".", "..") or not name.isprintable() or set(name) & set("/\\"):
@@ -78,7 +88,7 @@ def _discount(value: object, field: str) -> float:
 
 @dataclass(frozen=True)
 class TrainingConfig(Block):
-    """Everything that decides a training run but its seed.
+    """Everything that determines a training run but its seed.
 
     Attributes
     ----------
@@ -91,7 +101,7 @@ class TrainingConfig(Block):
     task : str
         A key of TASKS.
     scene : Scene
-        What swims.
+        The scene.
     environment : dict
         Arguments of the task, such as ``effort_weight`` or ``target_distance``.
     members : int
@@ -147,10 +157,8 @@ class TrainingConfig(Block):
 
     def __post_init__(self) -> None:
         """Check every field, and that they fit together."""
-        try:
+        with _located():
             super().__post_init__()
-        except SceneError as error:
-            raise ConfigError(error.problem) from None
         self._check_algorithm()
         self._check_task()
 
@@ -265,24 +273,16 @@ class TrainingConfig(Block):
             or if fields do not fit together.
         """
         known = [spec.name for spec in fields(cls)]
-        try:
+        with _located(source):
             if not isinstance(mapping, Mapping):
                 raise ConfigError(
                     f"a configuration must be a mapping of fields, got {got(mapping)}"
                 )
             given = check_fields(mapping, "", [*known, "overrides"])
-            try:
+            with _located(source, "scene: "):
                 given["scene"] = _scene(given.pop("scene", "swimmer"), given.pop("overrides", None))
-            except SettingsError as error:
-                raise ConfigError(f"scene: {error.problem}", source or error.source) from None
-            given = {
-                name: value
-                for name, value in given.items()
-                if value is not None or name not in _BLOCKS
-            }
-            return cls(**given)
-        except SettingsError as error:
-            raise ConfigError(error.problem, error.source or source) from None
+            absent = [name for name in _BLOCKS if given.get(name) is None]
+            return cls(**{name: value for name, value in given.items() if name not in absent})
 
     def change(self, changes: Mapping[str, Any]) -> TrainingConfig:
         """Return a configuration with fields changed.
@@ -312,10 +312,8 @@ class TrainingConfig(Block):
             else:
                 data[path] = value
         if scene:
-            try:
+            with _located(prefix="scene: "):
                 data["scene"] = _scene(data["scene"], scene).to_dict()
-            except SceneError as error:
-                raise ConfigError(f"scene: {error.problem}") from None
         return TrainingConfig.from_dict(data)
 
 
@@ -390,7 +388,5 @@ def load_config(
     found = TrainingConfig.from_dict(data, source)
     if not overrides:
         return found
-    try:
+    with _located(f"{source} with overrides"):
         return found.change(parse_overrides(overrides))
-    except SettingsError as error:
-        raise ConfigError(error.problem, f"{source} with overrides") from None

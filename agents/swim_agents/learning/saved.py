@@ -60,7 +60,7 @@ _SAME = (
 
 
 class AgentError(SwimError, ValueError):
-    """A saved agent cannot be read, or does not fit what it is to play."""
+    """A saved agent cannot be read, or does not fit the scene or task to be played."""
 
 
 class AgentPolicy:
@@ -292,7 +292,7 @@ def load_bare_model(path: str | os.PathLike[str], scene: Scene, trust: bool) -> 
     path : str or os.PathLike
         The file.
     scene : Scene
-        What it is to play, taken to be what it was trained on.
+        The scene to be played, assumed to be the one it was trained on.
     trust : bool
         Whether to unpickle what the file holds, which runs its code.
 

@@ -153,7 +153,7 @@ def train(
         on it.
     progress : callable, optional
         Called with the number of environment steps since the last call (or since the start, after
-        a resume) and a short text on how it goes.
+        a resume) and a short text on the latest evaluation.
 
     Returns
     -------
@@ -327,7 +327,7 @@ class _Run:
         #: Folder for a recording of every evaluation.
         self.recordings: Path | None = None
         self.env = make_training_env(config, seed, threads)
-        self.judge = make_batch(
+        self.evaluation_env = make_batch(
             config, config.evaluation.episodes, threads, AutoresetMode.NEXT_STEP
         )
         self.model = make_model(config, self.env, seed, device)
@@ -345,9 +345,9 @@ class _Run:
             self.about = {name: before[name] for name in self.about if name in before}
             self.about["resumed"] = [*before.get("resumed", []), now]
         self.model.set_logger(_quiet_logger())
-        self._kept = folder / "checkpoint.zip"
-        if self._kept.exists():
-            self._take_up()
+        self._checkpoint = folder / "checkpoint.zip"
+        if self._checkpoint.exists():
+            self._restore()
         else:
             # The numbers that a run draws do not depend on what was played before in the process.
             self.model._last_obs = self.env.reset()
@@ -372,7 +372,7 @@ class _Run:
         if hasattr(self, "board"):
             self.board.close()
         self.env.close()
-        self.judge.close()
+        self.evaluation_env.close()
 
     def play(self, progress: Callable[[int, str], object] | None) -> dict[str, Any]:
         """Train to the end."""
@@ -394,9 +394,9 @@ class _Run:
                 self._evaluate()
                 self.seconds = time.perf_counter() - begin
             if ends or _passed(before, now, config.checkpoint_every):
-                self._keep()
+                self._save_checkpoint()
             if progress is not None:
-                progress(now - reported, self._how_it_goes())
+                progress(now - reported, self._status())
                 reported = now
         save_agent(self.folder / "final_agent", self.model, config, self._record())
         return self._write_record(finished=True)
@@ -431,7 +431,7 @@ class _Run:
         first = config.evaluation.seed
         with _random_numbers_kept():
             rollouts = play_episodes(
-                self.judge,
+                self.evaluation_env,
                 self.model.policy,
                 range(first, first + config.evaluation.episodes),
             )
@@ -450,7 +450,7 @@ class _Run:
         self.last = {"steps": self.steps, "seconds": round(self.seconds, 3), **values}
         self.evaluation_log.add(self.last)
         if self.recordings is not None:
-            name, radius = f"{config.name}-{self.steps}", self.judge.task.radius
+            name, radius = f"{config.name}-{self.steps}", self.evaluation_env.task.radius
             swimmer = rollouts[0].swimmer(name, target_radius=radius)
             file = self.recordings / f"evaluation-{self.steps}.rrd"
             write_recording(file, [swimmer], flow_rate=None)
@@ -465,7 +465,7 @@ class _Run:
         # Episodes all count: an agent that cannot start from some poses is no better for the rest.
         return (values["net_displacement_median"] + values["net_displacement_min"], 0.0)
 
-    def _how_it_goes(self) -> str:
+    def _status(self) -> str:
         if self.last is None:
             return ""
         if self.config.task == "target":
@@ -490,7 +490,7 @@ class _Run:
 
     # ---- checkpoints ---------------------------------------------------------------------------
 
-    def _keep(self) -> None:
+    def _save_checkpoint(self) -> None:
         state = {
             "model": model_state(self.model),
             "environment": self.env.state(),
@@ -498,11 +498,11 @@ class _Run:
             "best": self.best,
             "last": self.last,
         }
-        save_checkpoint(self._kept, state)
+        save_checkpoint(self._checkpoint, state)
         self._write_record(finished=False)
 
-    def _take_up(self) -> None:
-        state = load_checkpoint(self._kept)
+    def _restore(self) -> None:
+        state = load_checkpoint(self._checkpoint)
         self.env.set_state(state["environment"])
         set_model_state(self.model, state["model"])
         self.seconds, self.best, self.last = state["seconds"], state["best"], state["last"]
