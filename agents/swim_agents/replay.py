@@ -48,10 +48,8 @@ def replay_episode(
         A name or a path that `load_policy` knows.
     task : str
         A key of `swim_env.envs.task.TASKS`.
-    seed : int
-        Of the start's noise, and of a random policy.
-    noise : float
-        Factor on the start's noise; 0 starts exactly as the scene says.
+    seed, noise
+        Of the start's noise (and of a random policy), and the factor on it.
     video_folder : path, optional
         Where a video of the episode goes, by Gymnasium's own wrapper.
     progress : callable, optional

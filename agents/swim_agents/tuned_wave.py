@@ -45,12 +45,7 @@ def wave_on(
 ) -> Actuation:
     """Return a wave that never ends, on the joints that the scene drives and with its limit.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-    amplitude, frequency, wave_number, phase : float
-        N m, rad/s, rad per body length, rad.
+    Units are N m, rad/s, rad per body length and rad.
     """
     return replace(
         scene.actuation or Actuation(amplitude=0.0),

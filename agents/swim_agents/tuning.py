@@ -45,15 +45,6 @@ def net_displacements(
 ) -> Array:
     """Play waves in the batched environment, without start noise.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-    waves : sequence of Actuation
-        What drives it.
-    progress : callable, optional
-        Called with the number of waves played since the last call.
-
     Returns
     -------
     (len(waves),) array
@@ -188,16 +179,7 @@ def _values(
 def check_candidates(
     scene: Scene, found: dict[str, Any], progress: Callable[[int], object] | None = None
 ) -> dict[str, Any]:
-    """Check what a search found, from the best down, until a wave can be trusted.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-    found : dict
-        From `search_wave`.
-    progress : callable, optional
-        Called with the number of fine time steps that a check has taken since the last call.
+    """Check the result of `search_wave`, from the best wave down, until one can be trusted.
 
     Returns
     -------

@@ -154,12 +154,8 @@ def entries_of(
     names : sequence of str
         Names and paths for `load_policy`. A folder with runs ``seed_0``, ``seed_1`` ... stands for
         all of them, which then form one group. The REFERENCES are added in front.
-    scene : Scene
-        The scene that they play.
-    task : str
-        ``forward`` or ``target``.
-    trust : bool
-        See `load_policy`.
+    scene, task, trust
+        As for `load_policy`.
 
     Raises
     ------

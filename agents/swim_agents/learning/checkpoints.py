@@ -44,7 +44,7 @@ def save_checkpoint(path: str | os.PathLike[str], state: Mapping[str, Any]) -> N
     Raises
     ------
     CheckpointError
-        If it cannot be written, as on a full disk. The one before is untouched.
+        If it cannot be written, as on a full disk.
     """
     content = {"format_version": FORMAT_VERSION, **_copied(state, _pack)}
     try:

@@ -37,15 +37,8 @@ def read_log(path: str | os.PathLike[str]) -> dict[str, list[float]]:
 class CsvLog:
     """A CSV file that grows by a line at a time, its first column the environment steps.
 
-    Parameters
-    ----------
-    path : str or os.PathLike
-        The file.
-    columns : sequence of str
-        Names; the first is ``steps``.
-    steps : int
-        Where the run continues: lines beyond it, and half a line at the end, are removed. At 0 the
-        file starts anew.
+    Where a run continues at a number of steps, lines beyond it, and half a line at the end, are
+    removed; at 0 the file starts anew.
 
     Raises
     ------
@@ -88,12 +81,7 @@ class CsvLog:
 class TensorBoardLog:
     """Scalars for TensorBoard.
 
-    Parameters
-    ----------
-    folder : str or os.PathLike
-        Where its event files go.
-    steps : int
-        Where the run continues; what was logged beyond it is marked as superseded.
+    Where a run continues at a number of steps, what was logged beyond it is marked as superseded.
     """
 
     def __init__(self, folder: str | os.PathLike[str], steps: int = 0) -> None:

@@ -123,16 +123,7 @@ _ARGUMENTS = {
 def make_model(config: TrainingConfig, env: Any, seed: int, device: str) -> BaseAlgorithm:
     """Make the untrained model of a run.
 
-    Parameters
-    ----------
-    config : TrainingConfig
-        The run.
-    env : TrainingEnv
-        Its batch.
-    seed : int
-        Of the network's first weights, of exploration and of minibatches.
-    device : str
-        For PyTorch.
+    The seed is that of the network's first weights, of exploration and of minibatches.
     """
     common: dict[str, Any] = {
         "policy": "MlpPolicy",

@@ -166,9 +166,7 @@ def save_agent(
     folder : str or os.PathLike
         The folder.
     model : stable_baselines3.common.base_class.BaseAlgorithm
-        The model.
-    config : TrainingConfig
-        How it was trained.
+        The model, trained as `config` says.
     record : mapping
         Seed, steps, seconds, scores, versions ... as plain values, for ``agent.json``.
 
@@ -201,11 +199,6 @@ def save_agent(
 
 def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
     """Read an agent's folder. No code from it is run: see this module's first lines.
-
-    Parameters
-    ----------
-    folder : str or os.PathLike
-        With ``agent.json`` and ``model.zip``.
 
     Raises
     ------
@@ -285,21 +278,13 @@ def _weights(path: Path) -> Any:
 
 
 def load_bare_model(path: str | os.PathLike[str], scene: Scene, trust: bool) -> AgentPolicy:
-    """Read a model file of stable-baselines3 that comes without ``agent.json``.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        The file.
-    scene : Scene
-        The scene to be played, assumed to be the one it was trained on.
-    trust : bool
-        Whether to unpickle what the file holds, which runs its code.
+    """Read a model file of stable-baselines3 without ``agent.json``, as trained on a scene.
 
     Raises
     ------
     AgentError
-        If it is not to be trusted, cannot be read, or does not fit the scene.
+        If it is not to be trusted, as reading it runs code in it; if it cannot be read, or does not
+        fit the scene.
     """
     name = os.fspath(path)
     if not trust:

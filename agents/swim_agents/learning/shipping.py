@@ -83,14 +83,7 @@ def ship_agent(
 ) -> None:
     """Write the folder of an agent that ships, whole or not at all.
 
-    Parameters
-    ----------
-    run : str or os.PathLike
-        The folder of a finished training run, whose best agent is taken.
-    folder : str or os.PathLike
-        Where the agent goes.
-    scores : mapping
-        From `scores_of`.
+    It is the best agent of a finished training run; `scores` are those of `scores_of`.
 
     Raises
     ------

@@ -205,11 +205,6 @@ def check_run(
     -------
     dict or None
         What ``run.json`` says of the run that would be continued, None without one.
-
-    Raises
-    ------
-    ConfigError, RunExistsError, SwimError
-        As `train` does.
     """
     place = Path(folder)
     _check_seed(config, seed)
