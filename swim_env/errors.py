@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Self
+
 
 class SwimError(Exception):
     """Base of every exception that this package raises on purpose."""
 
 
-class SceneError(SwimError, ValueError):
-    """A scene, or a request to change or find one, cannot be used.
+class SettingsError(SwimError, ValueError):
+    """Settings cannot be used: base of the errors of scenes and training configurations.
 
     The message is one line: what is wrong, in which field, what would be right and,
     where known, the file in brackets.
@@ -18,7 +20,7 @@ class SceneError(SwimError, ValueError):
     problem : str
         What is wrong and what would be right, with the dotted name of the field.
     source : str, optional
-        Where the scene came from, as the caller named it.
+        Where the settings came from, as the caller named it.
     """
 
     def __init__(self, problem: str, source: str | None = None) -> None:
@@ -31,9 +33,13 @@ class SceneError(SwimError, ValueError):
         """Return the message, with the source in brackets where known."""
         return self.problem if self.source is None else f"{self.problem} ({self.source})"
 
-    def located(self, source: str | None) -> SceneError:
+    def located(self, source: str | None) -> Self:
         """Return the same error naming `source`, unless it names one already."""
-        return self if self.source is not None else SceneError(self.problem, source)
+        return self if self.source is not None else type(self)(self.problem, source)
+
+
+class SceneError(SettingsError):
+    """A scene, or a request to change or find one, cannot be used."""
 
 
 class OutlineError(SwimError, ValueError):

@@ -1,14 +1,18 @@
 """Policies, episodes played by them, and the check that a score can be trusted.
 
-Training is in `swim_agents.learning`, the comparison of gaits in `swim_agents.comparison`; both are
-imported only where they are needed.
+Training is in `swim_agents.learning`, the comparison of gaits in `swim_agents.comparison`, the
+console command in `swim_agents.commands`. Everything is imported only when it is first used.
 """
 
-from swim_agents.baselines import POLICY_NAMES, Policy, RandomPolicy, WavePolicy, ZeroPolicy
-from swim_agents.evaluation import play_episodes
-from swim_agents.policies import load_policy, policy_names
-from swim_agents.rollout import Rollout, play_episode
-from swim_agents.verification import Verification, verify_rollout
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from swim_agents.baselines import POLICY_NAMES, Policy, RandomPolicy, WavePolicy, ZeroPolicy
+    from swim_agents.evaluation import play_episodes
+    from swim_agents.policies import load_policy, policy_names
+    from swim_agents.rollout import Rollout, play_episode
+    from swim_agents.verification import Verification, verify_rollout
 
 __all__ = [
     "POLICY_NAMES",
@@ -24,3 +28,14 @@ __all__ = [
     "policy_names",
     "verify_rollout",
 ]
+
+_MODULES = ("baselines", "evaluation", "policies", "rollout", "verification")
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name from its module."""
+    if name in __all__:
+        for module in (importlib.import_module(f"{__name__}.{one}") for one in _MODULES):
+            if name in module.__all__:
+                return getattr(module, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

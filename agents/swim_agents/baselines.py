@@ -1,7 +1,7 @@
 """Policies that learn nothing: the paper's wave, the tuned wave, no torque, random torques.
 
 Each has the `predict` call of a model of stable-baselines3, for one observation or a batch, and
-looks at nothing but the clock, which travels in `state` as for a recurrent model.
+depends on nothing but the clock, which is passed on in `state` as for a recurrent model.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ POLICY_NAMES = ("paper_wave", "tuned_wave", "zero", "random")
 
 
 class Policy(Protocol):
-    """What plays an environment: the call that models of stable-baselines3 have."""
+    """A policy: anything with the `predict` call that models of stable-baselines3 have."""
 
     def predict(
         self,
@@ -42,7 +42,7 @@ class Policy(Protocol):
         episode_start: Any = None,
         deterministic: bool = False,
     ) -> tuple[Any, Any]:
-        """Return actions, and the state to hand over at the next call.
+        """Return actions, and the state to pass to the next call.
 
         Parameters
         ----------
@@ -53,7 +53,7 @@ class Policy(Protocol):
         episode_start : (M,) array_like of bool, optional
             Members that have just been reset.
         deterministic : bool
-            Whether to leave out what a policy does at random.
+            Whether to leave exploration out.
 
         Returns
         -------
@@ -66,7 +66,13 @@ class Policy(Protocol):
 
 
 class _Baseline:
-    """What the policies of this file share: the shapes of a scene."""
+    """What the policies here share: the shapes of a scene, and the clock.
+
+    Raises
+    ------
+    OptionError
+        By `predict`, if the observation or the state does not fit the scene.
+    """
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -74,8 +80,18 @@ class _Baseline:
         self.joints = elements - 1
         self._sizes = (observation_size(elements, False), observation_size(elements, True))
 
-    def _members(self, observation: ArrayLike) -> tuple[int, bool]:
-        """Return the number of members, and whether there is a single one without an axis."""
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = False,
+    ) -> tuple[Array, Any]:
+        """Return actions, (N - 1,) or (M, N - 1), and the clock.
+
+        The clock counts the actions since each member's start, (M,) int64; as times are whole
+        multiples of the control interval, they carry no rounding of their own.
+        """
         shape = np.shape(observation)
         if len(shape) not in (1, 2) or shape[-1] not in self._sizes:
             raise OptionError(
@@ -83,7 +99,13 @@ class _Baseline:
                 f"{self._sizes[1]} with a target), as scene {self.scene.name} gives them, "
                 f"got {shape}"
             )
-        return (1, True) if len(shape) == 1 else (shape[0], False)
+        clock = _clock(1 if len(shape) == 1 else shape[0], state, episode_start)
+        actions = self._actions(clock)
+        return (actions[0] if len(shape) == 1 else actions), clock + 1
+
+    def _actions(self, clock: NDArray[np.int64]) -> Array:
+        """Return the actions of members that have taken so many, (M, N - 1)."""
+        raise NotImplementedError
 
 
 def _clock(members: int, state: Any, episode_start: ArrayLike | None) -> NDArray[np.int64]:
@@ -114,45 +136,18 @@ class WavePolicy(_Baseline):
     def __init__(self, scene: Scene, wave: Actuation) -> None:
         super().__init__(scene)
         self.wave = wave
-        self._limit = scene.torque_limit
 
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: ArrayLike | None = None,
-        deterministic: bool = False,
-    ) -> tuple[Array, NDArray[np.int64]]:
-        """Return the wave's actions, (N - 1,) or (M, N - 1), and the clock.
-
-        The clock counts the actions since each member's start, (M,) int64; as times are whole
-        multiples of the control interval, they carry no rounding of their own.
-
-        Raises
-        ------
-        OptionError
-            If the observation or the state does not fit the scene.
-        """
-        members, alone = self._members(observation)
-        clock = _clock(members, state, episode_start)
+    def _actions(self, clock: NDArray[np.int64]) -> Array:
         times = clock * self.scene.episode.control_interval
-        actions = np.clip(self.wave.torques(times, self.scene.beam) / self._limit, -1.0, 1.0)
-        return (actions[0] if alone else actions), clock + 1
+        torques = self.wave.torques(times, self.scene.beam)
+        return np.clip(torques / self.scene.torque_limit, -1.0, 1.0)
 
 
 class ZeroPolicy(_Baseline):
     """No torque at all."""
 
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: ArrayLike | None = None,
-        deterministic: bool = False,
-    ) -> tuple[Array, Any]:
-        """Return actions of zero, (N - 1,) or (M, N - 1), and the state as it came."""
-        members, alone = self._members(observation)
-        return np.zeros(self.joints if alone else (members, self.joints)), state
+    def _actions(self, clock: NDArray[np.int64]) -> Array:
+        return np.zeros((len(clock), self.joints))
 
 
 class RandomPolicy(_Baseline):
@@ -184,23 +179,12 @@ class RandomPolicy(_Baseline):
                 f"seed must be a whole number of at least 0, or None, got {seed!r}"
             ) from None
 
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: ArrayLike | None = None,
-        deterministic: bool = False,
-    ) -> tuple[Array, NDArray[np.int64]]:
-        """Return random actions, (N - 1,) or (M, N - 1), and the clock, as `WavePolicy` does."""
-        members, alone = self._members(observation)
-        clock = _clock(members, state, episode_start)
-        actions = np.stack(
-            [
-                np.random.default_rng([*self._key, member, now]).uniform(-1.0, 1.0, self.joints)
-                for member, now in enumerate(clock.tolist())
-            ]
+    def _actions(self, clock: NDArray[np.int64]) -> Array:
+        generators = (
+            np.random.default_rng([*self._key, member, now])
+            for member, now in enumerate(clock.tolist())
         )
-        return (actions[0] if alone else actions), clock + 1
+        return np.stack([one.uniform(-1.0, 1.0, self.joints) for one in generators])
 
 
 def paper_wave(scene: Scene) -> WavePolicy:

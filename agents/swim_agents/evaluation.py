@@ -26,7 +26,7 @@ def play_episodes(
 ) -> list[Rollout]:
     """Play one episode for each seed.
 
-    With the same actions an episode is bit for bit the one that `agents.play_episode` plays. The
+    With the same actions an episode is bit for bit the one that `play_episode` plays. The
     actions of a network can differ from those in the last digit, since a product of matrices may
     round otherwise for a batch.
 
@@ -34,14 +34,10 @@ def play_episodes(
     ----------
     env : SwimVectorEnv
         A batch of as many members, in autoreset mode NEXT_STEP.
-    policy : Policy
-        Who plays.
+    policy, options, deterministic
+        As for `play_episode`, the same for all.
     seeds : sequence of int
         Of the starts.
-    options : mapping, optional
-        For the reset, the same for all.
-    deterministic : bool
-        Whether to leave out what a policy does at random.
     progress : callable, optional
         Called with 1 after every action of the batch.
 
@@ -71,43 +67,35 @@ def play_episodes(
     torques: list[list[Any]] = [[] for _ in seeds]
     rewards: list[list[float]] = [[] for _ in seeds]
     paths: list[list[Any]] = [[place.copy()] for place in infos["position"]]
-    ends: dict[int, tuple[dict[str, Any], bool, bool, int]] = {}
+    ended: dict[int, Rollout] = {}
     state: Any = None
     start = np.ones(count, dtype=np.bool_)
-    while len(ends) < count:
+    while len(ended) < count:
         actions, state = policy.predict(observations, state, start, deterministic)
         observations, gains, terminated, truncated, infos = env.step(actions)
         start = np.zeros(count, dtype=np.bool_)
         for member in range(count):
-            if member in ends:
+            if member in ended:
                 continue
             torques[member].append(episodes.torques[member, 0].copy())
             rewards[member].append(float(gains[member]))
             paths[member].append(infos["position"][member].copy())
             if terminated[member] or truncated[member]:
-                ends[member] = (
-                    episodes.info(member),
-                    bool(terminated[member]),
-                    bool(truncated[member]),
-                    int(episodes.bodies.steps_taken[member]),
+                ended[member] = Rollout(
+                    scene=env.scene,
+                    seed=int(seeds[member]),
+                    coordinates=coordinates[member],
+                    velocity=velocities[member],
+                    goal=goals[member],
+                    goal_is_point=env.task.goal_is_point,
+                    torques=np.array(torques[member]),
+                    steps=int(episodes.bodies.steps_taken[member]),
+                    rewards=np.array(rewards[member]),
+                    path=np.array(paths[member]),
+                    info=episodes.info(member),
+                    terminated=bool(terminated[member]),
+                    truncated=bool(truncated[member]),
                 )
         if progress is not None:
             progress(1)
-    return [
-        Rollout(
-            scene=env.scene,
-            seed=int(seed),
-            coordinates=coordinates[member],
-            velocity=velocities[member],
-            goal=goals[member],
-            goal_is_point=env.task.goal_is_point,
-            torques=np.array(torques[member]),
-            steps=ends[member][3],
-            rewards=np.array(rewards[member]),
-            path=np.array(paths[member]),
-            info=ends[member][0],
-            terminated=ends[member][1],
-            truncated=ends[member][2],
-        )
-        for member, seed in enumerate(seeds)
-    ]
+    return [ended[member] for member in range(count)]

@@ -26,6 +26,8 @@ PRETRAINED_FOLDER = next(
     folder for folder in (_HERE / "pretrained", _HERE.parent / "pretrained") if folder.is_dir()
 )
 
+_BASELINES = {"paper_wave": paper_wave, "tuned_wave": tuned_wave, "zero": ZeroPolicy}
+
 
 def pretrained_names() -> tuple[str, ...]:
     """Return the names of the trained agents that ship, sorted."""
@@ -55,8 +57,8 @@ def load_policy(
         folder, the folder of a training run (its best agent), or a model file (.zip) of
         stable-baselines3.
     scene : Scene, str or os.PathLike, optional
-        The scene that it is to play; unless given, ``swimmer`` for what was not trained, and for an
-        agent the one it was trained on.
+        The scene to be played; unless given, ``swimmer`` for a baseline, and for an agent the one
+        it was trained on.
     seed : int, optional
         Seed of a random policy.
     task : str, optional
@@ -82,14 +84,10 @@ def load_policy(
     found = load_scene("swimmer" if scene is None else scene)
     own = None if scene is None else found
     name = os.fspath(policy)
-    if name == "paper_wave":
-        return paper_wave(found)
-    if name == "tuned_wave":
-        return tuned_wave(found)
-    if name == "zero":
-        return ZeroPolicy(found)
     if name == "random":
         return RandomPolicy(found, seed)
+    if name in _BASELINES:
+        return _BASELINES[name](found)
     if name in pretrained_names():
         return _load_agent(PRETRAINED_FOLDER / name, own, task)
     path = Path(name)
@@ -99,9 +97,9 @@ def load_policy(
     if path.suffix == ".zip" or path.is_file():
         return _load_file(path, found, own, task, trust)
     names = policy_names()
-    hint = nearest(name, names)
     raise OptionError(
-        f"unknown policy {name!r}{hint}; policies: {', '.join(names)}, or the path of an agent"
+        f"unknown policy {name!r}{nearest(name, names)}; policies: {', '.join(names)}, or the path "
+        "of an agent"
     )
 
 

@@ -1,13 +1,14 @@
-"""Playing a baseline as an episode of the environment, with the figures of a replay."""
+"""Playing a policy as an episode of the environment, with the figures of a replay."""
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import tempfile
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -42,15 +43,13 @@ def replay_episode(
     Parameters
     ----------
     scene : Scene
-        What swims; its episode says for how long, and how often the policy acts.
+        The scene; its episode gives the duration, and how often the policy acts.
     policy : str
         A name or a path that `load_policy` knows.
     task : str
         A key of `swim_env.envs.task.TASKS`.
-    seed : int
-        Of the start's noise, and of a random policy.
-    noise : float
-        Factor on the start's noise; 0 starts exactly as the scene says.
+    seed, noise
+        Of the start's noise (and of a random policy), and the factor on it.
     video_folder : path, optional
         Where a video of the episode goes, by Gymnasium's own wrapper.
     progress : callable, optional
@@ -80,7 +79,8 @@ def replay_episode(
     video = None
     if video_folder is not None:
         video = Path(video_folder) / f"{scene.name}-{task}-{Path(policy).name}-{seed}.mp4"
-        _make_folder(video)
+        with _video_errors("make the folder for", video.parent):
+            video.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch:
         mode = None if video_folder is None else "rgb_array"
         env = gymnasium.make(_ENVIRONMENTS[task], scene=scene, render_mode=mode)
@@ -135,15 +135,13 @@ def _recorded(env: gymnasium.Env[Any, Any], folder: str) -> gymnasium.Env[Any, A
             ) from None
 
 
-def _make_folder(video: Path) -> None:
-    """Make the folder of a video before anything is played for it."""
+@contextlib.contextmanager
+def _video_errors(task: str, path: Path) -> Iterator[None]:
     try:
-        video.parent.mkdir(parents=True, exist_ok=True)
+        yield
     except OSError as error:
-        raise SwimError(
-            f"cannot make the folder for the video: {error.strerror or error} "
-            f"({os.fspath(video.parent)})"
-        ) from None
+        reason = error.strerror or str(error)
+        raise SwimError(f"cannot {task} the video: {reason} ({os.fspath(path)})") from None
 
 
 def _keep(scratch: str, video: Path) -> None:
@@ -151,16 +149,12 @@ def _keep(scratch: str, video: Path) -> None:
     made = sorted(Path(scratch).glob("*.mp4"))
     if len(made) != 1:
         raise SwimError(f"one video was to be made, found {len(made)}")
-    try:
+    with _video_errors("write", video):
         content = made[0].read_bytes()
         if not _is_whole_video(content):
-            # The encoder does not say so where it runs out of space.
+            # The encoder does not report that it ran out of space.
             raise OSError(errno.EIO, "the encoder left only a part of it; is the disk full?")
         write_atomically(video, lambda file: file.write(content))
-    except OSError as error:
-        raise SwimError(
-            f"cannot write the video: {error.strerror or error} ({os.fspath(video)})"
-        ) from None
 
 
 def _is_whole_video(content: bytes) -> bool:
@@ -168,7 +162,7 @@ def _is_whole_video(content: bytes) -> bool:
     kinds, at = set(), 0
     while at + 8 <= len(content):
         size, header = int.from_bytes(content[at : at + 4], "big"), 8
-        if size == 1:  # it stands behind, with more digits
+        if size == 1:  # a 64-bit size follows
             size, header = int.from_bytes(content[at + 8 : at + 16], "big"), 16
         if size < header:
             return False

@@ -1,10 +1,10 @@
-"""Playing an episode and keeping what it takes to play it again."""
+"""Playing an episode, and recording what is needed to replay it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -12,10 +12,14 @@ from numpy.typing import NDArray
 
 from swim_agents.baselines import Policy
 from swim_env.envs.single import SwimEnv
+from swim_env.envs.task import TARGET_RADIUS
 from swim_env.errors import OptionError
 from swim_env.scene import Scene
 from swim_env.sim.simulator import Simulator
 from swim_env.sim.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from swim_env.recording import Swimmer
 
 __all__ = ["Rollout", "play_episode", "score"]
 
@@ -29,7 +33,7 @@ class Rollout:
     Attributes
     ----------
     scene : Scene
-        What was played.
+        The scene.
     seed : int or None
         Seed of the start.
     coordinates, velocity : (N + 2,) arrays
@@ -41,8 +45,8 @@ class Rollout:
     torques : (T, N - 1) array
         Torques held over each control interval (N m).
     steps : int
-        Time steps that were taken; fewer than the torques stand for where an end came in the middle
-        of an action.
+        Time steps that were taken; fewer than the torques cover where the episode ended within an
+        action.
     rewards : (T,) array
         Rewards.
     path : (T + 1, 2) array
@@ -50,7 +54,7 @@ class Rollout:
     info : dict
         The last info.
     terminated, truncated : bool
-        How it ended; neither where it was stopped.
+        How it ended.
     """
 
     scene: Scene
@@ -92,9 +96,34 @@ class Rollout:
         steps = self.steps * hold // self.scene.steps_per_action
         return simulator.rollout(np.repeat(self.torques, hold, axis=0)[:steps], progress)
 
+    def swimmer(
+        self, name: str, trajectory: Trajectory | None = None, target_radius: float = TARGET_RADIUS
+    ) -> Swimmer:
+        """Return the episode for a recording.
+
+        Parameters
+        ----------
+        name : str
+            The swimmer's name.
+        trajectory : Trajectory, optional
+            Its motion; its torques are played again unless given.
+        target_radius : float
+            How close a target had to be reached (BL), where the goal is one.
+        """
+        from swim_env.recording import Swimmer
+
+        return Swimmer(
+            name,
+            self.simulate() if trajectory is None else trajectory,
+            self.rewards,
+            self.goal,
+            target_radius if self.goal_is_point else None,
+            self.velocity,
+        )
+
 
 def score(rollout: Rollout, position: Array) -> float:
-    """Return how far a position is along a rollout's way (BL)."""
+    """Return how far a position is from the start along the goal, or towards it (BL)."""
     start, length = rollout.path[0], rollout.scene.beam.length
     if rollout.goal_is_point:
         before, after = (float(np.hypot(*(rollout.goal - at))) for at in (start, position))
@@ -117,11 +146,11 @@ def play_episode(
     env : gymnasium.Env
         A `SwimEnv`, with or without wrappers that leave observations and actions alone.
     policy : Policy
-        Who plays.
+        The policy.
     seed, options : optional
         For the reset.
     deterministic : bool
-        Whether to leave out what a policy does at random.
+        Whether to leave exploration out.
     progress : callable, optional
         Called with 1 after every action.
 

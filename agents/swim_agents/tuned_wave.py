@@ -16,7 +16,7 @@ __all__ = ["TUNED_WAVE_FILE", "WAVE_FIELDS", "load_tuned_wave", "wave_on"]
 #: Where the result and the record of the search are kept; see `swim_agents.tuning`.
 TUNED_WAVE_FILE = Path(__file__).with_name("tuned_wave.json")
 
-#: What tells one wave from another: fields of an `Actuation`.
+#: The fields of an `Actuation` that define a wave.
 WAVE_FIELDS = ("amplitude", "frequency", "wave_number", "phase")
 
 
@@ -35,7 +35,7 @@ def load_tuned_wave() -> dict[str, Any]:
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise SwimError(
             f"cannot read the tuned wave ({TUNED_WAVE_FILE.name}): {error!r}; "
-            "scripts/tune_wave.py makes it anew"
+            "`swim-env tune` makes it anew"
         ) from None
     return {**data, "wave": wave}
 
@@ -45,12 +45,7 @@ def wave_on(
 ) -> Actuation:
     """Return a wave that never ends, on the joints that the scene drives and with its limit.
 
-    Parameters
-    ----------
-    scene : Scene
-        What swims.
-    amplitude, frequency, wave_number, phase : float
-        N m, rad/s, rad per body length, rad.
+    Units are N m, rad/s, rad per body length and rad.
     """
     return replace(
         scene.actuation or Actuation(amplitude=0.0),

@@ -2,10 +2,9 @@
 
 The search runs in the environment itself, with torques held over the control interval and no
 start noise. A grid over frequency and wave number, wide enough for the first two bending
-resonances and both directions of travel, shows where the good waves are; differential evolution
-goes on from there in amplitude, frequency, wave number and phase. What it finds counts only if the
-trust check of `swim_agents.verification` confirms it, so candidates are checked from the best one
-down.
+resonances and both directions of travel, shows where the good waves are; from there differential
+evolution varies amplitude, frequency, wave number and phase. A wave counts only if the trust check
+of `swim_agents.verification` confirms it, so candidates are checked from the best one down.
 """
 
 from __future__ import annotations
@@ -42,26 +41,15 @@ _BATCH = 32
 
 
 def net_displacements(
-    scene: Scene,
-    waves: Sequence[Actuation],
-    progress: Callable[[int], object] | None = None,
+    scene: Scene, waves: Sequence[Actuation], progress: Callable[[int], object] | None = None
 ) -> Array:
     """Play waves in the batched environment, without start noise.
-
-    Parameters
-    ----------
-    scene : Scene
-        What swims.
-    waves : sequence of Actuation
-        What drives it.
-    progress : callable, optional
-        Called with the number of waves played since the last call.
 
     Returns
     -------
     (len(waves),) array
         Net displacement along the scene's heading over an episode (BL); NaN where the episode
-        ended before its time.
+        ended early.
     """
     reached = np.full(len(waves), np.nan)
     times = np.arange(scene.actions_per_episode) * scene.episode.control_interval
@@ -100,7 +88,7 @@ def search_wave(
     Parameters
     ----------
     scene : Scene
-        What swims.
+        The scene.
     frequencies, wave_numbers : int
         Size of the grid.
     generations, population : int
@@ -191,16 +179,7 @@ def _values(
 def check_candidates(
     scene: Scene, found: dict[str, Any], progress: Callable[[int], object] | None = None
 ) -> dict[str, Any]:
-    """Check what a search found, from the best down, until a wave can be trusted.
-
-    Parameters
-    ----------
-    scene : Scene
-        What swims.
-    found : dict
-        From `search_wave`.
-    progress : callable, optional
-        Called with the number of fine time steps that a check has taken since the last call.
+    """Check the result of `search_wave`, from the best wave down, until one can be trusted.
 
     Returns
     -------

@@ -36,13 +36,13 @@ __all__ = ["SwimVecEnv", "TrainingExtraError", "make_swim_vec_env"]
 
 Members = int | Iterable[int] | None
 
-#: What a member has in common with all others.
+#: Attributes that all members share.
 _SHARED = ("action_space", "metadata", "observation_space", "render_mode", "scene", "spec", "task")
 #: Those of them that may be set, for all members at once.
 _SETTABLE = ("render_mode", "spec")
-#: What every member has of its own.
+#: Attributes of each member.
 _OWN = ("coordinates", "goal", "torques", "velocity")
-#: What a member can be asked to do: nothing that would move it without the others.
+#: Methods of a member: none that would move it without the others.
 _METHODS = ("render", "snapshot")
 
 
@@ -58,7 +58,7 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
     member's own ``coordinates``, ``velocity``, ``torques`` and ``goal``. `set_attr` sets
     ``render_mode`` and ``spec``, for all members together. `env_method` calls ``render`` and
     ``snapshot``. A member is no object of its own and cannot be moved without the others:
-    what does move them is `reset`, `step`, and `restore` of the batch itself, `env`.
+    `reset`, `step`, and `restore` of the batch itself, `env`, move them all.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
     def set_options(
         self, options: Sequence[Mapping[str, Any]] | Mapping[str, Any] | None = None
     ) -> None:
-        """Keep options for the next reset, and for that alone.
+        """Keep options for the next reset only.
 
         Parameters
         ----------
@@ -180,7 +180,7 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
     def step_wait(
         self,
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        """Hold the actions over one control interval, and start anew who is at the end.
+        """Hold the actions over one control interval, and restart the members that ended.
 
         Returns
         -------
@@ -189,7 +189,7 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
         rewards : (M,) array of float32
             Rewards.
         dones : (M,) array of bool
-            Who ended.
+            Which members ended.
         infos : list of dict
             Each member's info of this action, as from `SwimEnv.step`, and
             ``TimeLimit.truncated``: whether nothing but the time ended the episode. Where it
@@ -230,20 +230,7 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
     # ---- members -------------------------------------------------------------------------------
 
     def get_attr(self, attr_name: str, indices: Members = None) -> list[Any]:
-        """Return an attribute of members.
-
-        Parameters
-        ----------
-        attr_name : str
-            One of those of `SwimVecEnv`; methods count.
-        indices : int or iterable of int, optional
-            Which members; all unless given.
-
-        Raises
-        ------
-        AttributeError
-            If a member has no such attribute.
-        """
+        """Return an attribute of members, all unless given; `SwimVecEnv` lists what there is."""
         members = self._members(indices)
         if attr_name in _OWN:
             return [self._own(attr_name, member) for member in members]
@@ -260,16 +247,7 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
         return [value] * len(members)
 
     def set_attr(self, attr_name: str, value: Any, indices: Members = None) -> None:
-        """Set an attribute for all members.
-
-        Parameters
-        ----------
-        attr_name : {"render_mode", "spec"}
-            Which one.
-        value : object
-            Its value.
-        indices : int or iterable of int, optional
-            Which members: all of them, as they share it.
+        """Set ``render_mode`` or ``spec`` for all members, which share it.
 
         Raises
         ------
@@ -297,23 +275,11 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
     def env_method(
         self, method_name: str, *method_args: Any, indices: Members = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Call a method of members.
+        """Call ``snapshot`` or ``render`` of members, all unless given.
 
-        Parameters
-        ----------
-        method_name : {"snapshot", "render"}
-            ``snapshot`` returns a member's state as `SwimEnv.snapshot` does; a `SwimEnv` of the
-            same scene can `restore` it and goes on bit for bit as the member would, with its own
-            number of actions in an episode. ``render`` returns a member's frame.
-        indices : int or iterable of int, optional
-            Which members; all unless given.
-
-        Raises
-        ------
-        AttributeError
-            If a member has no such method.
-        SwimError
-            For ``snapshot`` before the first reset.
+        ``snapshot`` returns a member's state as `SwimEnv.snapshot` does: a `SwimEnv` of the same
+        scene can `restore` it and then does bit for bit what the member would, with its own number
+        of actions in an episode. ``render`` returns a member's frame.
         """
         members = self._members(indices)
         if method_name not in _METHODS:
@@ -348,19 +314,13 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
         return self.env_method("render")
 
     def _members(self, indices: Members) -> list[int]:
-        """Return members by their numbers, those from the end too.
-
-        Raises
-        ------
-        IndexError
-            If there is no such member.
-        """
-        everyone = range(self.num_envs)
+        """Return members by their numbers, which may count from the end."""
+        all_members = range(self.num_envs)
         if indices is None:
-            return list(everyone)
+            return list(all_members)
         if isinstance(indices, (int, np.integer)):
             indices = [int(indices)]
-        return [everyone[index] for index in indices]
+        return [all_members[index] for index in indices]
 
     def _metadata(self) -> dict[str, Any]:
         """Return the metadata of a single environment, which knows no autoreset mode."""

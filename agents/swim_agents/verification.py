@@ -1,7 +1,7 @@
 """The trust check, which asks whether a score survives a finer computation.
 
-Near a resonance the paper's settings do not resolve the motion, and an optimiser finds that out
-before anybody else does. So a score counts only once the same torques, played at a quarter of the
+Near a resonance the paper's settings do not resolve the motion, and an optimiser will exploit that.
+So a score counts only once the same torques, played at a quarter of the
 time step and with 12 panels on every element, bring the body about as far.
 """
 
@@ -27,7 +27,7 @@ _NOTHING = 1e-9
 
 @dataclass(frozen=True)
 class Verification:
-    """What became of a score in the finer computation.
+    """A score, compared with the finer computation.
 
     Attributes
     ----------
@@ -85,25 +85,18 @@ def _panels(scene: Scene) -> int | None:
 
 
 def verify_rollout(
-    rollout: Rollout,
-    tolerance: float = TOLERANCE,
-    progress: Callable[[int], object] | None = None,
+    rollout: Rollout, tolerance: float = TOLERANCE, progress: Callable[[int], object] | None = None
 ) -> Verification:
     """Replay a recorded torque history at a quarter of the time step and 12 panels per element.
 
     Parameters
     ----------
     rollout : Rollout
-        The episode, from `agents.play_episode`.
+        The episode, from `play_episode`.
     tolerance : float
         Largest difference of the net displacements, as a share of the score.
     progress : callable, optional
         Called with the number of fine time steps taken since the last call.
-
-    Returns
-    -------
-    Verification
-        Both figures and the verdict.
     """
     scene = fine_scene(rollout.scene)
     fine = rollout.simulate(scene, progress)

@@ -24,13 +24,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.contract.test_wheel import copy_sources
+from tests.support import FORWARD, ROOT, TARGET
+
 # An installation and a kernel compilation, with room for a slow network.
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
 
 HERE = Path(__file__).parent
-ROOT = HERE.parents[1]
-SOURCES = ("pyproject.toml", "setup.py", "README.md", "LICENSE", "swim_env", "agents", "configs")
-FORWARD, TARGET = "swim_env/KirchhoffSwimmer-v0", "swim_env/KirchhoffSwimmerTarget-v0"
 TAIL = 60  # lines of output in a failure
 INSTALL_SECONDS = 1200
 RUN_SECONDS = 600
@@ -94,14 +94,7 @@ def fill(folder: Path, pins: Path, work: Path) -> None:
 
 def install_project(client: Client, copy: Path) -> None:
     """Install the checkout as it is now, from a copy: a build leaves folders in its source."""
-    for name in SOURCES:
-        source = ROOT / name
-        if source.is_dir():
-            ignored = shutil.ignore_patterns("__pycache__", ".*")
-            shutil.copytree(source, copy / name, ignore=ignored)
-        elif source.exists():
-            copy.mkdir(parents=True, exist_ok=True)
-            shutil.copy(source, copy / name)
+    copy_sources(copy)
     options = ("--no-deps", "--no-build-isolation", "--force-reinstall")
     client.run("-m", "pip", "install", *options, copy)
     client.run("-m", "pip", "check")

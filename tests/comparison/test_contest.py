@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
-from swim_agents import Rollout, WavePolicy, load_policy, play_episode, verify_rollout
+from swim_agents import WavePolicy, load_policy, play_episode, verify_rollout
 from swim_agents.baselines import Policy
 from swim_agents.comparison.contest import (
     REFERENCES,
@@ -37,6 +37,8 @@ from swim_env import (
     load_scene,
 )
 from swim_env.scene import Actuation
+from tests.learning.small_runs import small_config, untrained
+from tests.support import assert_same, refuses
 
 SECOND = ("episode.duration=1.0",)
 #: Starts that differ enough to tell one from another.
@@ -46,20 +48,6 @@ SEEDS = (4, 0, 11)
 
 def short(*overrides: str) -> Scene:
     return load_scene("swimmer", [*SECOND, *overrides])
-
-
-def same_rollouts(one: Rollout, other: Rollout) -> None:
-    """Assert that two episodes are the same to the bit."""
-    for name in ("coordinates", "velocity", "goal", "torques", "rewards", "path"):
-        first, second = getattr(one, name), getattr(other, name)
-        assert first.dtype == second.dtype, name
-        assert first.shape == second.shape, name
-        assert first.tobytes() == second.tobytes(), name
-    for name in ("scene", "seed", "goal_is_point", "steps", "terminated", "truncated"):
-        assert getattr(one, name) == getattr(other, name), name
-    assert one.info.keys() == other.info.keys()
-    for name, value in one.info.items():
-        assert np.array_equal(value, other.info[name]), name
 
 
 def plain(contest: Contest) -> dict[str, Any]:
@@ -82,7 +70,7 @@ def test_episodes_side_by_side_are_those_one_by_one_bit_for_bit(name: str, threa
     assert calls == [1] * 50
     single = SwimEnv(scene)
     for seed, rollout in zip(SEEDS, together, strict=True):
-        same_rollouts(rollout, play_episode(single, policy, seed, {"noise": 1.0}))
+        assert_same(rollout, play_episode(single, policy, seed, {"noise": 1.0}))
     assert len({rollout.path.tobytes() for rollout in together}) == len(SEEDS)
 
 
@@ -96,7 +84,7 @@ def test_members_that_reach_their_targets_at_different_times_are_bit_for_bit(nam
     together = play_episodes(SwimTargetVectorEnv(9, scene, **near), policy, seeds)
     single = SwimTargetEnv(scene, **near)
     for seed, rollout in zip(seeds, together, strict=True):
-        same_rollouts(rollout, play_episode(single, policy, seed))
+        assert_same(rollout, play_episode(single, policy, seed))
         assert rollout.goal_is_point
         assert rollout.terminated != rollout.truncated
         assert rollout.info["success"] == rollout.terminated
@@ -113,7 +101,7 @@ def test_members_that_break_at_different_times_are_bit_for_bit() -> None:
     together = play_episodes(SwimVectorEnv(4, scene), policy, seeds, {"noise": 20.0})
     single = SwimEnv(scene)
     for seed, rollout in zip(seeds, together, strict=True):
-        same_rollouts(rollout, play_episode(single, policy, seed, {"noise": 20.0}))
+        assert_same(rollout, play_episode(single, policy, seed, {"noise": 20.0}))
         assert rollout.info["termination_reason"] not in ("", "target_reached")
     assert len({rollout.steps for rollout in together}) >= 2
 
@@ -121,10 +109,10 @@ def test_members_that_break_at_different_times_are_bit_for_bit() -> None:
 def test_a_batch_of_another_size_or_mode_is_refused() -> None:
     scene = short()
     policy = load_policy("zero", scene)
-    with pytest.raises(OptionError, match=r"a batch of 3 members in mode NextStep, got 2 in"):
+    with refuses(OptionError, "a batch of 3 members in mode NextStep, got 2 in"):
         play_episodes(SwimVectorEnv(2, scene), policy, SEEDS)
     batch = SwimVectorEnv(3, scene, autoreset_mode=AutoresetMode.SAME_STEP)
-    with pytest.raises(OptionError, match=r"got 3 in mode SameStep"):
+    with refuses(OptionError, "got 3 in mode SameStep"):
         play_episodes(batch, policy, SEEDS)
 
 
@@ -146,24 +134,18 @@ def test_the_references_take_part_in_front_of_the_others(contest: Contest) -> No
     assert list(contest.record["policies"]) == ["paper_wave", "tuned_wave", "random", "zero"]
 
 
-def test_every_list_has_one_entry_for_each_seed(contest: Contest) -> None:
+def test_the_lists_hold_the_figures_of_the_episodes_one_by_one(contest: Contest) -> None:
     record = plain(contest)
     assert record["seeds"] == list(SEEDS) == list(contest.seeds)
-    assert record["scene"] == "swimmer"
-    assert record["task"] == "forward"
-    assert record["duration"] == 1.0
-    assert record["tolerance"] == 0.1
-    for one in record["policies"].values():
-        lists = {name: value for name, value in one.items() if isinstance(value, list)}
-        assert {"net_displacement", "fine_displacement", "verified", "gait"} <= lists.keys()
+    about = {"scene": "swimmer", "task": "forward", "duration": 1.0, "tolerance": 0.1}
+    assert about.items() <= record.items()
+    env = SwimEnv(contest.scene)
+    for name, one in contest.record["policies"].items():
+        lists = {key: value for key, value in one.items() if isinstance(value, list)}
         assert {len(value) for value in lists.values()} == {len(SEEDS)}
         assert one["seed"] == list(SEEDS)
-
-
-def test_the_lists_hold_the_figures_of_the_episodes_one_by_one(contest: Contest) -> None:
-    env = SwimEnv(contest.scene)
-    for name in REFERENCES:
-        one = contest.record["policies"][name]
+        if name not in REFERENCES:
+            continue
         for i, seed in enumerate(SEEDS):
             rollout = play_episode(env, load_policy(name, contest.scene), seed)
             checked = verify_rollout(rollout)
@@ -262,7 +244,7 @@ def test_one_thread_and_several_give_the_same_record(contest: Contest) -> None:
         assert one[name] == other[name], name
     for name in contest.rollouts:
         for first, second in zip(alone.rollouts[name], contest.rollouts[name], strict=True):
-            same_rollouts(first, second)
+            assert_same(first, second)
 
 
 def test_progress_adds_up_to_what_is_announced() -> None:
@@ -290,44 +272,29 @@ def test_without_noise_all_starts_are_the_same() -> None:
     assert zero["ratio_to_paper_wave"] == 0.0
     assert zero["verified"] == [True, True]
     json.dumps(record, allow_nan=False)
-
-
-def test_nothing_is_divided_by_a_reference_that_stays_where_it_is() -> None:
-    # A scene that prescribes no torque: its own wave is none.
+    # Nothing is divided by a reference that stays where it is, as without a prescribed torque.
     scene = short("actuation=null")
     record = hold_contest(scene, entries_of([], scene), [0], noise=0.0, threads=1).record
     assert record["net_displacement"]["paper_wave"] == [0.0]
-    assert record["ratios"]["tuned_wave"]["paper_wave"] is None
-    assert record["ratios"]["paper_wave"]["paper_wave"] is None
-    json.dumps(record, allow_nan=False)
+    assert [record["ratios"][name]["paper_wave"] for name in REFERENCES] == [None, None]
 
 
-def test_targets_are_the_same_for_all_and_their_successes_are_counted() -> None:
-    scene = short()
-    entries = entries_of(["zero"], scene, "target")
-    contest = hold_contest(scene, entries, [0, 1], task="target", threads=2, keep=2)
-    record = plain(contest)
-    assert record["task"] == "target"
-    for one in record["policies"].values():
-        assert one["success"] == [False, False]
-        assert one["success_rate"] == 0.0
-    goals = {name: [r.goal.tolist() for r in kept] for name, kept in contest.rollouts.items()}
-    assert goals["zero"] == goals["paper_wave"] == goals["tuned_wave"]
-    assert goals["zero"][0] != goals["zero"][1]
-
-
-def test_a_share_of_targets_reached_is_between_none_and_all() -> None:
+def test_targets_are_the_same_for_all_and_the_share_of_those_reached_is_counted() -> None:
     # Pushed in any direction, one of these comes within 0.1 BL of its target.
     scene = short("episode.velocity_noise=1.0")
     entries = entries_of([], scene, "target")
-    contest = hold_contest(scene, entries, [5, 6, 7], task="target", threads=2, noise=1.0)
+    contest = hold_contest(scene, entries, [5, 6, 7], task="target", threads=2, keep=3)
     record = plain(contest)
+    assert record["task"] == "target"
     for name, one in record["policies"].items():
         assert one["success"] == [False, True, False]
         assert one["termination_reason"] == ["", "target_reached", ""]
         assert one["success_rate"] == pytest.approx(1.0 / 3.0)
         assert one["duration"][1] < 1.0 == one["duration"][0]
         assert one["net_displacement"][1] > 0.3, name
+    goals = [[one.goal.tolist() for one in kept] for kept in contest.rollouts.values()]
+    assert goals[0] == goals[1]
+    assert goals[0][0] != goals[0][2]
 
 
 # ---- the verdict -------------------------------------------------------------------------------
@@ -337,7 +304,7 @@ def with_references(scene: Scene, name: str, policy: Policy) -> list[Entry]:
     return [*entries_of([], scene), Entry(name, name, policy, {})]
 
 
-def test_a_score_that_hangs_on_the_time_step_is_reported_as_unverified() -> None:
+def test_a_score_that_depends_on_the_time_step_is_reported_as_unverified() -> None:
     # Without damping, at a large step and near the second resonance, the motion is not resolved.
     scene = load_scene(
         "swimmer",
@@ -356,77 +323,43 @@ def test_a_score_that_hangs_on_the_time_step_is_reported_as_unverified() -> None
     assert record["tolerance"] == 0.1
 
 
-def test_an_episode_that_breaks_is_unverified_and_says_why() -> None:
-    scene = load_scene("swimmer", ["beam.bending_stiffness=0.05", "episode.duration=1.0"])
-    entries = entries_of(["zero"], scene)
-    record = plain(hold_contest(scene, entries, [0, 1], threads=2))
-    broken = record["policies"]["paper_wave"]
-    assert broken["verified"] == [False, False]
-    assert all(broken["termination_reason"])
-    assert max(broken["duration"]) < 1.0
-    assert record["policies"]["zero"]["termination_reason"] == ["", ""]
-
-
 # ---- bad input ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seeds", [[], [1, 2, 1], [-1], [3, -2]])
-def test_bad_seeds_are_refused_before_anything_is_played(seeds: list[int]) -> None:
-    scene = short()
-    calls: list[float] = []
-    with pytest.raises(OptionError, match="seeds must be different whole numbers") as caught:
-        hold_contest(scene, entries_of([], scene), seeds, progress=calls.append)
-    assert "\n" not in str(caught.value)
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        ({"seeds": []}, "seeds must be different whole numbers"),
+        ({"seeds": [1, 2, 1]}, "seeds must be different whole numbers"),
+        ({"seeds": [3, -2]}, "seeds must be different whole numbers"),
+        ({"entries": []}, "paper_wave"),
+        ({"task": "tagret"}, "tagret"),
+    ],
+)
+def test_bad_arguments_are_refused_before_anything_is_played(
+    arguments: dict[str, Any], problem: str
+) -> None:
+    scene, calls = short(), list[float]()
+    given = {"entries": entries_of([], scene), "seeds": [0], **arguments}
+    with refuses(SwimError, problem):
+        hold_contest(scene, **given, threads=1, progress=calls.append)
     assert calls == []
-
-
-def test_a_contest_without_its_references_is_refused_before_anything_is_played() -> None:
-    scene = short()
-    calls: list[float] = []
-    alone = [Entry("zero", "zero", load_policy("zero", scene), {})]
-    with pytest.raises(OptionError, match="paper_wave"):
-        hold_contest(scene, alone, [0], threads=1, progress=calls.append)
-    assert calls == []
-
-
-def test_an_unknown_task_is_refused() -> None:
-    scene = short()
-    with pytest.raises(SwimError, match="tagret"):
-        hold_contest(scene, entries_of([], scene), [0], task="tagret", threads=1)
-
-
-def test_unknown_policies_are_refused_with_the_nearest_name() -> None:
-    with pytest.raises(OptionError, match=r"unknown policy 'zeroo'.*'?zero'?"):
-        entries_of(["zeroo"], short())
+    with refuses(OptionError, "unknown policy 'zeroo' (nearest: zero)"):
+        entries_of(["zeroo"], scene)
 
 
 # ---- agents ------------------------------------------------------------------------------------
 
 
-def save_run(folder: Path, seed: int, inside: str = "agent", **changes: Any) -> Path:
+def save_run(folder: Path, seed: int, **changes: Any) -> None:
     """Save an untrained agent as a training run does."""
     pytest.importorskip("stable_baselines3")
-    from swim_agents.learning.config import TrainingConfig
-    from swim_agents.learning.environment import make_training_env
-    from swim_agents.learning.models import make_model
     from swim_agents.learning.saved import save_agent
 
-    settings: dict[str, Any] = {
-        "name": "tiny",
-        "scene": short(),
-        "members": 2,
-        "state_dependent_noise": False,
-        "noise_hold": 1,
-        "network": {"layers": [4]},
-        "ppo": {"rollout": 8, "minibatch": 16, "epochs": 1},
-        **changes,
-    }
-    config = TrainingConfig.from_dict(settings)
-    env = make_training_env(config, seed, threads=1)
-    model = make_model(config, env, seed, "cpu")
-    save_agent(folder / inside, model, config, {"seed": seed, "steps": 0})
-    env.close()
-    return folder
+    config = small_config(
+        name="tiny", scene=short(), overrides={}, state_dependent_noise=False, **changes
+    )
+    save_agent(folder / "agent", untrained(config, seed), config, {"seed": seed, "steps": 0})
 
 
 @pytest.fixture(scope="module")
@@ -520,25 +453,16 @@ def test_folders_of_the_same_name_are_told_apart_and_not_thrown_together(
     assert sorted(map(len, groups_of(entries).values())) == [2, 2]
 
 
-def test_an_agent_for_another_body_or_task_is_refused(runs: Path, tmp_path: Path) -> None:
-    pytest.importorskip("stable_baselines3")
-    from swim_agents.learning.saved import AgentError
-
-    with pytest.raises(AgentError, match="cannot play scene swimmer: beam.bending_stiffness is 4"):
-        entries_of([str(runs)], short("beam.bending_stiffness=4.0"))
-    with pytest.raises(AgentError, match="was trained for task forward, not for target"):
-        entries_of([str(runs)], short(), "target")
-    with pytest.raises(AgentError, match="no agent there") as caught:
-        entries_of([str(tmp_path)], short())
-    assert "\n" not in str(caught.value)
-    # What does not change the body may differ.
-    scene = load_scene("swimmer", ["episode.duration=0.5", "integrator.time_step=0.01"])
-    assert len(entries_of([str(runs)], scene)) == 4
-
-
-def test_agents_for_a_target_play_for_a_target(tmp_path: Path) -> None:
+def test_agents_for_a_target_play_for_a_target_alone(tmp_path: Path) -> None:
     save_run(tmp_path / "seed_5", 5, task="target")
     scene = short()
     entries = entries_of([str(tmp_path / "seed_5")], scene, "target")
     record = hold_contest(scene, entries, [0], task="target", threads=1).record
     assert record["policies"][entries[2].name]["success_rate"] == 0.0
+    with refuses(SwimError, "was trained for task target, not for forward"):
+        entries_of([str(tmp_path / "seed_5")], scene)
+    with refuses(SwimError, "cannot play scene swimmer: beam.bending_stiffness is 4"):
+        entries_of([str(tmp_path / "seed_5")], short("beam.bending_stiffness=4.0"), "target")
+    (tmp_path / "empty").mkdir()
+    with refuses(SwimError, "no agent there"):
+        entries_of([str(tmp_path / "empty")], scene)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Callable
@@ -12,7 +13,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from swim_agents import load_policy
 from swim_agents.comparison.gait import (
     WaveFit,
     analyse_gait,
@@ -21,9 +21,9 @@ from swim_agents.comparison.gait import (
     orthogonal_modes,
     phase_lags,
 )
-from swim_agents.tuned_wave import load_tuned_wave
 
-from swim_env import OptionError, load_scene
+from swim_env import OptionError
+from tests.support import refuses
 
 Array = NDArray[np.float64]
 
@@ -104,8 +104,11 @@ def shares_of_waves(
 # ---- fits of a wave: exact answers -------------------------------------------------------------
 
 
-@pytest.mark.parametrize("count", [24, 50, 101, 750])
-@pytest.mark.parametrize("periods", [3.0, 3.37, 7.5, 10.9])
+@pytest.mark.parametrize(
+    ("count", "periods"),
+    # Less than a period is enough for a clean wave.
+    [*itertools.product([24, 50, 101, 750], [3.0, 3.37, 7.5, 10.9]), (40, 0.5), (40, 0.8)],
+)
 @pytest.mark.parametrize("wave_number", [-12.3, -4.68, -0.02, 0.0, 1e-3, 6.283, 20.0])
 def test_a_wave_is_recovered_whatever_its_direction_and_between_the_lines(
     count: int, periods: float, wave_number: float
@@ -142,13 +145,6 @@ def test_any_wave_is_recovered_from_any_record(
     assert angle_between(found.phase, phase) < 1e-5 * (1.0 + start)
 
 
-@pytest.mark.parametrize("periods", [0.5, 0.8])
-def test_less_than_a_period_is_enough_for_a_clean_wave(periods: float) -> None:
-    times, frequency = clock(40), cycles(periods, 40)
-    found = fit_wave(times, wave(times, JOINTS, frequency, -4.0, 2.0), JOINTS)
-    assert_is_wave(found, 1.0, frequency, -4.0, 2.0)
-
-
 @pytest.mark.parametrize("elements", [3, 5, 6, 7, 27])
 @pytest.mark.parametrize("part", [-0.9, -0.7, -0.3, 0.2, 0.6, 0.9])
 def test_the_wave_number_is_the_one_with_less_than_half_a_turn_from_joint_to_joint(
@@ -160,21 +156,6 @@ def test_the_wave_number_is_the_one_with_less_than_half_a_turn_from_joint_to_joi
     times, frequency = clock(100), cycles(10.3, 100)
     found = fit_wave(times, wave(times, places, frequency, wave_number, 0.4), places)
     assert_is_wave(found, 1.0, frequency, wave_number, 0.4)
-
-
-def test_the_tuned_wave_is_recovered_from_its_torques() -> None:
-    scene = load_scene("swimmer")
-    stored = load_tuned_wave()["wave"]
-    policy = load_policy("tuned_wave", scene)
-    clocks = np.arange(250, 1000)
-    torques, _ = policy.predict(np.zeros((len(clocks), 21)), clocks)
-    times = clocks * scene.episode.control_interval
-    found = fit_wave(times, torques * scene.torque_limit, scene.beam.joint_fractions)
-    assert found.amplitude == pytest.approx(stored["amplitude"], rel=1e-5)
-    assert found.frequency == pytest.approx(stored["frequency"], rel=1e-5)
-    assert found.wave_number == pytest.approx(stored["wave_number"], abs=1e-5)
-    assert angle_between(found.phase, stored["phase"]) < 1e-5
-    assert found.explained == pytest.approx(1.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("noise", [0.1, 0.5, 1.5])
@@ -192,6 +173,16 @@ def test_noise_takes_its_power_from_what_is_explained(noise: float) -> None:
     assert found.wave_number == pytest.approx(-4.68, abs=limit / 0.25)
     assert found.frequency == pytest.approx(frequency, abs=limit / times.std())
     assert found.amplitude == pytest.approx(1.3, abs=limit * 1.3)
+
+
+@pytest.mark.parametrize("offset", [-0.4, 0.1, 0.6])
+def test_a_constant_offset_takes_its_power_from_what_is_explained(offset: float) -> None:
+    times, frequency = clock(750), cycles(75.0, 750)
+    found = fit_wave(times, offset + wave(times, JOINTS, frequency, -4.68, 0.5), JOINTS)
+    assert found.explained == pytest.approx(0.5 / (0.5 + offset**2), abs=1e-4)
+    assert found.frequency == pytest.approx(frequency, rel=1e-4)
+    assert found.wave_number == pytest.approx(-4.68, abs=1e-2)
+    assert found.amplitude == pytest.approx(1.0, abs=1e-2)
 
 
 @pytest.mark.parametrize("other", [0.2, 0.6, 0.95])
@@ -222,16 +213,6 @@ def test_a_square_wave_explains_eight_over_pi_squared(wave_number: float) -> Non
     assert found.amplitude == pytest.approx(math.sqrt(2.0 * sampled), abs=2.0 * within)
     assert found.frequency == pytest.approx(cycles(20.0, 1000), rel=1e-4)
     assert found.wave_number == pytest.approx(wave_number, abs=0.05)
-
-
-@pytest.mark.parametrize("offset", [-0.4, 0.1, 0.6])
-def test_a_constant_offset_takes_its_power_from_what_is_explained(offset: float) -> None:
-    times, frequency = clock(750), cycles(75.0, 750)
-    found = fit_wave(times, offset + wave(times, JOINTS, frequency, -4.68, 0.5), JOINTS)
-    assert found.explained == pytest.approx(0.5 / (0.5 + offset**2), abs=1e-4)
-    assert found.frequency == pytest.approx(frequency, rel=1e-4)
-    assert found.wave_number == pytest.approx(-4.68, abs=1e-2)
-    assert found.amplitude == pytest.approx(1.0, abs=1e-2)
 
 
 def test_the_fit_stays_at_frequencies_of_a_gait_where_the_signals_hardly_change() -> None:
@@ -271,46 +252,33 @@ def test_a_standing_wave_is_explained_as_far_as_the_best_wave_goes(wave_number: 
     assert abs(found.wave_number) == pytest.approx(best, abs=0.01)
 
 
-def test_a_standing_wave_over_whole_wavelengths_is_half_a_travelling_one() -> None:
-    places, times = np.arange(40) / 40, clock(1000)
-    signals = np.cos(cycles(100.0, 1000) * times)[:, None] * np.sin(2.0 * TURN * places)
-    found = fit_wave(times, signals, places)
-    # Slightly more than half: between the peaks at k and -k the best kappa is free to move.
-    assert found.explained == pytest.approx(0.5, abs=0.01)
-    assert found.amplitude == pytest.approx(0.5, abs=0.01)
-
-
 # ---- fits of a wave: the search is global ------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", range(40))
-def test_no_wave_explains_more_of_random_signals_than_the_fit(seed: int) -> None:
+def random_signals(seed: int) -> tuple[Array, Array]:
+    """Return noise or, as networks play, torques that are at their limits most of the time."""
     random = np.random.default_rng(seed)
-    count = int(random.integers(16, 90))
-    times, signals = clock(count, random.uniform(0.0, 3.0)), random.normal(size=(count, 8))
+    if seed < 1000:
+        count = int(random.integers(16, 90))
+        return clock(count, random.uniform(0.0, 3.0)), random.normal(size=(count, 8))
+    times = clock(80)
+    signals = wave(times, JOINTS, cycles(random.uniform(2.0, 12.0), 80), random.uniform(-8.0, 8.0))
+    return times, np.clip(4.0 * signals + 2.0 * random.normal(size=signals.shape), -1.0, 1.0)
+
+
+@pytest.mark.parametrize("seed", [*range(40), *range(1000, 1012)])
+def test_no_wave_explains_more_than_the_fit(seed: int) -> None:
+    times, signals = random_signals(seed)
+    random = np.random.default_rng([seed, 1])
     found = fit_wave(times, signals, JOINTS)
-    lowest = TURN * min(0.2, 1.0 / (count * INTERVAL))
-    frequencies = random.uniform(lowest, math.pi / INTERVAL, 12 * count)
+    lowest = TURN * min(0.2, 1.0 / (len(times) * INTERVAL))
+    frequencies = random.uniform(lowest, math.pi / INTERVAL, 12 * len(times))
     wave_numbers = random.uniform(-8.0 * math.pi, 8.0 * math.pi, 400)
     shares = shares_of_waves(times, signals, JOINTS, frequencies, wave_numbers)
     row, column = np.unravel_index(int(shares.argmax()), shares.shape)
     assert found.explained >= shares[row, column] - 1e-9, (
         f"f = {frequencies[row]:.6g}, kappa = {wave_numbers[column]:.6g} explain more than {found}"
     )
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_no_wave_explains_more_of_on_and_off_torques_than_the_fit(seed: int) -> None:
-    # What networks play: torques at their limits, now and then in between.
-    random = np.random.default_rng(1000 + seed)
-    times = clock(80)
-    signals = wave(times, JOINTS, cycles(random.uniform(2.0, 12.0), 80), random.uniform(-8.0, 8.0))
-    signals = np.clip(4.0 * signals + 2.0 * random.normal(size=signals.shape), -1.0, 1.0)
-    found = fit_wave(times, signals, JOINTS)
-    frequencies = random.uniform(TURN * 0.2, math.pi / INTERVAL, 1000)
-    wave_numbers = random.uniform(-8.0 * math.pi, 8.0 * math.pi, 400)
-    shares = shares_of_waves(times, signals, JOINTS, frequencies, wave_numbers)
-    assert found.explained >= shares.max() - 1e-9
     assert 0.0 < found.explained < 1.0
 
 
@@ -369,26 +337,19 @@ def test_shifting_time_turns_the_phase_alone(seed: int, shift: float) -> None:
 
 
 @examples
-@given(seed=st.integers(0, 10_000))
-def test_a_body_turned_round_has_the_opposite_wave_number(seed: int) -> None:
+@given(seed=st.integers(0, 10_000), backwards=st.booleans())
+def test_a_body_turned_round_and_time_run_backwards_have_the_opposite_wave_number(
+    seed: int, backwards: bool
+) -> None:
     times, signals = clock(90), mixed_signals(seed)
     one = fit_wave(times, signals, JOINTS)
-    other = fit_wave(times, signals[:, ::-1], JOINTS)  # s becomes 1 - s
+    other = fit_wave(times, signals[::-1] if backwards else signals[:, ::-1], JOINTS)
     assert other.wave_number == pytest.approx(-one.wave_number, abs=1e-4)
     assert other.frequency == pytest.approx(one.frequency, rel=1e-5)
     assert other.amplitude == pytest.approx(one.amplitude, rel=1e-5)
-    assert angle_between(other.phase, one.phase - one.wave_number) < 1e-3
-
-
-@examples
-@given(seed=st.integers(0, 10_000))
-def test_time_run_backwards_has_the_opposite_wave_number(seed: int) -> None:
-    times, signals = clock(90), mixed_signals(seed)
-    one = fit_wave(times, signals, JOINTS)
-    other = fit_wave(times, signals[::-1], JOINTS)
-    assert other.wave_number == pytest.approx(-one.wave_number, abs=1e-4)
-    assert other.frequency == pytest.approx(one.frequency, rel=1e-5)
     assert other.explained == pytest.approx(one.explained, abs=1e-9)
+    if not backwards:  # s becomes 1 - s
+        assert angle_between(other.phase, one.phase - one.wave_number) < 1e-3
 
 
 # ---- orthogonal modes --------------------------------------------------------------------------
@@ -421,19 +382,6 @@ def test_a_standing_wave_does_not_travel() -> None:
         # The mode is the shape, up to a complex factor.
         likeness = abs(modes.modes[:, 0].conj() @ shape) / np.linalg.norm(shape)
         assert likeness == pytest.approx(1.0, abs=1e-9)
-
-
-@pytest.mark.parametrize("back", [0.0, 0.1, 0.5, 0.9, 1.0])
-@pytest.mark.parametrize("phase", [0.0, 1.3])
-def test_waves_in_both_directions_have_the_analytic_index(back: float, phase: float) -> None:
-    # a exp(-i k s) + b exp(i k s): over whole wavelengths an ellipse with the half axes a + b and
-    # a - b.
-    times, places, frequency = clock(500), whole_wavelengths(), cycles(20.0, 500)
-    signals = wave(times, places, frequency, TURN) + wave(
-        times, places, frequency, -TURN, phase, back
-    )
-    index = orthogonal_modes(signals).travelling_share
-    assert index == pytest.approx((1.0 - back) / (1.0 + back), abs=1e-7)
 
 
 @examples
@@ -493,14 +441,16 @@ def test_modes_are_orthonormal_and_their_shares_sum_to_one(
     assert other.travelling_share == pytest.approx(modes.travelling_share, abs=1e-6)
 
 
-def test_constant_signals_have_no_modes() -> None:
+@pytest.mark.parametrize("count", [49, 50])
+@pytest.mark.parametrize("value", [0.0, 0.1, 0.25, 0.3])
+def test_constant_signals_have_no_modes_and_no_frequency(count: int, value: float) -> None:
     # 0.1 and 0.3 times 49 and 50 are rounded: what is left of them without their mean is not 0.
-    for count in (49, 50):
-        for value in (0.0, 0.1, 0.25, 0.3):
-            modes = orthogonal_modes(np.full((count, 4), value))
-            assert (modes.shares == 0.0).all()
-            assert modes.travelling_share == 0.0
-            assert (modes.modes == np.eye(4)).all()
+    signals = np.full((count, 4), value)
+    modes = orthogonal_modes(signals)
+    assert (modes.shares == 0.0).all()
+    assert modes.travelling_share == 0.0
+    assert (modes.modes == np.eye(4)).all()
+    assert dominant_frequency(clock(count), signals) == 0.0
 
 
 # ---- frequency and lags ------------------------------------------------------------------------
@@ -534,12 +484,6 @@ def test_the_stronger_of_two_frequencies_is_dominant_summed_over_joints() -> Non
     weak = wave(times, JOINTS, TURN * 2.0, 1.0) * np.array([0.9] * 8)
     assert dominant_frequency(times, strong + weak) == pytest.approx(5.0, abs=1e-3)
     assert dominant_frequency(times, 0.5 * strong + weak) == pytest.approx(2.0, abs=1e-3)
-
-
-def test_constant_signals_have_no_frequency() -> None:
-    for count in (49, 50):
-        for value in (0.0, 0.1, 0.25, 0.3):
-            assert dominant_frequency(clock(count), np.full((count, 8), value)) == 0.0
 
 
 @examples
@@ -614,16 +558,10 @@ GOOD_TIMES = clock(40)
 GOOD = wave(GOOD_TIMES, JOINTS, 30.0, 2.0)
 
 
-def spoilt(signals: Array, value: float) -> Array:
-    bad = signals.copy()
-    bad[3, 2] = value
-    return bad
-
-
-def hole(value: float) -> Array:
-    places = JOINTS.copy()
-    places[4] = value
-    return places
+def spoilt(values: Array, bad: float) -> Array:
+    copy = values.copy()
+    copy.flat[3] = bad
+    return copy
 
 
 @pytest.mark.parametrize(
@@ -631,26 +569,21 @@ def hole(value: float) -> Array:
     [
         (lambda: fit_wave(GOOD_TIMES[:-1], GOOD, JOINTS), "must have shape"),
         (lambda: fit_wave(GOOD_TIMES[:7], GOOD[:7], JOINTS), "at least 8 instants"),
-        (lambda: fit_wave(GOOD_TIMES, GOOD[:, 0], JOINTS), "must have shape"),
         (lambda: fit_wave(GOOD_TIMES, GOOD, JOINTS[:-1]), "places must have shape"),
         (lambda: fit_wave(GOOD_TIMES, spoilt(GOOD, math.nan), JOINTS), "finite"),
-        (lambda: fit_wave(spoilt(GOOD, math.inf)[:, 2], GOOD, JOINTS), "finite"),
-        (lambda: fit_wave(GOOD_TIMES, GOOD, hole(math.nan)), "finite"),
+        (lambda: fit_wave(spoilt(GOOD_TIMES, math.inf), GOOD, JOINTS), "finite"),
+        (lambda: fit_wave(GOOD_TIMES, GOOD, spoilt(JOINTS, math.nan)), "finite"),
         (lambda: fit_wave(np.zeros(40), GOOD, JOINTS), "equidistant"),
         (lambda: fit_wave(GOOD_TIMES[::-1], GOOD, JOINTS), "equidistant"),
         (lambda: dominant_frequency(GOOD_TIMES**2, GOOD), "equidistant"),
         (lambda: dominant_frequency(GOOD_TIMES, GOOD[:, 0]), "must have shape"),
-        (lambda: dominant_frequency(GOOD_TIMES, spoilt(GOOD, math.inf)), "finite"),
-        (lambda: phase_lags(GOOD_TIMES, spoilt(GOOD, math.nan), 5.0), "finite"),
         (lambda: phase_lags(GOOD_TIMES[1:], GOOD, 5.0), "must have shape"),
         (lambda: orthogonal_modes(GOOD[:, 0]), "must have shape"),
         (lambda: orthogonal_modes(spoilt(GOOD, math.nan)), "finite"),
         (lambda: analyse_gait(GOOD_TIMES, GOOD, GOOD[:, :7], JOINTS), "must have shape"),
-        (lambda: analyse_gait(GOOD_TIMES, GOOD[:30], GOOD, JOINTS), "must have shape"),
         (lambda: analyse_gait(GOOD_TIMES, GOOD, spoilt(GOOD, math.inf), JOINTS), "finite"),
     ],
 )
 def test_bad_signals_get_one_clear_error(call: Callable[[], Any], part: str) -> None:
-    with pytest.raises(OptionError, match=part) as caught:
+    with refuses(OptionError, part):
         call()
-    assert "\n" not in str(caught.value)

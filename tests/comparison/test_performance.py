@@ -58,24 +58,52 @@ everyone = pytest.mark.parametrize("name", POLICIES)
 every_body = pytest.mark.parametrize("body", BODIES)
 
 
-# ---- motion ------------------------------------------------------------------------------------
+# ---- motion and effort ---------------------------------------------------------------------------
 
 
 @everyone
 @every_body
-def test_the_net_displacement_is_the_way_of_the_mean_centre_along_the_heading(
-    name: str, body: str
-) -> None:
+def test_the_figures_are_those_computed_once_more(name: str, body: str) -> None:
     rollout, run, figures = played(name, body)
-    scene = rollout.scene
+    scene, beam = rollout.scene, rollout.scene.beam
+    assert (figures.seed, figures.success, figures.termination_reason) == (3, None, "")
+    # The way of the mean centre along the heading.
     way = run.centres[-1].mean(axis=0) - run.centres[0].mean(axis=0)
-    along = float(np.dot(way, scene.episode.heading)) / scene.beam.length
+    metres = float(np.dot(way, scene.episode.heading))
+    along = metres / beam.length
     assert figures.net_displacement == pytest.approx(along, rel=1e-9, abs=1e-12)
     assert figures.net_displacement != 0.0
     assert figures.duration == pytest.approx(2.0, abs=1e-12)
     assert figures.speed == pytest.approx(along / 2.0, rel=1e-9, abs=1e-12)
     turn = run.angles[-1].mean() - run.angles[0].mean()
     assert figures.heading_change == pytest.approx(turn, abs=1e-14)
+    # The trust check.
+    checked = verify_rollout(rollout)
+    assert figures.fine_displacement == checked.fine_displacement != figures.net_displacement
+    assert figures.verified is checked.verified
+    # Torque times bending where it is positive, over mass and way.
+    turned = np.diff(np.diff(run.angles, axis=1), axis=0)
+    work = np.maximum(run.torques * turned, 0.0).sum()
+    assert figures.positive_work == pytest.approx(work, rel=1e-9)
+    assert (figures.positive_work > 1e-3) == (name != "zero")
+    work = float(run.positive_work.sum())
+    if metres > 0.0:
+        cost = work / (beam.line_density * beam.length * metres)
+        assert figures.cost_of_transport == pytest.approx(cost, rel=1e-9)
+    else:
+        assert figures.cost_of_transport == math.inf
+        assert figures.to_dict()["cost_of_transport"] is None
+    # Squared torques, integrated over time and summed over joints.
+    integral = (rollout.torques**2).sum() * scene.episode.control_interval
+    assert figures.torque_squared == pytest.approx(integral, rel=1e-12)
+    if name == "tuned_wave" and body == "swimmer":
+        # A cosine of amplitude 1 N m at 8 joints for 2 s.
+        assert figures.torque_squared == pytest.approx(0.5 * 8 * 2.0, rel=0.02)
+
+
+def test_a_way_forward_and_a_way_back_are_both_among_these_episodes() -> None:
+    ways = [played(name, body)[2].net_displacement for name in POLICIES for body in BODIES]
+    assert min(ways) < 0.0 < max(ways)
 
 
 @everyone
@@ -88,67 +116,6 @@ def test_the_net_displacement_to_a_target_is_by_how_much_it_came_closer(name: st
     assert figures.net_displacement == pytest.approx(before - after, abs=1e-12)
     assert figures.success is False
     assert figures.speed == pytest.approx((before - after) / 2.0, abs=1e-12)
-
-
-@everyone
-@every_body
-def test_the_finer_displacement_is_that_of_the_trust_check(name: str, body: str) -> None:
-    rollout, _, figures = played(name, body)
-    checked = verify_rollout(rollout)
-    assert figures.fine_displacement == checked.fine_displacement != figures.net_displacement
-    assert figures.verified is checked.verified
-    assert figures.seed == 3
-    assert figures.success is None
-    assert figures.termination_reason == ""
-
-
-# ---- effort ------------------------------------------------------------------------------------
-
-
-@everyone
-@every_body
-def test_the_positive_work_is_torque_times_bending_where_it_is_positive(
-    name: str, body: str
-) -> None:
-    _, run, figures = played(name, body)
-    turned = np.diff(np.diff(run.angles, axis=1), axis=0)
-    work = np.maximum(run.torques * turned, 0.0).sum()
-    assert figures.positive_work == pytest.approx(work, rel=1e-9)
-    assert (figures.positive_work > 1e-3) == (name != "zero")
-
-
-@everyone
-@every_body
-def test_the_cost_of_transport_is_work_over_mass_and_way(name: str, body: str) -> None:
-    rollout, run, figures = played(name, body)
-    beam = rollout.scene.beam
-    mass = beam.line_density * beam.length
-    way = run.centres[-1].mean(axis=0) - run.centres[0].mean(axis=0)
-    metres = float(np.dot(way, rollout.scene.episode.heading))
-    work = float(run.positive_work.sum())
-    if metres > 0.0:
-        assert figures.cost_of_transport == pytest.approx(work / (mass * metres), rel=1e-9)
-    else:
-        assert figures.cost_of_transport == math.inf
-        assert figures.to_dict()["cost_of_transport"] is None
-
-
-def test_a_way_forward_and_a_way_back_are_both_among_these_episodes() -> None:
-    ways = [played(name, body)[2].net_displacement for name in POLICIES for body in BODIES]
-    assert min(ways) < 0.0 < max(ways)
-
-
-@everyone
-@every_body
-def test_the_squared_torques_are_integrated_over_time_and_summed_over_joints(
-    name: str, body: str
-) -> None:
-    rollout, _, figures = played(name, body)
-    integral = (rollout.torques**2).sum() * rollout.scene.episode.control_interval
-    assert figures.torque_squared == pytest.approx(integral, rel=1e-12)
-    if name == "tuned_wave" and body == "swimmer":
-        # A cosine of amplitude 1 N m at 8 joints for 2 s.
-        assert figures.torque_squared == pytest.approx(0.5 * 8 * 2.0, rel=0.02)
 
 
 @everyone
@@ -179,15 +146,6 @@ def test_the_gait_is_that_of_the_last_three_quarters(name: str, body: str) -> No
     assert figures.gait.travelling_share == pytest.approx(expected.travelling_share, abs=1e-9)
     assert figures.gait.wave.explained == pytest.approx(expected.wave.explained, abs=1e-9)
     assert figures.gait.wave.frequency == pytest.approx(expected.wave.frequency, rel=1e-6)
-
-
-@everyone
-@every_body
-def test_the_displacement_per_cycle_is_the_way_in_a_period_of_the_bending(
-    name: str, body: str
-) -> None:
-    _, _, figures = played(name, body)
-    assert figures.gait is not None
     per_cycle = figures.speed / figures.gait.frequency
     assert figures.displacement_per_cycle == pytest.approx(per_cycle, rel=1e-12)
     assert math.isfinite(figures.displacement_per_cycle)
@@ -203,16 +161,12 @@ def test_the_tuned_waves_own_torques_are_recovered_with_the_episodes_clock() -> 
     assert wave.wave_number == pytest.approx(stored["wave_number"], abs=1e-5)
     assert wave.phase == pytest.approx(stored["phase"], abs=1e-4)
     assert wave.explained == pytest.approx(1.0, abs=1e-9)
+    _, _, noise = played("random")  # is no wave
+    assert noise.gait is not None and 0.0 < noise.gait.wave.explained < 0.1
     # The body swings as it is driven; a line of this short record's spectrum is 0.67 Hz wide.
     hertz = stored["frequency"] / (2.0 * math.pi)
     assert figures.gait.torque_frequency == pytest.approx(hertz, abs=0.01)
     assert figures.gait.frequency == pytest.approx(hertz, abs=0.3)
-
-
-def test_random_torques_are_no_wave() -> None:
-    _, _, figures = played("random")
-    assert figures.gait is not None
-    assert 0.0 < figures.gait.wave.explained < 0.1
 
 
 def test_a_body_at_rest_has_no_gait_and_no_finite_cost() -> None:

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,8 +26,8 @@ from swim_agents.verification import fine_scene
 
 from swim_env import OptionError, Simulator, SwimEnv, SwimError, SwimTargetEnv, load_scene
 from swim_env.scene import Actuation
+from tests.support import call_script, refuses, run_script
 
-ROOT = Path(__file__).parents[2]
 SHORT = ["episode.duration=1.0"]
 QUIET = {"noise": 0.0}
 
@@ -65,19 +62,14 @@ def test_the_wave_keeps_its_clock_in_the_state() -> None:
     observations = np.zeros((2, 21), dtype=np.float32)
     state: Any = None
     for n in range(5):
-        actions, state = policy.predict(observations, state, np.array([n == 0, n in (0, 3)]))
+        before = None if state is None else state.copy()
+        given = state
+        actions, state = policy.predict(observations, given, np.array([n == 0, n in (0, 3)]))
+        assert given is None or (given == before).all(), "the state was changed in place"
         times = np.array([n, n if n < 3 else n - 3]) * scene.episode.control_interval
         assert (actions == scene.actuation.torques(times, scene.beam)).all()
     # The policy itself remembers nothing.
     assert (policy.predict(observations)[0] == scene.actuation.torques([0.0], scene.beam)).all()
-
-
-def test_predict_does_not_change_the_state_that_it_is_given() -> None:
-    policy = load_policy("paper_wave")
-    _, state = policy.predict(np.zeros(21))
-    before = state.copy()
-    policy.predict(np.zeros(21), state, np.array([True]))
-    assert (state == before).all()
 
 
 def test_random_actions_follow_their_seed() -> None:
@@ -95,42 +87,34 @@ def test_random_actions_follow_their_seed() -> None:
     assert len(set(first.ravel().tolist())) == first.size
 
 
-def test_random_torques_do_not_follow_the_starts_noise(env: SwimEnv) -> None:
-    env.reset(seed=3)
-    bend = env.coordinates[3:] / env.scene.episode.bend_noise
-    action, _ = load_policy("random", env.scene, seed=3).predict(np.zeros(21))
-    assert np.abs(action - bend).max() > 0.1
-
-
-def test_a_random_policy_plays_the_same_episode_twice(env: SwimEnv) -> None:
-    policy = load_policy("random", env.scene, seed=1)
-    first, second = (play_episode(env, policy, seed=0) for _ in range(2))
+def test_random_torques_repeat_and_do_not_follow_the_starts_noise(env: SwimEnv) -> None:
+    policy = load_policy("random", env.scene, seed=3)
+    first, second = (play_episode(env, policy, seed=3) for _ in range(2))
     assert (first.torques == second.torques).all()
-
-
-def test_torques_are_a_share_of_the_scenes_limit() -> None:
-    scene = load_scene("swimmer", ["actuation.torque_limit=4.0"])
-    action, _ = load_policy("paper_wave", scene).predict(np.zeros(21))
-    assert action[0] == pytest.approx(np.cos(-2.0 * np.pi / 9.0) / 4.0, rel=1e-15)
+    bend = first.coordinates[3:] / env.scene.episode.bend_noise
+    assert np.abs(first.torques[0] - bend).max() > 0.1
 
 
 def test_bad_calls_get_one_clear_error() -> None:
-    with pytest.raises(OptionError, match="unknown policy 'paper_wav'.*paper_wave"):
-        load_policy("paper_wav")
-    with pytest.raises(OptionError, match="seed must be"):
-        load_policy("random", seed=-1)
     policy = load_policy("paper_wave")
-    with pytest.raises(OptionError, match="observation must have shape"):
-        policy.predict(np.zeros(20))
-    with pytest.raises(OptionError, match="observation must have shape"):
-        policy.predict(np.zeros((2, 2, 21)))
-    with pytest.raises(OptionError, match=r"state must be whole numbers of shape \(2,\)"):
+    with refuses(OptionError, "unknown policy 'paper_wav'", "paper_wave"):
+        load_policy("paper_wav")
+    with refuses(OptionError, "seed must be"):
+        load_policy("random", seed=-1)
+    for shape in ((20,), (2, 2, 21)):
+        with refuses(OptionError, "observation must have shape"):
+            policy.predict(np.zeros(shape))
+    with refuses(OptionError, "state must be whole numbers of shape (2,)"):
         policy.predict(np.zeros((2, 21)), np.zeros(1, dtype=np.int64))
+    with refuses(OptionError, "needs a SwimEnv, got CartPoleEnv"):
+        play_episode(gymnasium.make("CartPole-v1"), policy)
 
 
-def test_a_wave_beyond_the_limit_is_cut_off() -> None:
-    scene = load_scene("swimmer", ["actuation.torque_limit=0.5"])
-    policy = load_policy("paper_wave", scene)
+def test_torques_are_a_share_of_the_scenes_limit_and_cut_off_beyond_it() -> None:
+    scene = load_scene("swimmer", ["actuation.torque_limit=4.0"])
+    action, _ = load_policy("paper_wave", scene).predict(np.zeros(21))
+    assert action[0] == pytest.approx(np.cos(-2.0 * np.pi / 9.0) / 4.0, rel=1e-15)
+    policy = load_policy("paper_wave", scene.replace("actuation.torque_limit", 0.5))
     actions, _ = policy.predict(np.zeros((3, 21)), np.array([0, 10, 20]))
     assert np.abs(actions).max() == 1.0
     assert (np.abs(actions) < 1.0).any()
@@ -195,11 +179,6 @@ def test_a_target_rollout_scores_by_how_much_closer_it_came() -> None:
     assert rollout.rewards.sum() == pytest.approx(before - after, abs=1e-13)
 
 
-def test_episodes_need_an_environment_of_this_package() -> None:
-    with pytest.raises(OptionError, match="needs a SwimEnv, got CartPoleEnv"):
-        play_episode(gymnasium.make("CartPole-v1"), load_policy("zero"))
-
-
 # ---- the trust check ---------------------------------------------------------------------------
 
 
@@ -218,19 +197,6 @@ def test_a_resolved_score_is_verified() -> None:
     assert checked.net_displacement == rollout.net_displacement
     assert checked.fine_displacement != checked.net_displacement
     json.dumps(checked.to_dict(), allow_nan=False)
-
-
-def test_a_score_that_hangs_on_the_time_step_is_not_verified() -> None:
-    # Without damping, at a large step and near the second resonance, the motion is not resolved.
-    overrides = [
-        "damping=null",
-        "integrator.time_step=0.01",
-        "episode.duration=3.0",
-    ]
-    wave = Actuation(amplitude=1.0, frequency=2.0 * np.pi * 14.0, wave_number=-6.0)
-    checked = verify_rollout(_play(overrides, wave))
-    assert not checked.verified
-    assert checked.difference > checked.tolerance or checked.termination_reason
 
 
 def test_no_motion_agrees_with_no_motion(env: SwimEnv) -> None:
@@ -259,7 +225,7 @@ def test_the_tuned_wave_beats_the_papers_by_fifteen_and_is_what_its_record_says(
         for name in ("paper_wave", "tuned_wave")
     )
     assert tuned.net_displacement >= 15.0 * paper.net_displacement > 0.0
-    # The last digits of a resonant motion hang on the processor's instructions.
+    # The last digits of a resonant motion depend on the processor's instructions.
     assert tuned.net_displacement == pytest.approx(record["net_displacement"], rel=1e-3)
     assert record["paper_wave"] == pytest.approx(paper.net_displacement, rel=1e-3)
     assert record["wave"]["amplitude"] <= scene.torque_limit
@@ -353,28 +319,13 @@ def test_replaying_an_episode_gives_rewards_and_the_figures_of_a_replay() -> Non
     json.dumps(summary, allow_nan=False)
 
 
-@pytest.fixture(scope="module")
-def command() -> Iterator[list[str]]:
-    yield [sys.executable, str(ROOT / "scripts" / "replay.py"), "--scene", "swimmer"]
-
-
-def _run(command: list[str], *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*command, *arguments], capture_output=True, text=True, timeout=240, cwd=ROOT
-    )
-
-
-def test_the_command_plays_an_episode_the_same_in_every_process(command: list[str]) -> None:
-    arguments = ("--env", "--policy", "random", "--seed", "3", "--duration", "1", "--json")
-    first, second = (_run(command, *arguments) for _ in range(2))
-    assert first.returncode == 0, first.stderr
-    a, b = (json.loads(run.stdout.splitlines()[-1]) for run in (first, second))
-    for summary in (a, b):
-        summary.pop("wall_seconds")
-    assert a == b
-    assert a["policy"] == "random"
-    assert a["truncated"]
-    assert a["duration"] == 1.0
+def test_the_command_plays_an_episode_the_same_in_every_process() -> None:
+    brief = ("--scene", "swimmer", "--env", "--policy", "random", "--seed", "3", "--duration", "1")
+    first, second = (run_script("replay", *brief, "--json").figures() for _ in range(2))
+    for summary in (first, second):
+        del summary["wall_seconds"]
+    assert first == second
+    assert first["policy"] == "random" and first["truncated"] and first["duration"] == 1.0
 
 
 @pytest.mark.parametrize(
@@ -389,13 +340,11 @@ def test_the_command_plays_an_episode_the_same_in_every_process(command: list[st
     ],
 )
 def test_bad_arguments_end_with_code_2_and_one_line(
-    command: list[str], arguments: list[str], message: str
+    capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
 ) -> None:
-    done = _run(command, *arguments)
-    assert done.returncode == 2
-    assert message in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1, done.stderr
-    assert done.stdout == ""
+    done = call_script(capsys, "replay", "--scene", "swimmer", *arguments)
+    done.assert_refused(message)
+    assert done.out == ""
 
 
 def test_the_clock_does_not_drift() -> None:

@@ -1,64 +1,45 @@
-"""The replay command: figures, result folder, bad input, interrupts."""
+"""The replay command and the console command: figures, result folder, bad input, interrupts."""
 
 from __future__ import annotations
 
 import json
-import os
-import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
+from swim_agents.commands import main as console
 
-from swim_env import SwimError, Trajectory, load_scene
+from swim_env import Scene, SwimError, Trajectory, load_scene
 from swim_env.plots.results import RESULT_FILES, write_results
 from swim_env.sim.replay import replay, steps_of
+from tests.support import (
+    ENVIRONMENT,
+    ROOT,
+    call_script,
+    files_of,
+    full_disk,
+    interrupt_script,
+    run_python,
+    run_script,
+)
 
-ROOT = Path(__file__).parents[2]
 KEYS = {
-    "scene",
-    "duration",
-    "steps",
-    "displacement",
-    "heading_change",
-    "mean_speed",
-    "positive_work",
-    "energy_drift",
-    "momentum_drift",
-    "max_residual",
-    "newton_iterations_mean",
-    "wall_seconds",
-    "termination_reason",
-}
-
-
-def command(*arguments: str, **options) -> subprocess.CompletedProcess[str]:
-    """Run scripts/replay.py."""
-    return subprocess.run(
-        [sys.executable, str(ROOT / "scripts" / "replay.py"), *arguments],
-        capture_output=True,
-        text=True,
-        cwd=options.pop("cwd", ROOT),
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        timeout=250,
-        **options,
-    )
+    "scene", "duration", "steps", "displacement", "heading_change", "mean_speed",
+    "positive_work", "energy_drift", "momentum_drift", "max_residual",
+    "newton_iterations_mean", "wall_seconds", "termination_reason",
+}  # fmt: skip
 
 
 def test_json_line(tmp_path):
-    """The last line on stdout is one JSON object with the figures of PHYSICS section 5."""
-    done = command(
-        "--scene", "paper_i", "--set", "beam.elements=5", "--duration", "0.5", "--json",
+    """The last line on stdout is one JSON object with the figures; nothing is written."""
+    figures = run_script(
+        "replay", "--scene", "paper_i", "--set", "beam.elements=5", "--duration", "0.5", "--json",
         cwd=tmp_path,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    figures = json.loads(done.stdout.splitlines()[-1])
+    ).figures()  # fmt: skip
     assert figures.keys() >= KEYS
-    assert figures["scene"] == "paper_i"
-    assert figures["steps"] == 50
+    assert (figures["scene"], figures["steps"]) == ("paper_i", 50)
     assert figures["duration"] == pytest.approx(0.5)
     run, expected = replay(load_scene("paper_i", ["beam.elements=5"]), 0.5)
     assert figures["displacement"] == expected["displacement"]
@@ -66,19 +47,17 @@ def test_json_line(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_result_folder(tmp_path):
+def test_result_folder(tmp_path, capsys):
     """One command, one folder: summary, data, scene and a picture; a second run replaces it."""
     folder = tmp_path / "out" / "run"
-    arguments = ("--scene", "swimmer", "--duration", "0.2", "--output", str(folder), "--json")
-    first = command(*arguments)
-    assert first.returncode == 0, first.stderr
+    arguments = ("--scene", "swimmer", "--duration", "0.2", "--output", folder, "--json")
+    summary = call_script(capsys, "replay", *arguments).figures()
     assert sorted(path.name for path in folder.iterdir()) == sorted(RESULT_FILES)
-    summary = json.loads((folder / "summary.json").read_text())
     trajectory = Trajectory.load(folder / "trajectory.npz")
     assert trajectory.steps == summary["steps"] == 40
     assert load_scene(folder / "scene.yaml") == trajectory.scene == load_scene("swimmer")
     assert (folder / "path.png").read_bytes().startswith(b"\x89PNG")
-    assert command(*arguments).returncode == 0
+    assert call_script(capsys, "replay", *arguments).code == 0
     assert [path.name for path in folder.parent.iterdir()] == ["run"]
 
 
@@ -98,70 +77,60 @@ def test_result_folder(tmp_path):
         (["--scene", "paper_i", "--set", "beam.elements=100000"], "elements must be at most 1000"),
         (["--scene", "paper_i", "--set", "fluid.panels_per_element=800"], "at most 5000 panels"),
         (["--scene", "paper_i", "--set", "initial.velocity=[1e200, 1e200]"], "state_not_finite"),
+        (["--scene", "paper_i", "--set", "initial.joint_angles=3"], "outline_degenerate"),
+        (["--scene", "paper_i", "--seed", "0"], "--seed needs --env"),
+        (["--scene", "paper_i", "--record-video", "x"], "--record-video needs --env"),
+        (["--scene", "paper_i", "--env", "--accuracy", "0.1"], "has no meaning with --env"),
         (["--scene", "paper_i", "--duration", "x"], "invalid float value"),
         ([], "--scene"),
-        (["--scene", "paper_i", "--set", "initial.joint_angles=3"], "outline_degenerate"),
     ],
 )
-def test_bad_input_is_one_line_and_code_2(tmp_path, arguments, part):
+def test_bad_input_is_one_line_and_code_2(tmp_path, capsys, arguments, part):
     """Bad input: exit code 2, the fault named, no traceback, no file."""
-    done = command(*arguments, "--output", str(tmp_path / "run"))
-    assert done.returncode == 2
-    assert part in done.stderr
-    assert "Traceback" not in done.stderr
+    done = call_script(capsys, "replay", *arguments, "--output", tmp_path / "run")
+    if done.err.startswith("usage"):
+        assert done.code == 2 and part in done.err.splitlines()[-1]
+    else:
+        done.assert_refused(part)
     assert list(tmp_path.iterdir()) == []
-    if not done.stderr.startswith("usage"):
-        lines = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
-        assert len(lines) == 1
 
 
-def test_foreign_folder_is_left_alone(tmp_path):
+def test_foreign_folder_is_left_alone(tmp_path, capsys):
     """A folder with other files is refused before the run, and a file as well."""
     (tmp_path / "thesis.tex").write_text("dear")
-    done = command("--scene", "paper_i", "--duration", "0.1", "--output", str(tmp_path))
-    assert done.returncode == 2
-    assert "holds other files than earlier results, for example thesis.tex" in done.stderr
+    brief = ("--scene", "paper_i", "--duration", "0.1", "--output")
+    call_script(capsys, "replay", *brief, tmp_path).assert_refused(
+        "holds other files than earlier results, for example thesis.tex"
+    )
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
-    done = command("--scene", "paper_i", "--output", str(tmp_path / "thesis.tex"))
-    assert done.returncode == 2
-    assert "this is a file" in done.stderr
+    call_script(capsys, "replay", *brief, tmp_path / "thesis.tex").assert_refused("this is a file")
 
 
-def test_failing_write_leaves_old_results(tmp_path, monkeypatch):
-    """Results that cannot be written whole leave the older folder as it was."""
+@pytest.mark.parametrize("fault", ["full disk", "failing rename", "interrupt in rename"])
+def test_a_fault_in_writing_leaves_the_old_results(tmp_path, monkeypatch, fault):
+    """All files or none, even where the last rename fails."""
     trajectory, summary = replay(load_scene("paper_iv"), 0.1)
     folder = tmp_path / "run"
     write_results(trajectory, summary, folder)
-    before = {path.name: path.read_bytes() for path in folder.iterdir()}
-
-    def full_disk(stream, **arrays):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(np, "savez_compressed", full_disk)
-    with pytest.raises(SwimError, match="No space left on device"):
-        write_results(trajectory, summary, folder)
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
-    assert [path.name for path in tmp_path.iterdir()] == ["run"]
-
-
-@pytest.mark.parametrize("error", [OSError(5, "Input/output error"), KeyboardInterrupt()])
-def test_failing_exchange_puts_old_results_back(tmp_path, monkeypatch, error):
-    """Even the last rename may fail: the older folder is back in its place."""
-    trajectory, summary = replay(load_scene("paper_iv"), 0.1)
-    folder = tmp_path / "run"
-    write_results(trajectory, summary, folder)
-    before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    rename = Path.rename
+    before = files_of(folder)
+    rename, error = type(folder).rename, OSError(5, "Input/output error")
 
     def breaks(self, target):
         if self.name == "new":
-            raise error
+            raise KeyboardInterrupt if fault.startswith("interrupt") else error
         return rename(self, target)
 
-    monkeypatch.setattr(Path, "rename", breaks)
-    with pytest.raises(SwimError if isinstance(error, OSError) else KeyboardInterrupt):
+    if fault == "full disk":
+        monkeypatch.setattr(np, "savez_compressed", full_disk)
+    else:
+        monkeypatch.setattr(type(folder), "rename", breaks)
+    expected = "No space left" if fault == "full disk" else "Input/output error"
+    interrupted = fault.startswith("interrupt")
+    with pytest.raises(
+        KeyboardInterrupt if interrupted else SwimError, match=None if interrupted else expected
+    ):
         write_results(trajectory, {**summary, "scene": "other"}, folder)
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    assert files_of(folder) == before
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
 
@@ -175,73 +144,92 @@ def test_a_link_stays_a_link(tmp_path):
     assert sorted(path.name for path in (tmp_path / "real").iterdir()) == sorted(RESULT_FILES)
 
 
-def test_unusable_output_is_one_line(tmp_path):
+def test_unusable_output_is_one_line(tmp_path, capsys):
     """A name that the file system refuses, and a full standard output."""
-    done = command(
-        "--scene", "paper_iv", "--duration", "0.1", "--output", str(tmp_path / ("x" * 300))
-    )
-    assert done.returncode == 2
-    assert "File name too long" in done.stderr
-    assert "Traceback" not in done.stderr
+    brief = ("--scene", "paper_iv", "--duration", "0.1")
+    done = call_script(capsys, "replay", *brief, "--output", tmp_path / ("x" * 300))
+    done.assert_refused("File name too long")
     with open("/dev/full", "w") as full:
         process = subprocess.run(
-            [sys.executable, str(ROOT / "scripts" / "replay.py"), "--scene", "paper_iv", "--json"],
-            stdout=full,
-            stderr=subprocess.PIPE,
-            text=True,
-            cwd=ROOT,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
-        )
+            [sys.executable, str(ROOT / "scripts" / "replay.py"), *brief, "--json"],
+            stdout=full, stderr=subprocess.PIPE, text=True, cwd=ROOT, env=ENVIRONMENT,
+        )  # fmt: skip
     assert process.returncode == 1
-    assert "No space left on device" in process.stderr
-    assert "Traceback" not in process.stderr
+    assert "No space left on device" in process.stderr and "Traceback" not in process.stderr
 
 
-def test_early_end_is_reported():
+def test_early_end_is_reported(capsys):
     """A run that ends early says so on stderr and in the figures."""
-    done = command(
-        "--scene", "paper_i", "--set", "actuation.amplitude=60", "--duration", "5", "--json"
-    )
-    assert done.returncode == 0, done.stderr
-    figures = json.loads(done.stdout.splitlines()[-1])
+    done = call_script(
+        capsys, "replay", "--scene", "paper_i", "--set", "actuation.amplitude=60", "--duration",
+        "5", "--json",
+    )  # fmt: skip
+    figures = done.figures()
     assert figures["termination_reason"] != ""
-    assert f"ended early at t = {figures['duration']:g} s" in done.stderr
+    assert f"the run ended early at t = {figures['duration']:g} s" in done.err
 
 
 def test_interrupt_leaves_nothing(tmp_path):
     """Ctrl-C in the middle of a run: exit code 130, no file, no traceback."""
-    process = subprocess.Popen(
-        [
-            sys.executable, str(ROOT / "scripts" / "replay.py"), "--scene", "paper_xii",
-            "--set", "beam.elements=54", "--duration", "2000", "--output", str(tmp_path / "run"),
-        ],
-        cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        stderr=subprocess.PIPE,
-        text=True,
-        # A shell's background jobs, and what they start, ignore the signal.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    begin = time.monotonic()
+    done = interrupt_script(
+        "replay", "--scene", "paper_xii", "--set", "beam.elements=54", "--duration", "2000",
+        "--output", tmp_path / "run", when=lambda: time.monotonic() - begin > 6.0,
     )  # fmt: skip
-    time.sleep(6.0)
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 130, errors
-    assert "interrupted" in errors
-    assert "Traceback" not in errors
+    assert done.code == 130, done.err
+    assert "interrupted" in done.err and "Traceback" not in done.err
     assert list(tmp_path.iterdir()) == []
 
 
 def test_durations_round_to_whole_steps():
     """A duration that is no multiple of the step takes the nearest number of steps."""
     scene = load_scene("paper_i")
-    assert steps_of(scene, 0.104) == 10
-    assert steps_of(scene, 0.106) == 11
-    assert steps_of(scene) == 10_000
+    assert [steps_of(scene, duration) for duration in (0.104, 0.106, None)] == [10, 11, 10_000]
 
 
-def test_help_tells_the_options():
-    """--help works and lists the shipped scenes."""
-    done = command("--help")
-    assert done.returncode == 0
-    for word in ("--scene", "--set", "--duration", "--output", "--json", "paper_xii", "swimmer"):
-        assert word in done.stdout
+# ---- the console command -----------------------------------------------------------------------
+
+
+def test_the_console_command_imports_nothing_for_help():
+    """Help and version are there at once; a wrong command is a usage error."""
+    code = "import sys; from swim_agents.commands.main import main; main(sys.argv[1:])"
+    heavy = "import atexit; atexit.register(lambda: print('numpy' in sys.modules)); "
+    done = run_python("-c", code.replace("from", heavy + "from", 1), "--help")
+    assert done.code == 0 and done.out.endswith("False\n")
+    assert all(f"\n    {name}" in done.out for name in console.COMMANDS)
+    done = run_python("-c", code, "--version")
+    assert (done.code, done.out.split()[0]) == (0, "swim-env")
+    done = run_python("-c", code, "dance")
+    assert done.code == 2 and "invalid choice: 'dance'" in done.err
+
+
+@pytest.mark.parametrize("name", console.COMMANDS)
+def test_every_subcommand_has_help(name, capsys):
+    """With its options, and what ships by name."""
+    with pytest.raises(SystemExit) as caught:
+        console.main([name, "--help"])
+    text = " ".join(capsys.readouterr().out.split())
+    assert caught.value.code == 0
+    assert text.startswith(f"usage: swim-env {name} ")
+    words = ["--set", "--output", "--json"] if name != "train" else ["CONFIG", "--resume"]
+    for word in (*words, "ppo_forward" if name == "train" else "paper_xii"):
+        assert word in text
+
+
+def test_the_accuracy_command_chooses_settings(tmp_path, capsys):
+    """The scene is printed, or written into a file, its description saying why."""
+    brief = ["accuracy", "--scene", "swimmer", "--tolerance", "0.3", "--duration", "2"]
+    assert console.main([*brief, "--keep-elements"]) == 0
+    printed = capsys.readouterr()
+    (tmp_path / "printed.yaml").write_text(printed.out)
+    kept = load_scene(tmp_path / "printed.yaml")
+    assert kept.beam.elements == 9 and "Settings chosen for 0.3" in kept.description
+    assert "chosen for 0.3 of the displacement" in printed.err
+    file = tmp_path / "chosen.yaml"
+    assert console.main([*brief, "--json", "--output", str(file)]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert Scene.from_dict(data["scene"]) == load_scene(file)
+    assert 0.0 <= data["error"] <= 0.3 and data["tried"] >= 1
+    assert console.main([*brief, "--output", str(tmp_path / "none" / "x.yaml")]) == 2
+    assert console.main(["accuracy", "--scene", "swimmer", "--tolerance", "2"]) == 2
+    assert "the tolerance must be 0.001 to 0.3" in capsys.readouterr().err

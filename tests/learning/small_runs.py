@@ -9,6 +9,8 @@ from typing import Any
 
 from swim_agents.learning.config import TrainingConfig
 
+from tests.support import files_of
+
 #: Changes to `small_config`, by name.
 KINDS: dict[str, dict[str, Any]] = {
     "ppo": {},
@@ -19,13 +21,7 @@ KINDS: dict[str, dict[str, Any]] = {
     # The buffer wraps around: it holds 125 transitions of each member.
     "sac": {
         "algorithm": "SAC",
-        "sac": {
-            "buffer": 500,
-            "minibatch": 16,
-            "rollout": 4,
-            "updates": 2,
-            "learning_starts": 100,
-        },
+        "sac": {"buffer": 500, "minibatch": 16, "rollout": 4, "updates": 2, "learning_starts": 100},
     },
 }
 KINDS["sac_independent_noise"] = {**KINDS["sac"], "state_dependent_noise": False}
@@ -36,11 +32,7 @@ def small_config(kind: str = "ppo", **changes: Any) -> TrainingConfig:
     data: dict[str, Any] = {
         "name": f"small_{kind}",
         "scene": "swimmer",
-        "overrides": {
-            "beam.elements": 3,
-            "fluid.panels_per_element": 2,
-            "episode.duration": 0.4,
-        },
+        "overrides": {"beam.elements": 3, "fluid.panels_per_element": 2, "episode.duration": 0.4},
         "members": 4,
         "steps": 1600,
         "learning_rate": 0.01,
@@ -53,6 +45,14 @@ def small_config(kind: str = "ppo", **changes: Any) -> TrainingConfig:
     if not kind.startswith("sac"):
         data["ppo"] = {"rollout": 16, "minibatch": 32, "epochs": 2}
     return TrainingConfig.from_dict({**data, **KINDS[kind], **changes})
+
+
+def untrained(config: TrainingConfig, seed: int = 0) -> Any:
+    """Return the model with which a run begins."""
+    from swim_agents.learning.environment import make_training_env
+    from swim_agents.learning.models import make_model
+
+    return make_model(config, make_training_env(config, seed, threads=1), seed, "cpu")
 
 
 class Stopped(Exception):
@@ -100,11 +100,7 @@ def assert_same_run(one: Path, other: Path) -> None:
 
 def contents(folder: Path) -> dict[str, bytes]:
     """Return the bytes of all files of a run but its lock, by their path in it."""
-    return {
-        str(path.relative_to(folder)): path.read_bytes()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name != ".lock"
-    }
+    return files_of(folder, leave_out=(".lock",))
 
 
 def hidden(folder: Path) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import random
 import signal
 import subprocess
@@ -20,34 +19,24 @@ from swim_agents.learning.config import TrainingConfig
 from swim_agents.learning.trainer import run_status, train
 
 from tests.learning.small_runs import assert_same_run, hidden, small_config, weights
+from tests.support import ENVIRONMENT, ROOT, interrupt_script, run_python, run_script
 
-ROOT = Path(__file__).parents[2]
 SEED = 3
-#: Of the processes: the code beside these tests, wherever the package is installed from.
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
 PATIENCE = 120.0  # seconds for a process to come to a point, on a busy machine
 
 
-def command(config: Path, output: Path) -> list[str]:
-    script = str(ROOT / "scripts" / "train.py")
+def arguments_of(config: Path, output: Path) -> list[str]:
     options = ["--seeds", str(SEED), "--threads", "1", "--output", str(output), "--resume"]
-    return [sys.executable, script, str(config), *options]
+    return [str(config), *options]
 
 
 def finish(arguments: list[str]) -> None:
     """Run a command to its end, which must be a good one."""
-    done = subprocess.run(
-        arguments,
-        cwd=ROOT,
-        env=ENVIRONMENT,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-    )
-    assert done.returncode == 0, done.stderr[-2000:]
+    done = run_script("train", *arguments, timeout=PATIENCE)
+    assert done.code == 0, done.err[-2000:]
 
 
-def steps_told(folder: Path) -> int:
+def steps_reached(folder: Path) -> int:
     """Return the steps of the last whole line of the evaluations, -1 before the first."""
     try:
         lines = (folder / "evaluations.csv").read_text().splitlines(keepends=True)
@@ -60,7 +49,7 @@ def steps_told(folder: Path) -> int:
 def kill_after(arguments: list[str], folder: Path, steps: int | None, seconds: float) -> None:
     """Kill a process some time after its start, or after an evaluation at so many steps."""
     process = subprocess.Popen(
-        arguments,
+        [sys.executable, str(ROOT / "scripts" / "train.py"), *arguments],
         cwd=ROOT,
         env=ENVIRONMENT,
         stdout=subprocess.DEVNULL,
@@ -68,7 +57,7 @@ def kill_after(arguments: list[str], folder: Path, steps: int | None, seconds: f
     )
     try:
         limit = time.monotonic() + PATIENCE
-        while steps is not None and steps_told(folder) < steps:
+        while steps is not None and steps_reached(folder) < steps:
             assert process.poll() is None, "the run ended before it was to be killed"
             assert time.monotonic() < limit, "the run does not come to the point"
             time.sleep(0.01)
@@ -103,10 +92,10 @@ def assert_finished_like(folder: Path, other: Path, steps: int) -> None:
     assert hidden(folder) == []
 
 
-def test_a_killed_run_goes_on_to_the_same_end(tmp_path: Path) -> None:
+def test_a_killed_run_continues_to_the_same_end(tmp_path: Path) -> None:
     steps = 3200
     config = small_config("ppo", steps=steps)
-    arguments = command(written(config, tmp_path), tmp_path / "killed")
+    arguments = arguments_of(written(config, tmp_path), tmp_path / "killed")
     folder = tmp_path / "killed" / f"seed_{SEED}"
     kill_after(arguments, folder, 1200, 0.1)
     assert 832 <= checkpoint_steps(folder) < steps
@@ -124,7 +113,7 @@ def test_a_run_that_was_killed_again_and_again_ends_like_one_that_was_not(
 ) -> None:
     steps = 16000
     path = written(small_config(kind, steps=steps), tmp_path)
-    arguments = command(path, tmp_path / "killed")
+    arguments = arguments_of(path, tmp_path / "killed")
     folder = tmp_path / "killed" / f"seed_{SEED}"
     numbers = random.Random(seed)
     # While Python starts, while the run is set up, and three times along the way.
@@ -139,7 +128,7 @@ def test_a_run_that_was_killed_again_and_again_ends_like_one_that_was_not(
         before = now
     assert before > 0, "it was never killed after a checkpoint"
     finish(arguments)
-    finish(command(path, tmp_path / "whole"))
+    finish(arguments_of(path, tmp_path / "whole"))
     assert_finished_like(folder, tmp_path / "whole" / f"seed_{SEED}", steps)
 
 
@@ -148,8 +137,7 @@ def test_a_run_that_was_killed_again_and_again_ends_like_one_that_was_not(
 #: Kills its own process just before or just after the N-th call of a function that moves a file or
 #: folder NAME into its place.
 DRIVER = """
-import os, pathlib, signal, sys
-sys.path.insert(0, {root!r})
+import os, pathlib, signal
 function, name, number, after = {function!r}, {name!r}, {number}, {after}
 owner = os if function in ("replace", "fsync") else pathlib.Path
 real, calls = getattr(owner, function), 0
@@ -202,17 +190,10 @@ def test_a_kill_while_a_file_takes_its_place_does_no_harm(
     config = small_config("ppo", name="small", steps=1600)
     path = written(config, tmp_path)
     folder = tmp_path / "killed"
-    options: dict[str, Any] = {
-        "root": str(ROOT),
-        "config": str(path),
-        "folder": str(folder),
-        "seed": SEED,
-    }
+    options: dict[str, Any] = {"config": str(path), "folder": str(folder), "seed": SEED}
     code = DRIVER.format(function=function, name=name, number=number, after=after, **options)
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE
-    )
-    assert done.returncode == -signal.SIGKILL, f"it was not killed: {done.stderr[-2000:]}"
+    done = run_python("-c", code, timeout=PATIENCE)
+    assert done.code == -signal.SIGKILL, f"it was not killed: {done.err[-2000:]}"
     checkpoint_steps(folder)
     train(config, folder, SEED, resume=True)
     train(config, tmp_path / "whole", SEED)
@@ -220,37 +201,13 @@ def test_a_kill_while_a_file_takes_its_place_does_no_harm(
     assert_finished_like(folder, tmp_path / "whole", 1600)
 
 
-def hear_interrupts() -> None:
-    """Undo that shells let what they start in the background ignore interrupts."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
-def test_an_interrupted_run_says_so_and_goes_on(tmp_path: Path) -> None:
+def test_an_interrupted_run_says_so_and_continues(tmp_path: Path) -> None:
     config = small_config("ppo", steps=3200)
-    arguments = command(written(config, tmp_path), tmp_path / "runs")
+    arguments = arguments_of(written(config, tmp_path), tmp_path / "runs")
     folder = tmp_path / "runs" / f"seed_{SEED}"
-    with open(tmp_path / "errors.txt", "w+") as errors:
-        process = subprocess.Popen(
-            arguments,
-            cwd=ROOT,
-            env=ENVIRONMENT,
-            stdout=subprocess.DEVNULL,
-            stderr=errors,
-            preexec_fn=hear_interrupts,
-        )
-        try:
-            limit = time.monotonic() + PATIENCE
-            while steps_told(folder) < 1200:
-                assert process.poll() is None, "the run ended before it was interrupted"
-                assert time.monotonic() < limit, "the run does not come to the point"
-                time.sleep(0.01)
-            os.kill(process.pid, signal.SIGINT)
-            assert process.wait(PATIENCE) == 130
-        finally:
-            process.kill()
-            process.wait()
-        errors.seek(0)
-        assert errors.read().endswith("interrupted; --resume goes on from the last checkpoint\n")
+    done = interrupt_script("train", *arguments, when=lambda: steps_reached(folder) >= 1200)
+    assert done.code == 130
+    assert done.err.endswith("interrupted; --resume continues from the last checkpoint\n")
     assert 0 < checkpoint_steps(folder) < 3200
     assert train(config, folder, SEED, resume=True)["finished"]
     assert hidden(folder) == []

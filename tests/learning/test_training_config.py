@@ -15,6 +15,7 @@ pytest.importorskip("stable_baselines3")
 from swim_agents.learning.config import ConfigError, TrainingConfig, config_names, load_config
 
 from swim_env import load_scene
+from tests.support import refuses
 
 
 def written(folder: Path, text: str, name: str = "mine.yaml") -> Path:
@@ -25,36 +26,27 @@ def written(folder: Path, text: str, name: str = "mine.yaml") -> Path:
 
 def error_of(path: str | Path, overrides: list[str] | Mapping[str, Any] | None = None) -> str:
     """Return the message of the refusal, which must be one line."""
-    with pytest.raises(ConfigError) as caught:
+    with refuses(ConfigError) as caught:
         load_config(path, overrides)
-    message = str(caught.value)
-    assert message and message.isprintable(), f"not one line: {message!r}"
-    return message
+    return str(caught.value)
 
 
 # ---- to and from YAML --------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", config_names())
-def test_a_shipped_configuration_survives_the_way_to_plain_values_and_to_a_file(
+def test_a_shipped_configuration_is_found_and_survives_the_way_through_a_file(
     name: str, tmp_path: Path
 ) -> None:
     config = load_config(name)
-    assert config.name == name
+    assert config.name == name and config.description
+    assert (config.ppo is None) == (config.algorithm == "SAC")
+    assert (config.sac is None) == (config.algorithm == "PPO")
     assert TrainingConfig.from_dict(config.to_dict()) == config
     config.save(tmp_path / "saved.yaml")
     again = load_config(tmp_path / "saved.yaml")
     assert again == config
     assert again.to_yaml() == config.to_yaml()
-
-
-def test_the_shipped_configurations_are_found_by_name() -> None:
-    assert {"ppo_forward", "ppo_stiff_head", "ppo_target", "sac_forward"} <= set(config_names())
-    for name in config_names():
-        config = load_config(name)
-        assert config.description, name
-        assert (config.ppo is None) == (config.algorithm == "SAC"), name
-        assert (config.sac is None) == (config.algorithm == "PPO"), name
 
 
 @pytest.mark.parametrize("name", ["swimmer", "stiff_head"])
@@ -134,21 +126,12 @@ def test_overrides_reach_fields_blocks_scene_and_task() -> None:
     assert load_config("ppo_forward", {"scene.beam.elements": 18}).scene.beam.elements == 18
 
 
-def test_the_last_override_of_a_field_holds() -> None:
+def test_overrides_hold_together() -> None:
     assert load_config("ppo_forward", ["members=8", "members=16"]).members == 16
-
-
-def test_an_override_of_the_scene_and_of_a_field_of_it_both_hold() -> None:
     config = load_config("ppo_forward", ["scene=stiff_head", "scene.beam.half_thickness=0.02"])
     assert config.scene == load_scene("stiff_head", ["beam.half_thickness=0.02"])
-
-
-def test_overrides_of_the_scene_that_are_valid_only_together_are_taken() -> None:
     changes = ["scene.initial.joint_angles=[0.1, 0.2]", "scene.beam.elements=3"]
     assert load_config("ppo_forward", changes).scene.initial.joint_angles == (0.1, 0.2)
-
-
-def test_another_algorithm_can_be_chosen_by_overrides() -> None:
     config = load_config("ppo_forward", ["algorithm=SAC", "ppo=null", "sac.tau=0.5"])
     assert config.sac is not None
     assert (config.sac.tau, config.ppo) == (0.5, None)
@@ -203,16 +186,7 @@ def test_a_misspelt_field_is_told_with_the_nearest_one_and_the_file(
     path = written(tmp_path, text)
     message = error_of(path)
     assert f"unknown field {field} (nearest: {close})" in message
-    if "scene" not in text:
-        assert message.endswith(f"({path})")
-
-
-@pytest.mark.parametrize(
-    "text", ["overrides: {beam.elemets: 4}", "scene: {beem: {}}", "scene: swimer"]
-)
-def test_an_error_in_the_scene_names_the_configurations_file(text: str, tmp_path: Path) -> None:
-    path = written(tmp_path, text)
-    assert str(path) in error_of(path)
+    assert str(path) in message
 
 
 # ---- values ------------------------------------------------------------------------------------
@@ -225,31 +199,23 @@ def test_an_error_in_the_scene_names_the_configurations_file(text: str, tmp_path
         ("discount: 0", "discount must be above 0, got 0"),
         ("discount: high", "discount must be a number, got text 'high'"),
         ("learning_rate: .nan", "learning_rate must be a finite number, got nan"),
-        ("learning_rate: .inf", "learning_rate must be a finite number, got inf"),
         ("learning_rate: 0", "learning_rate must be above 0, got 0"),
-        ("learning_rate: true", "learning_rate must be a number, got true"),
         ("final_learning_rate: -0.1", "final_learning_rate must be at least 0, got -0.1"),
         ("reward_scale: 0.0", "reward_scale must be above 0, got 0.0"),
         ("members: true", "members must be an integer, got true"),
         ("members: 0", "members must be at least 1, got 0"),
-        ("members: 1.5", "members must be an integer, got 1.5"),
-        ("members: '8'", "members must be an integer, got text '8'"),
         ("steps: 1e6", "steps must be an integer, got 1000000.0"),
         ("steps: null", "steps must be an integer, got null"),
-        ("steps: [1]", "steps must be an integer, got a list of 1"),
         ("checkpoint_every: 0", "checkpoint_every must be at least 1, got 0"),
         ("torch_threads: 0", "torch_threads must be at least 1, got 0"),
         ("noise_hold: -1", "noise_hold must be at least 1, got -1"),
         ("state_dependent_noise: 1", "state_dependent_noise must be true or false, got 1"),
-        ("state_dependent_noise: yes", "state_dependent_noise must be true or false, got text"),
         ("algorithm: DDPG", "algorithm must be one of PPO, SAC, got 'DDPG'"),
-        ("algorithm: ppo", "algorithm must be one of PPO, SAC, got 'ppo'"),
         ("task: froward", "task must be one of forward, target, got 'froward' (nearest: forward)"),
         ("name: a/b", "name must be a short text without slashes, got 'a/b'"),
         ("name: ''", "name must be a short text without slashes, got ''"),
         ("name: ..", "name must be"),
         ("name: 7", "name must be text, got 7"),
-        ("name: null", "name must be text, got null"),
         ("description: [a]", "description must be text, got a list of 1"),
         ("network: 3", "network must be a mapping of fields, got 3"),
         ("network: {layers: []}", "network.layers must be a list of widths such as [64, 64]"),
@@ -258,12 +224,10 @@ def test_an_error_in_the_scene_names_the_configurations_file(text: str, tmp_path
         ("network: {layers: [0]}", "network.layers[0] must be at least 1, got 0"),
         ("network: {activation: gelu}", "network.activation must be one of tanh, relu, elu"),
         ("network: {log_std: 3}", "network.log_std must be at most 2, got 3"),
-        ("ppo: [1]", "ppo must be a mapping of fields, got a list of 1"),
         ("ppo: {minibatch: 1000}", "ppo.minibatch must divide members * ppo.rollout = 8192"),
         ("ppo: {rollout: 1}", "ppo.rollout must be at least 2, got 1"),
         ("ppo: {gae_lambda: 1.1}", "ppo.gae_lambda must be at most 1, got 1.1"),
         ("ppo: {target_kl: 0}", "ppo.target_kl must be above 0, got 0"),
-        ("ppo: {clip_range: .nan}", "ppo.clip_range must be a finite number, got nan"),
         ("sac: {}", "a block sac has no meaning with algorithm PPO"),
         ("algorithm: SAC\nppo: {}", "a block ppo has no meaning with algorithm SAC"),
         (
@@ -279,14 +243,12 @@ def test_an_error_in_the_scene_names_the_configurations_file(text: str, tmp_path
         ("environment: [1]", "environment must be a mapping of arguments, got a list of 1"),
         ("environment: {target_radius: 1}", "unknown field environment.target_radius"),
         ("environment: {effort_weight: -1}", "effort_weight must be at least 0"),
-        ("environment: {effort_weight: x}", "effort_weight must be a number"),
         ("task: target\nenvironment: {target_radius: 0}", "target_radius must be above 0"),
         ("scene: 3", "a scene must be given as a name"),
+        ("scene: swimer", "unknown scene 'swimer'"),
         ("overrides: 3", "overrides must be a mapping or a list, got 3"),
         ("- members", "a configuration must be a mapping of fields, got a list of 1"),
-        ("members", "a configuration must be a mapping of fields, got text 'members'"),
         ("", "the file is empty, must hold a training configuration"),
-        ("# nothing", "the file is empty, must hold a training configuration"),
         ("members: 4\nmembers: 8", "line 2: field 'members' is given twice"),
         ("members: [4", "not valid YAML"),
         ("1: 2", "a field's name must be text"),
@@ -300,8 +262,7 @@ def test_a_wrong_value_is_told_in_one_line_with_its_file(
     path = written(tmp_path, text)
     message = error_of(path)
     assert problem in message
-    if not text.startswith("scene"):
-        assert message.endswith(f"({path})")
+    assert message.endswith(f"({path})") or (text.startswith("scene") and str(path) in message)
 
 
 def test_a_missing_file_is_told_with_the_nearest_name() -> None:

@@ -2,32 +2,15 @@
 
 from __future__ import annotations
 
-import importlib
-import json
 import os
 import re
-import subprocess
-import sys
-from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
-from swim_agents.commands.command_line import run
 
 from swim_env import Simulator, SwimError, load_scene
 from swim_env.recording import open_viewer, read_recording, take_picture
-from swim_env.recording.show import _runtime_folder
-
-ROOT = Path(__file__).parents[2]
-
-
-class Done(NamedTuple):
-    """What came of a command."""
-
-    returncode: int
-    stdout: str
-    stderr: str
+from tests.support import call_script, run_script
 
 
 @pytest.fixture
@@ -36,17 +19,7 @@ def command(capsys, monkeypatch, tmp_path):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.chdir(tmp_path)
-
-    def call(script: str, *arguments: str) -> Done:
-        capsys.readouterr()
-        main = importlib.import_module(f"scripts.{script}").main
-        try:
-            code = run(main, list(arguments))
-        except SystemExit as error:  # argparse
-            code = int(error.code or 0)
-        return Done(code, *capsys.readouterr())
-
-    return call
+    return lambda script, *arguments: call_script(capsys, script, *arguments)
 
 
 def test_agent_beside_the_wave(command, tmp_path):
@@ -56,13 +29,12 @@ def test_agent_beside_the_wave(command, tmp_path):
         "visualise", "--policy", "tuned_wave", "--compare-with", "paper_wave", "--duration",
         "0.4", "--noise", "0", "--flow-rate", "10", "--output", str(file), "--view", "--json",
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    figures = json.loads(done.stdout.splitlines()[-1])
+    figures = done.figures()
     assert figures.keys() == {
         "file", "bytes", "frames", "flow_frames", "logging_seconds", "flow_seconds", "schema",
     }  # fmt: skip
     assert figures["bytes"] == file.stat().st_size and figures["frames"] == 42
-    assert f"rerun {file}" in done.stderr and "rerun --web-viewer" in done.stderr
+    assert f"rerun {file}" in done.err and "rerun --web-viewer" in done.err
     read = read_recording(file)
     assert list(read.swimmers) == ["tuned_wave", "paper_wave"]
     for one in read.swimmers.values():
@@ -72,16 +44,8 @@ def test_agent_beside_the_wave(command, tmp_path):
 
 def test_prescribed_torque_and_saved_trajectory(command, tmp_path):
     """By default the scene's own torque, without rewards; a saved run gives the same numbers."""
-    done = command(
-        "visualise",
-        "--scene",
-        "paper_i",
-        "--duration",
-        "0.5",
-        "--no-flow",
-        "--json",
-    )
-    assert done.returncode == 0, done.stderr
+    done = command("visualise", "--scene", "paper_i", "--duration", "0.5", "--no-flow", "--json")
+    assert done.code == 0, done.err
     file = tmp_path / "results" / "recordings" / "paper_i-prescribed.rrd"
     one = read_recording(file).swimmers["prescribed"]
     simulator = Simulator("paper_i")
@@ -94,10 +58,10 @@ def test_prescribed_torque_and_saved_trajectory(command, tmp_path):
         "visualise", "--trajectory", str(tmp_path / "saved.npz"), "--output", output, "--colour",
         "moment", "--flow-rate", "4",
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert "recording" in done.stdout
+    assert done.code == 0, done.err
+    assert "recording" in done.out
     # The program's name, or its path where that is not on the search path.
-    assert re.search(rf"look at it with: (\S*/)?rerun {re.escape(output)}$", done.stderr, re.M)
+    assert re.search(rf"look at it with: (\S*/)?rerun {re.escape(output)}$", done.err, re.M)
     other = read_recording(output).swimmers["saved"]
     for group, values in one.series.items():
         assert (other.series[group] == values).all(), group
@@ -142,8 +106,8 @@ def test_bad_input_is_one_line_and_code_2(command, tmp_path, arguments, part):
         (tmp_path / "x.rrd").mkdir()
         arguments, part = ["--output", str(tmp_path / "x.rrd")], "this is a folder"
     done = command("visualise", *arguments)
-    assert done.returncode == 2
-    assert part in done.stderr and "Traceback" not in done.stderr
+    assert done.code == 2
+    assert part in done.err and "Traceback" not in done.err
     assert not list(tmp_path.rglob("*.rrd")) or part == "this is a folder"
 
 
@@ -154,7 +118,7 @@ def test_a_policy_beside_the_prescribed_torque(command, tmp_path):
         "visualise", "--compare-with", "zero", "--duration", "0.1", "--no-flow", "--output",
         str(file),
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    assert done.code == 0, done.err
     one, other = read_recording(file).swimmers.values()
     assert (one.nodes[0] == other.nodes[0]).all()
 
@@ -174,25 +138,12 @@ def test_a_display_that_does_not_answer(tmp_path, monkeypatch, code, told):
         assert "no display answers" in line and "rerun --web-viewer some.rrd" in line
 
 
-def test_viewers_have_a_runtime_folder(monkeypatch):
-    """The system's, or one that goes with them."""
-    monkeypatch.setenv("XDG_RUNTIME_DIR", "/given")
-    with _runtime_folder():
-        assert os.environ["XDG_RUNTIME_DIR"] == "/given"
-    monkeypatch.delenv("XDG_RUNTIME_DIR")
-    with _runtime_folder():
-        folder = Path(os.environ["XDG_RUNTIME_DIR"])
-        assert folder.is_dir()
-    assert "XDG_RUNTIME_DIR" not in os.environ and not folder.exists()
-
-
 def test_replay_records(command, tmp_path):
     """--record writes a file beside the figures, into a folder or under its name."""
     done = command(
         "replay", "--scene", "swimmer", "--duration", "0.2", "--record", str(tmp_path), "--json"
     )
-    assert done.returncode == 0, done.stderr
-    figures = json.loads(done.stdout.splitlines()[-1])
+    figures = done.figures()
     file = tmp_path / "swimmer.rrd"
     assert figures["recording"]["file"] == str(file)
     place = read_recording(file).swimmers["prescribed"].path
@@ -202,8 +153,8 @@ def test_replay_records(command, tmp_path):
         "replay", "--scene", "swimmer", "--duration", "0.2", "--env", "--policy", "random",
         "--record", str(named),
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert str(named) in done.stdout
+    assert done.code == 0, done.err
+    assert str(named) in done.out
     assert read_recording(named).swimmers["random"].series["reward"].shape == (10, 1)
 
 
@@ -214,8 +165,7 @@ def test_compare_records(command, tmp_path):
         "compare", "--policies", "zero", "--duration", "0.2", "--seeds", "3", "--record",
         str(file), "--json",
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    record = json.loads(done.stdout.splitlines()[-1])
+    record = done.figures()
     read = read_recording(file)
     assert list(read.swimmers) == ["zero", "paper_wave", "tuned_wave"]
     for name, one in read.swimmers.items():
@@ -233,7 +183,7 @@ def test_train_records_every_evaluation(command, tmp_path):
         "--output", str(tmp_path / "run"),
         "--record", str(tmp_path / "seen"),
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    assert done.code == 0, done.err
     log = read_log(tmp_path / "run" / "seed_0" / "evaluations.csv")
     files = sorted((tmp_path / "seen" / "seed_0").iterdir())
     assert {path.name for path in files} == {f"evaluation-{int(n)}.rrd" for n in log["steps"]}
@@ -244,16 +194,8 @@ def test_train_records_every_evaluation(command, tmp_path):
 
 def test_as_a_program(tmp_path):
     """From another folder, with the figures as the last line."""
-    done = subprocess.run(
-        [sys.executable, str(ROOT / "scripts" / "visualise.py"), "--duration", "0.1", "--json"],
-        capture_output=True,
-        text=True,
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        timeout=250,
-    )
-    assert done.returncode == 0, done.stderr
-    figures = json.loads(done.stdout.splitlines()[-1])
+    done = run_script("visualise", "--duration", "0.1", "--json", cwd=tmp_path)
+    figures = done.figures()
     assert (tmp_path / figures["file"]).stat().st_size == figures["bytes"]
 
 

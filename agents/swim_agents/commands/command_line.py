@@ -1,21 +1,23 @@
-"""What the scripts share: the scene's arguments, progress, and errors as one line."""
+"""What the commands share: common options, progress, tables, and errors as one line."""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
 import errno
+import json
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
-from swim_env.accuracy.choice import choose
+from swim_env.accuracy.choice import Choice, choose
+from swim_env.envs.task import TASKS
 from swim_env.errors import SwimError
 from swim_env.scene import Scene, load_scene, scene_names
-
-__all__ = ["add_scene_arguments", "progress_bar", "run", "scene_of", "training_bar"]
 
 #: Exit codes: the machine failed, bad input, interrupted by the user.
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
@@ -24,101 +26,172 @@ FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 _FAILURES = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
 
 
+# ---- options -----------------------------------------------------------------------------------
+
+
+#: Options that several commands have.
+_SHARED: dict[str, dict[str, Any]] = {
+    "duration": {
+        "type": float,
+        "metavar": "S",
+        "help": "simulated time in seconds, rounded to whole steps (or, in an episode, actions); "
+        "the scene's own unless given",
+    },
+    "task": {"help": f"of an episode: {' or '.join(TASKS)}; forward unless given"},
+    "seed": {"type": int, "help": "of an episode's start and of random torques; 0 unless given"},
+    "noise": {
+        "type": float,
+        "metavar": "X",
+        "help": "factor on the noise of an episode's start; 1 unless given",
+    },
+    "record": {
+        "metavar": "PLACE",
+        "help": "write a recording for rerun, with the fluid, into this file (.rrd) or folder",
+    },
+    "accuracy": {
+        "type": float,
+        "metavar": "TOLERANCE",
+        "help": "choose the cheapest settings (fluid model, panels, elements, time step, scheme) "
+        "that are known to compute the scene's displacement under its prescribed torque to this "
+        "share, for example 1e-2",
+    },
+    "json": {"action": "store_true", "help": "print the results as one JSON line"},
+}
+
+
+def add_options(parser: argparse.ArgumentParser, *names: str) -> None:
+    """Add options that several commands have."""
+    for name in names:
+        parser.add_argument(f"--{name}", **_SHARED[name])
+
+
+def add_overrides(parser: argparse.ArgumentParser, subject: str, example: str) -> None:
+    """Add ``--set``, which changes fields."""
+    parser.add_argument(
+        "--set",
+        action="extend",
+        nargs="+",
+        default=[],
+        metavar="FIELD=VALUE",
+        help=f"change fields of the {subject}, for example {example}",
+    )
+
+
 def add_scene_arguments(
     parser: argparse.ArgumentParser, default: str | None = None, accuracy: bool = False
 ) -> None:
-    """Add ``--scene`` and ``--set`` to a parser, and ``--accuracy`` where that has a meaning.
+    """Add ``--scene``, ``--set`` and ``--json``, and ``--accuracy`` where that has a meaning.
 
-    Settings are chosen by the prescribed torque, so it has none where somebody else plays.
+    Settings are chosen by playing the prescribed torque, so they say nothing about a policy.
     """
-    shipped = ", ".join(scene_names())
     parser.add_argument(
         "--scene",
         default=default,
         required=default is None,
         metavar="NAME",
-        help=f"a shipped scene ({shipped}) or the path of a scene file",
+        help=f"a shipped scene ({', '.join(scene_names())}) or the path of a scene file",
     )
-    parser.add_argument(
-        "--set",
-        dest="overrides",
-        action="extend",
-        nargs="+",
-        default=[],
-        metavar="FIELD=VALUE",
-        help="change fields of the scene, for example beam.elements=27 damping=null",
-    )
-    if accuracy:
-        parser.add_argument(
-            "--accuracy",
-            type=float,
-            metavar="TOLERANCE",
-            help="choose the cheapest settings (fluid model, panels, elements, time step, scheme) "
-            "that are known to compute the scene's displacement under its prescribed torque to "
-            "this share, for example 1e-2",
-        )
+    add_overrides(parser, "scene", "beam.elements=27 damping=null")
+    add_options(parser, *(["accuracy"] if accuracy else []), "json")
 
 
-def scene_of(arguments: argparse.Namespace) -> Scene:
-    """Return the scene that the arguments of `add_scene_arguments` name.
+def scene_of(options: argparse.Namespace) -> Scene:
+    """Return the scene that the options of `add_scene_arguments` name.
 
     A ``--duration`` among them is what ``--accuracy`` judges settings on.
     """
-    scene = load_scene(arguments.scene, arguments.overrides)
-    if getattr(arguments, "accuracy", None) is None:
+    scene = load_scene(options.scene, options.set)
+    tolerance = getattr(options, "accuracy", None)
+    if tolerance is None:
         return scene
-    duration = getattr(arguments, "duration", None)
+    return chosen(scene, tolerance, duration=getattr(options, "duration", None)).scene
+
+
+def chosen(
+    scene: Scene, tolerance: float, keep_elements: bool = False, duration: float | None = None
+) -> Choice:
+    """Return what `swim_env.accuracy.choose` chooses; progress and the reason go to stderr."""
     with progress_bar(40, "run", "choosing settings") as progress:
-        choice = choose(scene, arguments.accuracy, duration=duration, progress=progress)
+        choice = choose(scene, tolerance, keep_elements, duration, progress)
     print(f"chosen {choice.reason}", file=sys.stderr)
-    return choice.scene
+    return choice
+
+
+def played_scene(scene: Scene, duration: float | None) -> Scene:
+    """Return a scene with the duration (s) of its episode, its own unless given."""
+    return scene if duration is None else scene.replace("episode.duration", duration)
+
+
+def refuse(options: argparse.Namespace, names: Sequence[str], problem: str) -> None:
+    """Refuse options if they were given, all for one reason.
+
+    Raises
+    ------
+    SwimError
+        If one was given: its name and the problem.
+    """
+    for name in names:
+        if getattr(options, name) not in (None, []):
+            raise SwimError(f"--{name.replace('_', '-')} {problem}")
+
+
+def check_file(file: str) -> None:
+    """Refuse a path at which no file can be written.
+
+    Raises
+    ------
+    SwimError
+        If it is a folder, or its folder is missing or not writable.
+    """
+    folder = Path(file).resolve().parent
+    if not folder.is_dir() or not os.access(folder, os.W_OK) or Path(file).is_dir():
+        raise SwimError(f"cannot write a file there: {file}")
+
+
+# ---- output ------------------------------------------------------------------------------------
+
+
+def print_result(result: Any, as_json: bool, text: Callable[[], str]) -> None:
+    """Print a result as one JSON line or as text."""
+    print(json.dumps(result, allow_nan=False) if as_json else text())
+
+
+def aligned(rows: Sequence[tuple[str, str]]) -> str:
+    """Return lines of names and values, the values one below the other."""
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)
 
 
 @contextlib.contextmanager
-def progress_bar(total: int, unit: str, label: str) -> Iterator[Callable[[float], object]]:
-    """Show a progress bar on stderr, once a second has passed; yields its update function.
+def progress_bar(
+    total: int, unit: str, label: str, **options: Any
+) -> Iterator[Callable[..., None]]:
+    """Show a progress bar on stderr, once a second has passed.
 
-    Parts of a unit count once they are whole.
+    Yields a function of the steps since its last call, and of a text to show behind the bar. Parts
+    of a unit count once they are whole. `options` are those of `tqdm.tqdm`.
     """
-    with tqdm(total=total, unit=unit, desc=label, delay=1.0, file=sys.stderr, leave=False) as bar:
+    options = {"unit": unit, "desc": label, "delay": 1.0, "leave": False, **options}
+    with tqdm(total=total, file=sys.stderr, **options) as bar:
         done = 0.0
 
-        def update(steps: float) -> None:
+        def update(steps: float, text: str = "") -> None:
             nonlocal done
             before, done = int(done + 1e-6), done + steps
+            bar.set_postfix_str(text, refresh=False)
             bar.update(int(done + 1e-6) - before)
 
         yield update
 
 
-@contextlib.contextmanager
-def training_bar(total: int, label: str) -> Iterator[Callable[[int, str], object]]:
-    """Show a progress bar on stderr with a text behind it, once a second has passed.
-
-    Yields a function of steps and that text.
-    """
-    with tqdm(
-        total=total,
-        unit="step",
-        unit_scale=True,
-        desc=label,
-        delay=1.0,
-        file=sys.stderr,
-        mininterval=0.5,
-    ) as bar:
-
-        def update(steps: int, text: str) -> None:
-            bar.set_postfix_str(text, refresh=False)
-            bar.update(steps)
-
-        yield update
+# ---- exit codes --------------------------------------------------------------------------------
 
 
 def run(main: Callable[[list[str] | None], int], arguments: list[str] | None = None) -> int:
-    """Run a script's main function and return its exit code.
+    """Run a main function and return its exit code.
 
     Errors of the package become one line on stderr and exit code 2, or 1 where the disk is full or
-    broken. A reader of standard output that goes away ends the script quietly.
+    broken. A reader of standard output that has gone away ends the command quietly.
     """
     try:
         code = main(arguments)
@@ -145,7 +218,7 @@ def run(main: Callable[[list[str] | None], int], arguments: list[str] | None = N
 
 
 def _machine_failed(error: BaseException) -> bool:
-    """Tell whether an error says of a full or broken disk."""
+    """Tell whether an error comes from a full or broken disk."""
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, OSError) and cause.errno in _FAILURES:

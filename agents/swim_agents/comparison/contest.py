@@ -17,7 +17,6 @@ from swim_agents.baselines import Policy
 from swim_agents.comparison.performance import Performance, measure_performance
 from swim_agents.evaluation import play_episodes
 from swim_agents.policies import load_policy, policy_names
-from swim_agents.recording import swimmer_of
 from swim_agents.rollout import Rollout
 from swim_agents.tuned_wave import load_tuned_wave
 from swim_agents.verification import TOLERANCE, fine_scene, verify_rollout
@@ -41,7 +40,7 @@ __all__ = [
     "steps_to_play",
 ]
 
-#: What every score is put beside.
+#: The policies that every score is compared with.
 REFERENCES = ("paper_wave", "tuned_wave")
 
 #: Scores are taken from starts with this seed and those after it: trainings draw theirs from below
@@ -68,6 +67,16 @@ _GAIT_FIGURES = (
     "mode_share",
     "torque_travelling_share",
 )
+#: Figures whose spread over training seeds is given; of displacements it is that of the medians.
+_SPREADS = (
+    "net_displacement",
+    "fine_displacement",
+    "verified_share",
+    *(f"ratio_to_{reference}" for reference in REFERENCES),
+    *(f"fine_ratio_to_{reference}" for reference in REFERENCES),
+    "success_rate",
+    "verified_success_rate",
+)
 _WAVE_FIGURES = ("amplitude", "frequency", "wave_number", "phase", "explained")
 
 
@@ -78,15 +87,15 @@ class Entry:
     Attributes
     ----------
     name : str
-        What it is called in the tables.
+        Its name in the tables.
     group : str
         The same for agents that differ in nothing but their training seed.
     policy : Policy
-        Who plays.
+        The policy itself.
     about : dict
         For an agent what ``agent.json`` says of its training, else empty.
     source : str
-        What it was asked for by.
+        The name or path that it was loaded from.
     """
 
     name: str
@@ -98,12 +107,12 @@ class Entry:
 
 @dataclass(frozen=True, eq=False)
 class Contest:
-    """What came of a contest.
+    """The result of a contest.
 
     Attributes
     ----------
     scene : Scene
-        What swam.
+        The scene.
     task : str
         ``forward`` or ``target``.
     seeds : tuple of int
@@ -111,7 +120,7 @@ class Contest:
     performances : dict of str to list of Performance
         For each entry one for each seed.
     rollouts, trajectories : dict of str to list
-        For each entry its first episodes, as many as were to be kept.
+        For each entry its first `keep` episodes.
     record : dict
         All figures as plain values; see `hold_contest`.
     """
@@ -130,7 +139,7 @@ class Contest:
         names += [name for name in REFERENCES if name in self.rollouts]
         radius = self.record.get("target_radius", TARGET_RADIUS)
         return [
-            swimmer_of(name, self.rollouts[name][0], self.trajectories[name][0], radius)
+            self.rollouts[name][0].swimmer(name, self.trajectories[name][0], radius)
             for name in names
         ]
 
@@ -144,13 +153,9 @@ def entries_of(
     ----------
     names : sequence of str
         Names and paths for `load_policy`. A folder with runs ``seed_0``, ``seed_1`` ... stands for
-        all of them, which are then summed up as one group. The REFERENCES are added in front.
-    scene : Scene
-        What they are to play.
-    task : str
-        ``forward`` or ``target``.
-    trust : bool
-        See `load_policy`.
+        all of them, which then form one group. The REFERENCES are added in front.
+    scene, task, trust
+        As for `load_policy`.
 
     Raises
     ------
@@ -178,7 +183,7 @@ def _runs_in(folder: Path) -> list[Path]:
 
 
 def _labels(name: str, run: Path | None, policy: Policy) -> tuple[str, str]:
-    """Return what a policy and its group are called: an agent by its own name, and its run."""
+    """Return the names of a policy and its group: of an agent its own name, and its run."""
     known = str(getattr(policy, "name", name))
     if run is not None:
         return f"{known}/{run.name}", known
@@ -189,7 +194,7 @@ def _labels(name: str, run: Path | None, policy: Policy) -> tuple[str, str]:
 
 
 def steps_to_play(scene: Scene, entries: int, seeds: int) -> int:
-    """Return what `hold_contest` reports progress of: simulated seconds, played and checked."""
+    """Return what the progress of `hold_contest` adds up to: seconds simulated and checked."""
     return math.ceil(2 * entries * seeds * scene.episode.duration)
 
 
@@ -204,14 +209,14 @@ def hold_contest(
     threads: int | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Contest:
-    """Let policies play the same starts, and check every score.
+    """Play policies from the same starts, and check every score.
 
     Parameters
     ----------
     scene : Scene
-        What swims; its episode says for how long.
+        The scene; its episode gives the duration.
     entries : sequence of Entry
-        Who plays; in the forward task the REFERENCES must be among them.
+        The policies; in the forward task the REFERENCES must be among them.
     seeds : sequence of int
         Of the starts and, in the target task, of the targets.
     task : str
@@ -223,7 +228,7 @@ def hold_contest(
     keep : int
         Episodes of each entry that are kept for pictures.
     threads : int, optional
-        As many as numba is told to use unless given.
+        As many as numba uses unless given.
     progress : callable, optional
         Called with the simulated seconds that were played or checked since the last call.
 
@@ -255,34 +260,24 @@ def hold_contest(
             f"every contest needs {' and '.join(REFERENCES)}, {missing[0]} is missing"
         )
     workers = threads or usable_threads()
-    made = VECTOR_ENVIRONMENTS[task]
     performances: dict[str, list[Performance]] = {}
     kept: dict[str, list[Rollout]] = {}
     trajectories: dict[str, list[Trajectory]] = {}
-
-    interval = scene.episode.control_interval * count
     fine_step = fine_scene(scene).integrator.time_step
-
     lock = threading.Lock()
 
-    def told(seconds: float) -> None:
+    def report(seconds: float) -> None:
         if progress is not None:
             with lock:
                 progress(seconds)
 
-    def played(actions: int) -> None:
-        told(actions * interval)
-
-    def checked(steps: int) -> None:
-        told(steps * fine_step)
-
-    def judge(rollout: Rollout) -> tuple[Performance, Trajectory]:
+    def assess(rollout: Rollout) -> tuple[Performance, Trajectory]:
         trajectory = rollout.simulate()
-        verification = verify_rollout(rollout, progress=checked)
+        verification = verify_rollout(rollout, progress=lambda steps: report(steps * fine_step))
         return measure_performance(rollout, trajectory, verification), trajectory
 
     for entry in entries:
-        env = made(
+        env = VECTOR_ENVIRONMENTS[task](
             count,
             scene,
             autoreset_mode=AutoresetMode.NEXT_STEP,
@@ -290,14 +285,20 @@ def hold_contest(
             **(environment or {}),
         )
         radius = env.task.radius
-        rollouts = play_episodes(env, entry.policy, seeds, {"noise": noise}, progress=played)
+        rollouts = play_episodes(
+            env,
+            entry.policy,
+            seeds,
+            {"noise": noise},
+            progress=lambda actions: report(actions * scene.episode.control_interval * count),
+        )
         env.close()
         # The kernels release the interpreter's lock.
         with ThreadPoolExecutor(workers) as pool:
-            judged = list(pool.map(judge, rollouts))
-        performances[entry.name] = [performance for performance, _ in judged]
+            assessed = list(pool.map(assess, rollouts))
+        performances[entry.name] = [performance for performance, _ in assessed]
         kept[entry.name] = rollouts[:keep]
-        trajectories[entry.name] = [trajectory for _, trajectory in judged[:keep]]
+        trajectories[entry.name] = [trajectory for _, trajectory in assessed[:keep]]
     settings = {"noise": noise, "environment": dict(environment or {})}
     if task == "target":
         settings["target_radius"] = radius
@@ -422,20 +423,12 @@ def _groups(entries: Sequence[Entry], policies: dict[str, dict[str, Any]]) -> di
         if len(members) < 2:
             continue
         found: dict[str, Any] = {"members": members}
-        names = ["median net_displacement", "median fine_displacement", "verified_share"]
-        names += [f"ratio_to_{reference}" for reference in REFERENCES]
-        names += [f"fine_ratio_to_{reference}" for reference in REFERENCES]
-        names += ["success_rate", "verified_success_rate"]
-        for name in names:
-            inside = name.startswith("median ")
-            key = name.removeprefix("median ")
+        for key in _SPREADS:
+            inside = key in ("net_displacement", "fine_displacement")
             values = [policies[m]["median"][key] if inside else policies[m][key] for m in members]
             known = [value for value in values if value is not None]
             if known and all(map(math.isfinite, known)):
-                found[key] = {
-                    "median": float(np.median(known)),
-                    "min": min(known),
-                    "max": max(known),
-                }
+                middle = float(np.median(known))
+                found[key] = {"median": middle, "min": min(known), "max": max(known)}
         groups[group] = found
     return groups

@@ -1,4 +1,9 @@
-"""What a gait is like: its frequency, how it runs along the body, and how much of it is a wave."""
+"""A gait in figures: its frequency, how it runs along the body, and how much of it is a wave.
+
+Everywhere `times`, (T,), are at least 8 equidistant instants (s); `signals`, (T, J), are joint
+angles or torques from head to tail at these times; and `places`, (J,), are the joints' s/l.
+Arguments of other shapes, and values that are not finite, raise an `OptionError`.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +41,7 @@ _STILL = 0.01
 
 @dataclass(frozen=True)
 class WaveFit:
-    """The travelling wave A cos(f t - kappa s/l + phase) that is nearest to signals.
+    """The travelling wave A cos(f t - kappa s/l + phase) that fits signals best.
 
     Attributes
     ----------
@@ -49,8 +54,8 @@ class WaveFit:
     phase : float
         rad, in [0, 2 pi), at time 0 and s = 0.
     explained : float
-        Share of the signals' mean square that the wave stands for: 1 minus the mean square of
-        what is left over the mean square of all.
+        Share of the signals' mean square: 1 minus the mean square of the residual over that of
+        the signals.
     """
 
     amplitude: float
@@ -126,29 +131,9 @@ class Gait:
 
 
 def analyse_gait(
-    times: ArrayLike,
-    bending: ArrayLike,
-    torques: ArrayLike,
-    places: ArrayLike,
+    times: ArrayLike, bending: ArrayLike, torques: ArrayLike, places: ArrayLike
 ) -> Gait:
-    """Describe a gait.
-
-    Parameters
-    ----------
-    times : (T,) array_like
-        Equidistant instants (s).
-    bending : (T, J) array_like
-        Joint angles at these (rad).
-    torques : (T, J) array_like
-        Joint torques held from these on (N m).
-    places : (J,) array_like
-        The joints' s/l.
-
-    Raises
-    ------
-    OptionError
-        If shapes do not fit together, or there are fewer than 8 instants.
-    """
+    """Describe a gait by joint angles (rad) at the times, and torques (N m) held from them on."""
     moments, angles, at = _checked(times, bending, places)
     _, pushes, _ = _checked(times, torques, places)
     frequency = dominant_frequency(moments, angles)
@@ -168,14 +153,7 @@ def analyse_gait(
 
 
 def dominant_frequency(times: ArrayLike, signals: ArrayLike) -> float:
-    """Return the frequency (Hz) with the largest power, summed over signals.
-
-    Parameters
-    ----------
-    times : (T,) array_like
-        Equidistant instants (s).
-    signals : (T, J) array_like
-        Signals; their means do not count.
+    """Return the frequency (Hz) with the largest power, summed over signals without their means.
 
     Returns
     -------
@@ -204,16 +182,7 @@ def dominant_frequency(times: ArrayLike, signals: ArrayLike) -> float:
 
 
 def phase_lags(times: ArrayLike, signals: ArrayLike, frequency: float) -> tuple[Array, Array]:
-    """Return by how much signals lag behind the first one at a frequency, and their amplitudes.
-
-    Parameters
-    ----------
-    times : (T,) array_like
-        Instants (s).
-    signals : (T, J) array_like
-        Signals from head to tail.
-    frequency : float
-        Hz.
+    """Return the lags of signals behind the first one at a frequency (Hz), and their amplitudes.
 
     Returns
     -------
@@ -236,18 +205,7 @@ def phase_lags(times: ArrayLike, signals: ArrayLike, frequency: float) -> tuple[
 
 
 def orthogonal_modes(signals: ArrayLike) -> OrthogonalModes:
-    """Decompose signals into complex orthogonal modes.
-
-    Parameters
-    ----------
-    signals : (T, J) array_like
-        Equidistant in time; their means do not count.
-
-    Returns
-    -------
-    OrthogonalModes
-        Eigenvectors of the covariance of the analytic signals.
-    """
+    """Return the eigenvectors of the covariance of the analytic signals without their means."""
     from scipy.signal import hilbert
 
     _, values, _ = _checked(np.arange(np.shape(signals)[0] if np.ndim(signals) else 0), signals)
@@ -273,15 +231,6 @@ def fit_wave(times: ArrayLike, signals: ArrayLike, places: ArrayLike) -> WaveFit
 
     A grid over frequency and wave number finds the neighbourhood of the best wave, a local search
     the wave itself; amplitude and phase follow from a linear problem.
-
-    Parameters
-    ----------
-    times : (T,) array_like
-        Equidistant instants (s).
-    signals : (T, J) array_like
-        Signals.
-    places : (J,) array_like
-        Their s/l.
     """
     from scipy.optimize import minimize
 
@@ -351,7 +300,7 @@ def _peaks(power: Array) -> list[tuple[int, int]]:
 def _wave_at(
     moments: Array, values: Array, at: Array, frequency: float, wave_number: float
 ) -> tuple[float, float, float]:
-    """Return amplitude and phase of the best wave of a kind, and the mean square that it leaves."""
+    """Return amplitude, phase and mean square residual of the best wave at a frequency (rad/s)."""
     angle = frequency * moments[:, None] - wave_number * at
     cosine, sine = np.cos(angle), np.sin(angle)
     cc, ss, cs = (cosine**2).sum(), (sine**2).sum(), (cosine * sine).sum()

@@ -15,15 +15,15 @@ from swim_env.sim.trajectory import Trajectory
 
 __all__ = ["Performance", "measure_gait", "measure_performance"]
 
-#: Share of an episode, from its start, that does not count for the gait: it gets going there.
-GETTING_GOING = 0.25
-#: Fewer actions than this after it are no gait.
+#: Share of an episode, from its start, that is left out of the gait as a transient.
+_TRANSIENT = 0.25
+#: Fewest actions after it from which a gait is measured.
 _FEWEST_ACTIONS = 16
 
 
 @dataclass(frozen=True)
 class Performance:
-    """What came of an episode.
+    """The figures of an episode.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Performance:
     fine_displacement : float
         The same from the trust check's finer computation (BL).
     verified : bool
-        Whether the two agree, see `agents.verify_rollout`.
+        Whether the two agree, see `swim_agents.verify_rollout`.
     duration : float
         Simulated time (s), shorter than the scene's where an end came early.
     speed : float
@@ -81,31 +81,17 @@ class Performance:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON; what is not finite as null."""
-        data: dict[str, Any] = {}
-        for name, value in vars(self).items():
-            if isinstance(value, Gait):
-                data[name] = value.to_dict()
-            elif isinstance(value, float) and not math.isfinite(value):
-                data[name] = None
-            else:
-                data[name] = value
-        return data
+        data = {**vars(self), "gait": None if self.gait is None else self.gait.to_dict()}
+        return {
+            name: None if isinstance(value, float) and not math.isfinite(value) else value
+            for name, value in data.items()
+        }
 
 
 def measure_performance(
     rollout: Rollout, trajectory: Trajectory, verification: Verification
 ) -> Performance:
-    """Sum up an episode.
-
-    Parameters
-    ----------
-    rollout : Rollout
-        The episode.
-    trajectory : Trajectory
-        The same motion with energy and work, from `Rollout.simulate`.
-    verification : Verification
-        Of the same episode.
-    """
+    """Return the figures of an episode; the trajectory is that of `Rollout.simulate`."""
     scene = rollout.scene
     beam = scene.beam
     net, duration = rollout.net_displacement, trajectory.duration
@@ -134,19 +120,11 @@ def measure_performance(
 
 
 def measure_gait(rollout: Rollout, trajectory: Trajectory) -> Gait | None:
-    """Return the gait of an episode after its start; None where there is none.
-
-    Parameters
-    ----------
-    rollout : Rollout
-        The episode.
-    trajectory : Trajectory
-        The same motion, from `Rollout.simulate`.
-    """
+    """Return the gait of an episode after its start; None where there is none."""
     scene = rollout.scene
     hold = scene.steps_per_action
     whole = trajectory.steps // hold
-    first = math.ceil(GETTING_GOING * whole)
+    first = math.ceil(_TRANSIENT * whole)
     if whole - first < _FEWEST_ACTIONS:
         return None
     bending = np.diff(trajectory.angles, axis=1)[: whole * hold : hold][first:]

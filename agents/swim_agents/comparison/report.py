@@ -1,76 +1,81 @@
-"""A contest's tables: text, Markdown and CSV."""
+"""A contest's tables (text, Markdown and CSV) and the folder that keeps them with its pictures."""
 
 from __future__ import annotations
 
 import csv
 import io
+import json
+import os
 from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
-__all__ = ["as_csv", "as_markdown", "as_text"]
+from swim_agents.comparison.contest import Contest
+from swim_agents.comparison.performance import Performance
+from swim_env.files.folders import write_folder
+from swim_env.files.tables import markdown_table, text_table
+from swim_env.plots import draw_gaits, draw_paths, draw_scores, save_figure
+
+__all__ = ["CONTEST_FILES", "as_csv", "as_markdown", "as_text", "write_contest"]
+
+#: What a contest's folder holds.
+CONTEST_FILES = (
+    "comparison.json",
+    "comparison.csv",
+    "comparison.md",
+    "scores.png",
+    "paths.png",
+    "gaits.png",
+)
 
 
-def _number(value: float | None, form: str, missing: str = "-") -> str:
-    return missing if value is None else format(value, form)
+#: Columns of the tables: head, place of the figure in a policy's record, format.
+_SCORES = (
+    ("net displacement (BL)", "median.net_displacement", ".3f"),
+    ("finer computation (BL)", "median.fine_displacement", ".3f"),
+    ("verified", "verified", ""),
+    ("to paper's wave", "ratio_to_paper_wave", ".1f"),
+    ("to tuned wave", "ratio_to_tuned_wave", ".2f"),
+    ("speed (BL/s)", "median.speed", ".3f"),
+    ("BL per cycle", "median.displacement_per_cycle", ".4f"),
+    ("positive work (J)", "median.positive_work", ".3g"),
+    ("cost of transport (J/(kg m))", "median.cost_of_transport", ".3g"),
+    ("torque squared (N^2 m^2 s)", "median.torque_squared", ".3g"),
+)
+_TARGETS = (
+    ("targets reached", "success_rate", ".0%"),
+    ("the same, finer", "verified_success_rate", ".0%"),
+)
+_GAITS = (
+    ("bending (Hz)", "median.gait.frequency", ".2f"),
+    ("lag (rad/BL)", "median.gait.wave_number", "+.2f"),
+    ("travelling share", "median.gait.travelling_share", ".2f"),
+    ("torque: travelling share", "median.gait.torque_travelling_share", ".2f"),
+    ("A (N m)", "median.wave.amplitude", ".2f"),
+    ("f (rad/s)", "median.wave.frequency", ".2f"),
+    ("kappa (rad/BL)", "median.wave.wave_number", "+.2f"),
+    ("explained", "median.wave.explained", ".0%"),
+)
 
 
-def _score_rows(record: dict[str, Any]) -> list[list[str]]:
-    target = record["task"] == "target"
-    head = ["policy", "net displacement (BL)", "finer computation (BL)", "verified"]
-    head += ["to paper's wave", "to tuned wave", "speed (BL/s)", "BL per cycle"]
-    head += ["positive work (J)", "cost of transport (J/(kg m))", "torque squared (N^2 m^2 s)"]
-    rows = [head + (["targets reached", "the same, finer"] if target else [])]
-    for name, one in record["policies"].items():
-        middle = one["median"]
-        row = [
-            name,
-            _number(middle["net_displacement"], ".3f"),
-            _number(middle["fine_displacement"], ".3f"),
-            f"{sum(one['verified'])} of {len(one['verified'])}",
-            _number(one["ratio_to_paper_wave"], ".1f"),
-            _number(one["ratio_to_tuned_wave"], ".2f"),
-            _number(middle["speed"], ".3f"),
-            _number(middle["displacement_per_cycle"], ".4f"),
-            _number(middle["positive_work"], ".3g"),
-            _number(middle["cost_of_transport"], ".3g"),
-            _number(middle["torque_squared"], ".3g"),
-        ]
-        if target:
-            row += [_number(one[f"{part}success_rate"], ".0%") for part in ("", "verified_")]
-        rows.append(row)
-    return rows
-
-
-def _gait_rows(record: dict[str, Any]) -> list[list[str]]:
-    rows = [
-        [
-            "policy",
-            "bending (Hz)",
-            "lag (rad/BL)",
-            "travelling share",
-            "torque: travelling share",
-            "A (N m)",
-            "f (rad/s)",
-            "kappa (rad/BL)",
-            "explained",
-        ]
+def _rows(record: dict[str, Any], columns: Sequence[tuple[str, str, str]]) -> list[list[str]]:
+    head = ["policy", *(name for name, _, _ in columns)]
+    return [
+        head,
+        *(
+            [policy, *(_cell(one, place, form) for _, place, form in columns)]
+            for policy, one in record["policies"].items()
+        ),
     ]
-    for name, one in record["policies"].items():
-        gait, wave = one["median"]["gait"], one["median"]["wave"] or {}
-        rows.append(
-            [
-                name,
-                _number(gait["frequency"], ".2f"),
-                _number(gait["wave_number"], "+.2f"),
-                _number(gait["travelling_share"], ".2f"),
-                _number(gait["torque_travelling_share"], ".2f"),
-                _number(wave.get("amplitude"), ".2f"),
-                _number(wave.get("frequency"), ".2f"),
-                _number(wave.get("wave_number"), "+.2f"),
-                _number(wave.get("explained"), ".0%"),
-            ]
-        )
-    return rows
+
+
+def _cell(value: Any, place: str, form: str) -> str:
+    for name in place.split("."):
+        value = None if value is None else value[name]
+    if isinstance(value, list):
+        return f"{sum(value)} of {len(value)}"
+    return "-" if value is None else format(value, form)
 
 
 def _spread_rows(record: dict[str, Any]) -> list[list[str]]:
@@ -93,7 +98,8 @@ def _spread_rows(record: dict[str, Any]) -> list[list[str]]:
 
 
 def _tables(record: dict[str, Any]) -> list[list[list[str]]]:
-    tables = [_score_rows(record), _gait_rows(record)]
+    scores = _SCORES + (_TARGETS if record["task"] == "target" else ())
+    tables = [_rows(record, scores), _rows(record, _GAITS)]
     spread = _spread_rows(record)
     return [*tables, spread] if spread else tables
 
@@ -117,16 +123,7 @@ def as_text(record: dict[str, Any]) -> str:
     """Return the tables for a terminal: a policy a column, so that they fit."""
     parts = [_caption(record)]
     for table in _tables(record):
-        rows = table if "runs" in table[0] else [list(row) for row in zip(*table, strict=True)]
-        widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-        lines = [
-            "  ".join(
-                cell.ljust(width) if i == 0 else cell.rjust(width)
-                for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-            ).rstrip()
-            for row in rows
-        ]
-        parts.append("\n".join(lines))
+        parts.append(text_table(table if "runs" in table[0] else zip(*table, strict=True)))
     return "\n\n".join(parts)
 
 
@@ -145,9 +142,7 @@ def as_markdown(record: dict[str, Any]) -> str:
         "is 0 for a standing and 1 for a travelling wave (complex orthogonal decomposition)."
     )
     for table in _tables(record):
-        head, *rows = table
-        lines = [" | ".join(row) for row in [head, ["---"] * len(head), *rows]]
-        parts.append("\n".join(f"| {line} |" for line in lines))
+        parts.append(markdown_table(table[0], table[1:]))
     for name, text in (
         ("scores.png", "Net displacement of every start"),
         ("paths.png", "Paths and shapes"),
@@ -159,22 +154,7 @@ def as_markdown(record: dict[str, Any]) -> str:
 
 def as_csv(record: dict[str, Any]) -> str:
     """Return a line for each policy and start, with all its figures."""
-    names = [
-        "net_displacement",
-        "fine_displacement",
-        "verified",
-        "duration",
-        "speed",
-        "displacement_per_cycle",
-        "positive_work",
-        "cost_of_transport",
-        "torque_squared",
-        "heading_change",
-        "energy_drift",
-        "success",
-        "fine_distance",
-        "termination_reason",
-    ]
+    names = [one.name for one in fields(Performance) if one.name not in ("seed", "gait")]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["policy", "seed", *names])
@@ -183,3 +163,30 @@ def as_csv(record: dict[str, Any]) -> str:
             row = [one[name][i] for name in names]
             writer.writerow([policy, seed, *("" if value is None else value for value in row)])
     return text.getvalue()
+
+
+def write_contest(contest: Contest, folder: str | os.PathLike[str]) -> None:
+    """Write record, tables and pictures into a folder, all of them or none.
+
+    Raises
+    ------
+    SwimError
+        If the folder holds other files, or cannot be written.
+    """
+    record = contest.record
+    first = {name: runs[0] for name, runs in contest.trajectories.items()}
+    gaits = {name: record["policies"][name]["gait"][0] for name in first}
+    goals = None
+    if contest.task == "target":
+        goals = {name: rollouts[0].goal for name, rollouts in contest.rollouts.items()}
+
+    def write(ready: Path) -> None:
+        text = json.dumps(record, indent=1, allow_nan=False)
+        (ready / "comparison.json").write_text(text + "\n", encoding="utf-8")
+        (ready / "comparison.csv").write_text(as_csv(record), encoding="utf-8")
+        (ready / "comparison.md").write_text(as_markdown(record), encoding="utf-8")
+        save_figure(draw_scores(record), ready / "scores.png")
+        save_figure(draw_paths(first, goals), ready / "paths.png")
+        save_figure(draw_gaits(first, gaits), ready / "gaits.png")
+
+    write_folder(folder, CONTEST_FILES, write)

@@ -1,4 +1,4 @@
-"""Checkpoints: one file with all that decides how a run goes on, written whole or not at all.
+"""Checkpoints: one file with everything a run needs to continue, written whole or not at all.
 
 The file is PyTorch's own format and holds tensors and plain values only, so that reading it runs no
 code from it (``weights_only``).
@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import errno
 import os
-import pickle
-import zipfile
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
+from swim_agents.learning.files import DAMAGED
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
 
@@ -45,18 +44,18 @@ def save_checkpoint(path: str | os.PathLike[str], state: Mapping[str, Any]) -> N
     Raises
     ------
     CheckpointError
-        If it cannot be written, as on a full disk. The one before is untouched.
+        If it cannot be written, as on a full disk.
     """
-    content = {"format_version": FORMAT_VERSION, **_packed(state)}
+    content = {"format_version": FORMAT_VERSION, **_copied(state, _pack)}
     try:
         write_atomically(path, lambda file: torch.save(content, file))
     except (OSError, RuntimeError) as error:
-        # PyTorch's writer wraps what the system said.
+        # PyTorch's writer wraps the system's error.
         cause = error.__cause__ or error.__context__ or error
         reason = getattr(cause, "strerror", None) or str(error).splitlines()[0]
         raise CheckpointError(
             f"cannot write the checkpoint: {reason} ({os.fspath(path)}); the one before is intact, "
-            "go on with --resume"
+            "continue with --resume"
         ) from None
 
 
@@ -69,61 +68,47 @@ def load_checkpoint(path: str | os.PathLike[str]) -> dict[str, Any]:
         If it is missing, damaged, no checkpoint, or of another version.
     """
     name = os.fspath(path)
+    damaged = f"the checkpoint is damaged or cut short, or no checkpoint at all ({name})"
     try:
         content = torch.load(Path(path), map_location="cpu", weights_only=True)
     except FileNotFoundError:
         raise CheckpointError(f"no such checkpoint: {name}") from None
     except OSError as error:
-        if error.errno == errno.EINVAL:  # what PyTorch makes of some files that are cut short
-            raise CheckpointError(
-                f"the checkpoint is damaged or cut short, or no checkpoint at all ({name})"
-            ) from None
+        if error.errno == errno.EINVAL:  # PyTorch's answer to some files that are cut short
+            raise CheckpointError(damaged) from None
         raise CheckpointError(f"cannot read the checkpoint: {error.strerror} ({name})") from None
-    except (
-        RuntimeError,
-        EOFError,
-        ValueError,
-        KeyError,
-        AttributeError,
-        TypeError,
-        pickle.UnpicklingError,
-        zipfile.BadZipFile,
-    ):
-        raise CheckpointError(
-            f"the checkpoint is damaged or cut short, or no checkpoint at all ({name})"
-        ) from None
-    version = content.get("format_version") if isinstance(content, dict) else None
+    except DAMAGED:
+        raise CheckpointError(damaged) from None
+    version = content.pop("format_version", None) if isinstance(content, dict) else None
     if version != FORMAT_VERSION:
         raise CheckpointError(
             f"the checkpoint must be of format version {FORMAT_VERSION}, got {version} ({name})"
         )
-    del content["format_version"]
-    unpacked: dict[str, Any] = _unpacked(content)
-    return unpacked
+    return dict(_copied(content, _unpack))
 
 
-def _packed(value: Any) -> Any:
-    """Return a copy in which arrays and numpy's scalars are what PyTorch's safe reader accepts."""
-    if isinstance(value, np.ndarray):
-        return {_ARRAY: torch.from_numpy(np.array(value))}
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, OrderedDict):
-        return OrderedDict((key, _packed(item)) for key, item in value.items())
+def _copied(value: Any, change: Callable[[Any], Any]) -> Any:
+    """Return a copy of a nested value with its items changed."""
+    changed = change(value)
+    if changed is not value:
+        return changed
     if isinstance(value, Mapping):
-        return {key: _packed(item) for key, item in value.items()}
+        kind = OrderedDict if isinstance(value, OrderedDict) else dict
+        return kind((key, _copied(item, change)) for key, item in value.items())
     if isinstance(value, (list, tuple)):
-        return type(value)(_packed(item) for item in value)
+        return type(value)(_copied(item, change) for item in value)
     return value
 
 
-def _unpacked(value: Any) -> Any:
-    if isinstance(value, OrderedDict):
-        return OrderedDict((key, _unpacked(item)) for key, item in value.items())
-    if isinstance(value, dict):
-        if value.keys() == {_ARRAY}:
-            return value[_ARRAY].numpy()
-        return {key: _unpacked(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return type(value)(_unpacked(item) for item in value)
+def _pack(value: Any) -> Any:
+    """Return arrays and numpy's scalars in a form that PyTorch's safe reader accepts."""
+    if isinstance(value, np.ndarray):
+        return {_ARRAY: torch.from_numpy(np.array(value))}
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _unpack(value: Any) -> Any:
+    """Return what `_pack` packed."""
+    if isinstance(value, dict) and value.keys() == {_ARRAY}:
+        return value[_ARRAY].numpy()
     return value

@@ -1,38 +1,28 @@
-"""A training run's configuration: one YAML file, one dataclass, everything that decides the run."""
+"""A training run's configuration: one YAML file, one dataclass that determines the whole run."""
 
 from __future__ import annotations
 
+import contextlib
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from swim_agents.learning.settings import (
     ALGORITHMS,
-    BLOCKS,
     MOST,
     Evaluations,
     Network,
     PPOSettings,
     SACSettings,
-    build_settings,
-    store,
 )
 from swim_env.envs.task import TASKS, Task
-from swim_env.errors import SceneError, SwimError
+from swim_env.errors import SceneError, SettingsError, SwimError
 from swim_env.files.atomic import write_atomically
 from swim_env.scene import Scene, load_scene
-from swim_env.scene.blocks import plain
-from swim_env.scene.checks import (
-    check_fields,
-    check_integer,
-    check_name,
-    check_real,
-    check_text,
-    got,
-    nearest,
-)
+from swim_env.scene.block import Block, block, integer, one_of, plain, real, text
+from swim_env.scene.checks import check_fields, check_real, check_text, got, nearest
 from swim_env.scene.yaml import dump_yaml, parse_overrides, parse_yaml, read_text
 
 __all__ = [
@@ -54,30 +44,51 @@ _TASK_OPTIONS = {
 }
 
 
-class ConfigError(SwimError, ValueError):
-    """A training configuration cannot be used.
+_BLOCKS = ("network", "ppo", "sac", "evaluation")
 
-    Parameters
-    ----------
-    problem : str
-        What is wrong, in which field, and what would be right.
-    source : str, optional
-        Where the configuration came from.
-    """
 
-    def __init__(self, problem: str, source: str | None = None) -> None:
-        problem = " ".join(problem.splitlines())
-        super().__init__(problem, source)
-        self.problem, self.source = problem, source
+class ConfigError(SettingsError):
+    """A training configuration cannot be used."""
 
-    def __str__(self) -> str:
-        """Return the message, with the source in brackets where known."""
-        return self.problem if self.source is None else f"{self.problem} ({self.source})"
+
+@contextlib.contextmanager
+def _located(source: str | None = None, prefix: str = "") -> Iterator[None]:
+    """Turn an error of settings into one of a configuration, from a source if that is known."""
+    try:
+        yield
+    except SettingsError as error:
+        raise ConfigError(prefix + error.problem, source or error.source) from None
+
+
+def _name(value: object, field: str) -> str:
+    name = check_text(value, field)
+    if name in ("", ".", "..") or not name.isprintable() or set(name) & set("/\\"):
+        raise ConfigError(f"name must be a short text without slashes, got {name!r}")
+    return name
+
+
+def _flag(value: object, field: str) -> bool:
+    if not isinstance(value, bool):
+        raise ConfigError(f"{field} must be true or false, got {got(value)}")
+    return value
+
+
+def _is_scene(value: object, field: str) -> Scene:
+    if not isinstance(value, Scene):
+        raise ConfigError(f"{field} must be a Scene, got {got(value)}")
+    return value
+
+
+def _discount(value: object, field: str) -> float:
+    number = check_real(value, field, above=0.0)
+    if not number < 1.0:
+        raise ConfigError(f"{field} must be below 1, got {number:g}")
+    return number
 
 
 @dataclass(frozen=True)
-class TrainingConfig:
-    """Everything that decides a training run but its seed.
+class TrainingConfig(Block):
+    """Everything that determines a training run but its seed.
 
     Attributes
     ----------
@@ -90,7 +101,7 @@ class TrainingConfig:
     task : str
         A key of TASKS.
     scene : Scene
-        What swims.
+        The scene.
     environment : dict
         Arguments of the task, such as ``effort_weight`` or ``target_distance``.
     members : int
@@ -123,68 +134,31 @@ class TrainingConfig:
         the same run twice.
     """
 
-    name: str = "agent"
-    description: str = ""
-    algorithm: str = "PPO"
-    task: str = "forward"
-    scene: Scene = field(default_factory=lambda: load_scene("swimmer"))
+    name: Annotated[str, _name] = "agent"
+    description: Annotated[str, text] = ""
+    algorithm: Annotated[str, one_of(ALGORITHMS)] = "PPO"
+    task: Annotated[str, one_of(tuple(TASKS))] = "forward"
+    scene: Annotated[Scene, _is_scene] = field(default_factory=lambda: load_scene("swimmer"))
     environment: dict[str, Any] = field(default_factory=dict)
-    members: int = 64
-    steps: int = 1_000_000
-    discount: float = 0.998
-    learning_rate: float = 3e-4
-    final_learning_rate: float | None = None
-    reward_scale: float | None = None
-    state_dependent_noise: bool = True
-    noise_hold: int = 4
-    network: Network = field(default_factory=Network)
-    ppo: PPOSettings | None = None
-    sac: SACSettings | None = None
-    evaluation: Evaluations = field(default_factory=Evaluations)
-    checkpoint_every: int = 250_000
-    torch_threads: int = 1
+    members: Annotated[int, integer(1, 100_000)] = 64
+    steps: Annotated[int, integer(1, MOST)] = 1_000_000
+    discount: Annotated[float, _discount] = 0.998
+    learning_rate: Annotated[float, real(above=0.0, at_most=1.0)] = 3e-4
+    final_learning_rate: Annotated[float | None, real(at_least=0.0, at_most=1.0)] = None
+    reward_scale: Annotated[float | None, real(above=0.0)] = None
+    state_dependent_noise: Annotated[bool, _flag] = True
+    noise_hold: Annotated[int, integer(1, 1_000_000)] = 4
+    network: Annotated[Network, block(Network)] = field(default_factory=Network)
+    ppo: Annotated[PPOSettings | None, block(PPOSettings)] = None
+    sac: Annotated[SACSettings | None, block(SACSettings)] = None
+    evaluation: Annotated[Evaluations, block(Evaluations)] = field(default_factory=Evaluations)
+    checkpoint_every: Annotated[int, integer(1, MOST)] = 250_000
+    torch_threads: Annotated[int, integer(1, 1024)] = 1
 
     def __post_init__(self) -> None:
         """Check every field, and that they fit together."""
-        try:
-            self._check()
-        except SceneError as error:
-            raise ConfigError(error.problem) from None
-
-    def _check(self) -> None:
-        name = check_text(self.name, "name")
-        if name in ("", ".", "..") or not name.isprintable() or set(name) & set("/\\"):
-            raise ConfigError(f"name must be a short text without slashes, got {name!r}")
-        if not isinstance(self.state_dependent_noise, bool):
-            raise ConfigError(
-                "state_dependent_noise must be true or false, got "
-                + got(self.state_dependent_noise)
-            )
-        final = self.final_learning_rate
-        store(
-            self,
-            description=check_text(self.description, "description"),
-            algorithm=check_name(self.algorithm, "algorithm", ALGORITHMS),
-            task=check_name(self.task, "task", tuple(TASKS)),
-            members=check_integer(self.members, "members", 1, 100_000),
-            steps=check_integer(self.steps, "steps", 1, MOST),
-            discount=_discount(self.discount),
-            learning_rate=check_real(self.learning_rate, "learning_rate", above=0.0, at_most=1.0),
-            final_learning_rate=None
-            if final is None
-            else check_real(final, "final_learning_rate", at_least=0.0, at_most=1.0),
-            reward_scale=None
-            if self.reward_scale is None
-            else check_real(self.reward_scale, "reward_scale", above=0.0),
-            noise_hold=check_integer(self.noise_hold, "noise_hold", 1, 1_000_000),
-            checkpoint_every=check_integer(self.checkpoint_every, "checkpoint_every", 1, MOST),
-            torch_threads=check_integer(self.torch_threads, "torch_threads", 1, 1024),
-        )
-        for name in BLOCKS:
-            if getattr(self, name) is not None or name in ("network", "evaluation"):
-                store(self, **{name: build_settings(name, getattr(self, name))})
-        if not isinstance(self.scene, Scene):
-            raise ConfigError(f"scene must be a Scene, got {got(self.scene)}")
+        with _located():
+            super().__post_init__()
         self._check_algorithm()
         self._check_task()
 
@@ -193,7 +167,7 @@ class TrainingConfig:
         if getattr(self, other) is not None:
             raise ConfigError(f"a block {other} has no meaning with algorithm {self.algorithm}")
         if getattr(self, own) is None:
-            store(self, **{own: PPOSettings() if own == "ppo" else SACSettings()})
+            self._store(**{own: PPOSettings() if own == "ppo" else SACSettings()})
         if self.sac is not None and self.reward_scale is None:
             raise ConfigError(
                 "reward_scale must be a number with algorithm SAC, whose buffer keeps rewards for "
@@ -223,7 +197,7 @@ class TrainingConfig:
                     f"unknown field environment.{name}{nearest(str(name), known)}; known fields "
                     f"with task {self.task}: {', '.join(known)}"
                 )
-        store(self, environment={key: plain(value) for key, value in self.environment.items()})
+        self._store(environment={key: plain(value) for key, value in self.environment.items()})
         try:
             self.make_task()
         except SwimError as error:
@@ -299,24 +273,16 @@ class TrainingConfig:
             or if fields do not fit together.
         """
         known = [spec.name for spec in fields(cls)]
-        try:
+        with _located(source):
             if not isinstance(mapping, Mapping):
                 raise ConfigError(
                     f"a configuration must be a mapping of fields, got {got(mapping)}"
                 )
             given = check_fields(mapping, "", [*known, "overrides"])
-            try:
+            with _located(source, "scene: "):
                 given["scene"] = _scene(given.pop("scene", "swimmer"), given.pop("overrides", None))
-            except (SceneError, ConfigError) as error:
-                raise ConfigError(f"scene: {error.problem}", source or error.source) from None
-            for name in BLOCKS:
-                if given.get(name) is not None:
-                    given[name] = build_settings(name, given[name])
-                else:
-                    given.pop(name, None)
-            return cls(**given)
-        except (ConfigError, SceneError) as error:
-            raise ConfigError(error.problem, error.source or source) from None
+            absent = [name for name in _BLOCKS if given.get(name) is None]
+            return cls(**{name: value for name, value in given.items() if name not in absent})
 
     def change(self, changes: Mapping[str, Any]) -> TrainingConfig:
         """Return a configuration with fields changed.
@@ -335,29 +301,20 @@ class TrainingConfig:
         data = self.to_dict()
         scene: dict[str, Any] = {}
         for path, value in changes.items():
-            block, _, rest = str(path).partition(".")
-            if block == "scene" and rest:
+            name, _, rest = str(path).partition(".")
+            if name == "scene" and rest:
                 scene[rest] = value
-            elif rest and (block in BLOCKS or block == "environment"):
-                inner = data.get(block) or {}
+            elif rest and (name in _BLOCKS or name == "environment"):
+                inner = data.get(name) or {}
                 if not isinstance(inner, Mapping):
-                    raise ConfigError(f"{block} must be a mapping of fields, got {got(inner)}")
-                data[block] = {**inner, rest: value}
+                    raise ConfigError(f"{name} must be a mapping of fields, got {got(inner)}")
+                data[name] = {**inner, rest: value}
             else:
                 data[path] = value
         if scene:
-            try:
+            with _located(prefix="scene: "):
                 data["scene"] = _scene(data["scene"], scene).to_dict()
-            except SceneError as error:
-                raise ConfigError(f"scene: {error.problem}") from None
         return TrainingConfig.from_dict(data)
-
-
-def _discount(value: object) -> float:
-    number = check_real(value, "discount", above=0.0)
-    if not number < 1.0:
-        raise ConfigError(f"discount must be below 1, got {number:g}")
-    return number
 
 
 def _scene(scene: object, overrides: object) -> Scene:
@@ -431,7 +388,5 @@ def load_config(
     found = TrainingConfig.from_dict(data, source)
     if not overrides:
         return found
-    try:
+    with _located(f"{source} with overrides"):
         return found.change(parse_overrides(overrides))
-    except (ConfigError, SceneError) as error:
-        raise ConfigError(error.problem, f"{source} with overrides") from None

@@ -39,17 +39,17 @@ def make_batch(
 
 
 class TrainingEnv(VecEnvWrapper):  # type: ignore[misc]
-    """A batch whose rewards are scaled for the learner, and whose state can be kept.
+    """A batch whose rewards are scaled for the learner, and whose state can be saved.
 
-    Episode statistics in the infos are those of the rewards as they are.
+    Episode statistics in the infos are those of the unscaled rewards.
 
     Parameters
     ----------
     venv : VecMonitor
         Around a `SwimVecEnv`.
     reward_scale : float, optional
-        What rewards are multiplied by. Unless given they are divided by the running standard
-        deviation of the discounted return, which is the scale of what a critic has to learn.
+        Factor on rewards. Unless given they are divided by the running standard deviation of the
+        discounted return, which is the scale of what a critic has to learn.
     discount : float
         Of that return.
     """
@@ -91,7 +91,7 @@ class TrainingEnv(VecEnvWrapper):  # type: ignore[misc]
         return 1.0 / float(np.sqrt(self._spread.var + _SMALL))
 
     def state(self) -> dict[str, Any]:
-        """Return all that decides how the episodes go on, as arrays and plain values."""
+        """Return everything the episodes need to continue, as arrays and plain values."""
         episodes = self.batch.snapshot().episodes
         return {
             "arrays": episodes.arrays,
@@ -104,7 +104,7 @@ class TrainingEnv(VecEnvWrapper):  # type: ignore[misc]
         }
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Go on from what `state` returned."""
+        """Restore what `state` returned."""
         self.venv.reset()  # gives every member a generator, whose state is then replaced
         task = self.batch.episodes.task.identity
         snapshot = EpisodesSnapshot(task, state["arrays"], state["randoms"])
@@ -118,17 +118,9 @@ class TrainingEnv(VecEnvWrapper):  # type: ignore[misc]
 
 
 def make_training_env(config: TrainingConfig, seed: int, threads: int | None = None) -> TrainingEnv:
-    """Make the batch that a training run plays in.
+    """Make the batch that a training run plays in; the results do not depend on the threads.
 
-    Parameters
-    ----------
-    config : TrainingConfig
-        The run.
-    seed : int
-        Member i is seeded with ``seed * members + i``, so runs with different seeds share no start.
-    threads : int, optional
-        Threads of the batch; as many as numba is told to use unless given. The results do not
-        depend on it.
+    Member i is seeded with ``seed * members + i``, so runs with different seeds share no start.
     """
     venv = SwimVecEnv(make_batch(config, config.members, threads))
     venv.seed(seed * config.members)

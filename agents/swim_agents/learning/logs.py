@@ -1,4 +1,4 @@
-"""A run's logs: two CSV files and TensorBoard, which go on without a seam after a resume."""
+"""A run's logs: two CSV files and TensorBoard, which continue seamlessly after a resume."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import io
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
+from swim_agents.learning.files import INTACT, writing
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
 
@@ -16,7 +16,7 @@ __all__ = ["CsvLog", "TensorBoardLog", "read_log"]
 
 
 def read_log(path: str | os.PathLike[str]) -> dict[str, list[float]]:
-    """Return the columns of a CSV log; what is empty there is NaN.
+    """Return the columns of a CSV log; empty cells are NaN.
 
     Raises
     ------
@@ -37,15 +37,8 @@ def read_log(path: str | os.PathLike[str]) -> dict[str, list[float]]:
 class CsvLog:
     """A CSV file that grows by a line at a time, its first column the environment steps.
 
-    Parameters
-    ----------
-    path : str or os.PathLike
-        The file.
-    columns : sequence of str
-        Names; the first is ``steps``.
-    steps : int
-        Where the run goes on: lines beyond it, and half a line at the end, are taken out. At 0 the
-        file starts anew.
+    Where a run continues at a number of steps, lines beyond it, and half a line at the end, are
+    removed; at 0 the file starts anew.
 
     Raises
     ------
@@ -59,12 +52,9 @@ class CsvLog:
         self.path = Path(path)
         self.columns = tuple(columns)
         kept = [row for row in self._rows() if steps and float(row[0]) <= steps]
-        self._write(
-            lambda: write_atomically(
-                self.path,
-                lambda file: file.write(_lines([self.columns, *kept]).encode("utf-8")),
-            )
-        )
+        text = _lines([self.columns, *kept]).encode("utf-8")
+        with writing("the log", self.path, advice=INTACT):
+            write_atomically(self.path, lambda file: file.write(text))
 
     def _rows(self) -> list[list[str]]:
         """Return the whole lines of a file of the same columns."""
@@ -81,32 +71,17 @@ class CsvLog:
     def add(self, values: Mapping[str, float]) -> None:
         """Add a line; columns without a value stay empty."""
         row = ["" if values.get(name) is None else repr(values[name]) for name in self.columns]
-
-        def append() -> None:
-            with open(self.path, "a", encoding="utf-8", newline="") as file:
-                file.write(_lines([row]))
-
-        self._write(append)
-
-    def _write(self, write: Any) -> None:
-        try:
-            write()
-        except OSError as error:
-            raise SwimError(
-                f"cannot write the log: {error.strerror or error} ({self.path}); the last "
-                "checkpoint is intact, go on with --resume"
-            ) from None
+        with (
+            writing("the log", self.path, advice=INTACT),
+            open(self.path, "a", encoding="utf-8", newline="") as file,
+        ):
+            file.write(_lines([row]))
 
 
 class TensorBoardLog:
     """Scalars for TensorBoard.
 
-    Parameters
-    ----------
-    folder : str or os.PathLike
-        Where its event files go.
-    steps : int
-        Where the run goes on; what was logged beyond it is marked as superseded.
+    Where a run continues at a number of steps, what was logged beyond it is marked as superseded.
     """
 
     def __init__(self, folder: str | os.PathLike[str], steps: int = 0) -> None:

@@ -1,4 +1,4 @@
-"""Models of stable-baselines3, made from a configuration; their state, kept without pickle."""
+"""Models of stable-baselines3: made from a configuration, and saved without pickle."""
 
 from __future__ import annotations
 
@@ -13,15 +13,14 @@ import numpy as np
 
 from swim_agents.learning.config import TrainingConfig
 from swim_agents.learning.settings import Network
-from swim_agents.vec_env import TrainingExtraError
+from swim_agents.vec_env import TrainingExtraError  # noqa: F401
+from swim_env.errors import SwimError
 
-try:
-    import stable_baselines3
-    import torch
-    from stable_baselines3.common.base_class import BaseAlgorithm
-    from stable_baselines3.common.policies import BasePolicy
-except ImportError as _error:  # pragma: no cover - swim_agents.vec_env has said so already
-    raise TrainingExtraError(f"training needs stable-baselines3 ({_error})") from _error
+# After swim_agents.vec_env, which says in one line what is missing where this is not installed.
+import stable_baselines3  # isort: skip
+import torch  # isort: skip
+from stable_baselines3.common.base_class import BaseAlgorithm  # isort: skip
+from stable_baselines3.common.policies import BasePolicy  # isort: skip
 
 __all__ = [
     "checked_device",
@@ -55,8 +54,6 @@ def checked_device(device: str) -> str:
     SwimError
         If there is no such device.
     """
-    from swim_env.errors import SwimError
-
     if device == "auto":
         return "cuda" if torch.cuda.is_available() else "cpu"
     try:
@@ -68,7 +65,7 @@ def checked_device(device: str) -> str:
 
 
 def policy_arguments(network: Network, algorithm: str) -> dict[str, Any]:
-    """Return the arguments of a policy of stable-baselines3 that a network stands for."""
+    """Return the arguments with which stable-baselines3 makes a network."""
     arguments: dict[str, Any] = {
         "net_arch": list(network.layers),
         "activation_fn": _ACTIVATIONS[network.activation],
@@ -98,19 +95,35 @@ def make_policy(
     )
 
 
+#: Names of settings in stable-baselines3 by algorithm.
+_ARGUMENTS = {
+    "PPO": {
+        "n_steps": "rollout",
+        "batch_size": "minibatch",
+        "n_epochs": "epochs",
+        "gae_lambda": "gae_lambda",
+        "clip_range": "clip_range",
+        "ent_coef": "entropy_coefficient",
+        "vf_coef": "value_coefficient",
+        "max_grad_norm": "max_gradient_norm",
+        "target_kl": "target_kl",
+    },
+    "SAC": {
+        "buffer_size": "buffer",
+        "batch_size": "minibatch",
+        "train_freq": "rollout",
+        "gradient_steps": "updates",
+        "learning_starts": "learning_starts",
+        "tau": "tau",
+        "n_steps": "return_steps",
+    },
+}
+
+
 def make_model(config: TrainingConfig, env: Any, seed: int, device: str) -> BaseAlgorithm:
     """Make the untrained model of a run.
 
-    Parameters
-    ----------
-    config : TrainingConfig
-        The run.
-    env : TrainingEnv
-        Its batch.
-    seed : int
-        Of the network's first weights, of exploration and of minibatches.
-    device : str
-        For PyTorch.
+    The seed is that of the network's first weights, of exploration and of minibatches.
     """
     common: dict[str, Any] = {
         "policy": "MlpPolicy",
@@ -125,34 +138,14 @@ def make_model(config: TrainingConfig, env: Any, seed: int, device: str) -> Base
         "device": device,
         "verbose": 0,
     }
-    if config.ppo is not None:
-        model = stable_baselines3.PPO(
-            n_steps=config.ppo.rollout,
-            batch_size=config.ppo.minibatch,
-            n_epochs=config.ppo.epochs,
-            gae_lambda=config.ppo.gae_lambda,
-            clip_range=config.ppo.clip_range,
-            ent_coef=config.ppo.entropy_coefficient,
-            vf_coef=config.ppo.value_coefficient,
-            max_grad_norm=config.ppo.max_gradient_norm,
-            target_kl=config.ppo.target_kl,
-            **common,
-        )
-    else:
-        assert config.sac is not None
+    settings = config.ppo or config.sac
+    assert settings is not None
+    arguments = {name: getattr(settings, own) for name, own in _ARGUMENTS[config.algorithm].items()}
+    if config.sac is not None:
         entropy = config.sac.target_entropy
-        model = stable_baselines3.SAC(
-            buffer_size=config.sac.buffer,
-            batch_size=config.sac.minibatch,
-            train_freq=config.sac.rollout,
-            gradient_steps=config.sac.updates,
-            learning_starts=config.sac.learning_starts,
-            tau=config.sac.tau,
-            n_steps=config.sac.return_steps,
-            ent_coef=f"auto_{config.sac.temperature!r}",
-            target_entropy="auto" if entropy is None else entropy,
-            **common,
-        )
+        arguments["ent_coef"] = f"auto_{config.sac.temperature!r}"
+        arguments["target_entropy"] = "auto" if entropy is None else entropy
+    model = getattr(stable_baselines3, config.algorithm)(**arguments, **common)
     # The constructor seeds the batch with the model's seed; a run's members have their own.
     env.seed(seed * config.members)
     return model
@@ -165,7 +158,7 @@ _COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
 
 
 def model_state(model: BaseAlgorithm) -> dict[str, Any]:
-    """Return all that decides how training goes on, as tensors, arrays and plain values."""
+    """Return everything training needs to continue, as tensors, arrays and plain values."""
     state: dict[str, Any] = {
         "parameters": model.get_parameters(),
         "counters": {name: getattr(model, name) for name in _COUNTERS},
@@ -200,7 +193,7 @@ _BUFFER_ARRAYS = ("observations", "next_observations", "actions", "rewards", "do
 
 
 def set_model_state(model: BaseAlgorithm, state: dict[str, Any]) -> None:
-    """Go on from what `model_state` returned."""
+    """Restore what `model_state` returned."""
     model.set_parameters(state["parameters"], exact_match=True, device=model.device)
     for name, value in state["counters"].items():
         setattr(model, name, value)

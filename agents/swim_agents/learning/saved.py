@@ -10,11 +10,8 @@ on request.
 from __future__ import annotations
 
 import io
-import json
 import os
-import pickle
 import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -25,13 +22,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swim_agents.learning.config import ConfigError, TrainingConfig
-from swim_agents.learning.settings import ALGORITHMS, network_of
+from swim_agents.learning.files import DAMAGED, read_json, write_json
+from swim_agents.learning.settings import ALGORITHMS, Network
 from swim_env.envs.assessment import OBSERVATION_LAYOUT, observation_size
 from swim_env.envs.interface import action_space_of, observation_space_of
 from swim_env.envs.task import TASKS, Task
 from swim_env.errors import OptionError, SceneError, SwimError
 from swim_env.files.folders import write_folder
 from swim_env.scene import Beam, Scene
+from swim_env.scene.block import build_block
 from swim_env.scene.blocks import plain
 from swim_env.scene.checks import check_name, check_text
 
@@ -61,7 +60,7 @@ _SAME = (
 
 
 class AgentError(SwimError, ValueError):
-    """A saved agent cannot be read, or does not fit what it is to play."""
+    """A saved agent cannot be read, or does not fit the scene or task to be played."""
 
 
 class AgentPolicy:
@@ -135,7 +134,8 @@ class AgentPolicy:
         if task is not None and task != trained:
             raise AgentError(f"agent {self.name} was trained for task {trained}, not for {task}")
         own = self.scene
-        found = _differences(own, scene)
+        found = [(path, _value(own, path), _value(scene, path)) for path in _SAME]
+        found = [(path, here, there) for path, here, there in found if here != there]
         if found:
             field, here, there = found[0]
             more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
@@ -143,16 +143,6 @@ class AgentPolicy:
                 f"agent {self.name} was trained on scene {own.name} and cannot play scene "
                 f"{scene.name}: {field} is {there}, it was {here} in training{more}"
             )
-
-
-def _differences(own: Scene, other: Scene) -> list[tuple[str, Any, Any]]:
-    """Return the fields that must agree and do not: name, the agent's value, the scene's."""
-    found = []
-    for path in _SAME:
-        here, there = _value(own, path), _value(other, path)
-        if here != there:
-            found.append((path, here, there))
-    return found
 
 
 def _value(scene: Scene, path: str) -> Any:
@@ -167,10 +157,7 @@ def _value(scene: Scene, path: str) -> Any:
 
 
 def save_agent(
-    folder: str | os.PathLike[str],
-    model: Any,
-    config: TrainingConfig,
-    record: Mapping[str, Any],
+    folder: str | os.PathLike[str], model: Any, config: TrainingConfig, record: Mapping[str, Any]
 ) -> None:
     """Write an agent's folder, whole or not at all; one of an earlier agent is replaced.
 
@@ -179,9 +166,7 @@ def save_agent(
     folder : str or os.PathLike
         The folder.
     model : stable_baselines3.common.base_class.BaseAlgorithm
-        The model.
-    config : TrainingConfig
-        How it was trained.
+        The model, trained as `config` says.
     record : mapping
         Seed, steps, seconds, scores, versions ... as plain values, for ``agent.json``.
 
@@ -206,8 +191,7 @@ def save_agent(
     }
 
     def write(ready: Path) -> None:
-        text = json.dumps(description, indent=1, allow_nan=False)
-        (ready / "agent.json").write_text(text + "\n", encoding="utf-8")
+        write_json(ready / "agent.json", description)
         model.save(ready / "model.zip")
 
     write_folder(folder, AGENT_FILES, write)
@@ -215,11 +199,6 @@ def save_agent(
 
 def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
     """Read an agent's folder. No code from it is run: see this module's first lines.
-
-    Parameters
-    ----------
-    folder : str or os.PathLike
-        With ``agent.json`` and ``model.zip``.
 
     Raises
     ------
@@ -234,7 +213,7 @@ def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
     try:
         scene = Scene.from_dict(description["scene"])
         task: Task = TASKS[description["task"]](scene)
-        network = network_of(description["network"])
+        network = build_block(Network, description["network"], "network")
         layout = description["observation"]
         algorithm = check_name(description["algorithm"], "algorithm", ALGORITHMS)
         gsde = bool(description["state_dependent_noise"])
@@ -269,11 +248,9 @@ def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
 
 def _description(path: Path) -> dict[str, Any]:
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = read_json(path, "agent.json cannot be read", AgentError)
     except FileNotFoundError:
         raise AgentError(f"no agent there: {path.name} is missing ({path.parent})") from None
-    except (OSError, ValueError, RecursionError) as error:
-        raise AgentError(f"agent.json cannot be read: {error} ({path.parent})") from None
     version = data.get("format_version") if isinstance(data, dict) else None
     if version != FORMAT_VERSION:
         raise AgentError(
@@ -294,38 +271,20 @@ def _weights(path: Path) -> Any:
         raise AgentError(f"no agent there: {path.name} is missing ({path.parent})") from None
     except OSError as error:
         raise AgentError(f"cannot read the model: {error.strerror or error} ({path})") from None
-    except (
-        zipfile.BadZipFile,
-        zlib.error,
-        KeyError,
-        AttributeError,
-        TypeError,
-        RuntimeError,
-        EOFError,
-        ValueError,
-        pickle.UnpicklingError,
-    ):
+    except DAMAGED:
         raise AgentError(
             f"the model is damaged or cut short, or no file of stable-baselines3 ({path})"
         ) from None
 
 
 def load_bare_model(path: str | os.PathLike[str], scene: Scene, trust: bool) -> AgentPolicy:
-    """Read a model file of stable-baselines3 that comes without ``agent.json``.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        The file.
-    scene : Scene
-        What it is to play, taken to be what it was trained on.
-    trust : bool
-        Whether to unpickle what the file holds, which runs its code.
+    """Read a model file of stable-baselines3 without ``agent.json``, as trained on a scene.
 
     Raises
     ------
     AgentError
-        If it is not to be trusted, cannot be read, or does not fit the scene.
+        If it is not to be trusted, as reading it runs code in it; if it cannot be read, or does not
+        fit the scene.
     """
     name = os.fspath(path)
     if not trust:
@@ -341,19 +300,7 @@ def load_bare_model(path: str | os.PathLike[str], scene: Scene, trust: bool) -> 
                 path, device="cpu", custom_objects={"replay_buffer_class": None}
             )
             break
-        except (
-            zipfile.BadZipFile,
-            KeyError,
-            RuntimeError,
-            EOFError,
-            pickle.UnpicklingError,
-            ValueError,
-            AttributeError,
-            TypeError,
-            AssertionError,
-            ImportError,
-            IndexError,
-        ):
+        except DAMAGED:
             continue
         except OSError as error:
             raise AgentError(f"cannot read the model: {error.strerror or error} ({name})") from None

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated
 
 from swim_env.errors import SceneError
-from swim_env.scene.checks import check_fields, check_integer, check_name, check_real, got, listed
+from swim_env.scene.block import Block, integer, one_of, real
+from swim_env.scene.checks import check_integer, got, listed
 
 __all__ = [
     "ACTIVATIONS",
     "ALGORITHMS",
-    "BLOCKS",
     "MOST",
     "Evaluations",
     "Network",
     "PPOSettings",
     "SACSettings",
-    "build_settings",
-    "network_of",
-    "store",
 ]
 
 ALGORITHMS = ("PPO", "SAC")
@@ -30,14 +26,16 @@ ACTIVATIONS = ("tanh", "relu", "elu")
 MOST = 10**12
 
 
-def store(block: object, **values: object) -> None:
-    """Store checked values in a frozen dataclass; only for use in ``__post_init__``."""
-    for name, value in values.items():
-        object.__setattr__(block, name, value)
+def _widths(value: object, field: str) -> tuple[int, ...]:
+    """Return a list of layers' widths as a tuple."""
+    widths = listed(value)
+    if not widths:
+        raise SceneError(f"{field} must be a list of widths such as [64, 64], got {got(value)}")
+    return tuple(check_integer(width, f"{field}[{i}]", 1, 65536) for i, width in enumerate(widths))
 
 
 @dataclass(frozen=True)
-class Network:
+class Network(Block, path="network"):
     """The policy's network; the critic has one of the same shape.
 
     Attributes
@@ -51,31 +49,14 @@ class Network:
         depends on the state, of the weights with which the last layer's activations make it.
     """
 
-    layers: tuple[int, ...] = (64, 64)
-    activation: str = "tanh"
-    log_std: float = -1.0
-
-    def __post_init__(self) -> None:
-        """Check every field and store it in its final form."""
-        widths = listed(self.layers)
-        if not widths:
-            raise SceneError(
-                f"network.layers must be a list of widths such as [64, 64], got {got(self.layers)}"
-            )
-        store(
-            self,
-            layers=tuple(
-                check_integer(width, f"network.layers[{i}]", 1, 65536)
-                for i, width in enumerate(widths)
-            ),
-            activation=check_name(self.activation, "network.activation", ACTIVATIONS),
-            log_std=check_real(self.log_std, "network.log_std", at_least=-20.0, at_most=2.0),
-        )
+    layers: Annotated[tuple[int, ...], _widths] = (64, 64)
+    activation: Annotated[str, one_of(ACTIVATIONS)] = "tanh"
+    log_std: Annotated[float, real(at_least=-20.0, at_most=2.0)] = -1.0
 
 
 @dataclass(frozen=True)
-class PPOSettings:
-    """What proximal policy optimisation (Schulman et al. 2017) has of its own.
+class PPOSettings(Block, path="ppo"):
+    """Settings of proximal policy optimisation (Schulman et al. 2017).
 
     Attributes
     ----------
@@ -86,53 +67,31 @@ class PPOSettings:
     epochs : int
         Passes over the samples of an update.
     gae_lambda : float
-        Of the generalised advantage estimate, in [0, 1].
+        lambda of the generalised advantage estimate, in [0, 1].
     clip_range : float
         Bound on the change of the probability ratio.
     entropy_coefficient, value_coefficient : float
         Weights in the loss.
     max_gradient_norm : float
-        Gradients are shortened to it.
+        Largest norm of a gradient; longer ones are scaled down to it.
     target_kl : float or None
         An update ends early beyond 1.5 times this divergence.
     """
 
-    rollout: int = 128
-    minibatch: int = 2048
-    epochs: int = 5
-    gae_lambda: float = 0.95
-    clip_range: float = 0.2
-    entropy_coefficient: float = 0.0
-    value_coefficient: float = 0.5
-    max_gradient_norm: float = 0.5
-    target_kl: float | None = None
-
-    def __post_init__(self) -> None:
-        """Check every field and store it in its final form."""
-        kl = self.target_kl
-        store(
-            self,
-            rollout=check_integer(self.rollout, "ppo.rollout", 2, MOST),
-            minibatch=check_integer(self.minibatch, "ppo.minibatch", 2, MOST),
-            epochs=check_integer(self.epochs, "ppo.epochs", 1, 10_000),
-            gae_lambda=check_real(self.gae_lambda, "ppo.gae_lambda", at_least=0.0, at_most=1.0),
-            clip_range=check_real(self.clip_range, "ppo.clip_range", above=0.0, at_most=10.0),
-            entropy_coefficient=check_real(
-                self.entropy_coefficient, "ppo.entropy_coefficient", at_least=0.0
-            ),
-            value_coefficient=check_real(
-                self.value_coefficient, "ppo.value_coefficient", at_least=0.0
-            ),
-            max_gradient_norm=check_real(
-                self.max_gradient_norm, "ppo.max_gradient_norm", above=0.0
-            ),
-            target_kl=None if kl is None else check_real(kl, "ppo.target_kl", above=0.0),
-        )
+    rollout: Annotated[int, integer(2, MOST)] = 128
+    minibatch: Annotated[int, integer(2, MOST)] = 2048
+    epochs: Annotated[int, integer(1, 10_000)] = 5
+    gae_lambda: Annotated[float, real(at_least=0.0, at_most=1.0)] = 0.95
+    clip_range: Annotated[float, real(above=0.0, at_most=10.0)] = 0.2
+    entropy_coefficient: Annotated[float, real(at_least=0.0)] = 0.0
+    value_coefficient: Annotated[float, real(at_least=0.0)] = 0.5
+    max_gradient_norm: Annotated[float, real(above=0.0)] = 0.5
+    target_kl: Annotated[float | None, real(above=0.0)] = None
 
 
 @dataclass(frozen=True)
-class SACSettings:
-    """What soft actor-critic (Haarnoja et al. 2018) has of its own.
+class SACSettings(Block, path="sac"):
+    """Settings of soft actor-critic (Haarnoja et al. 2018).
 
     Attributes
     ----------
@@ -141,10 +100,10 @@ class SACSettings:
     minibatch : int
         Transitions of one update.
     rollout : int
-        Actions that each member plays between updates; exploration that depends on the state is
-        drawn anew at their start at the latest.
+        Actions that each member plays between updates; state-dependent exploration is drawn anew
+        at the start of each rollout at the latest.
     updates : int
-        Updates after each of these.
+        Updates after each rollout.
     learning_starts : int
         Steps with random actions before the first update.
     tau : float
@@ -152,98 +111,37 @@ class SACSettings:
     return_steps : int
         Rewards that a target of the critic sums before it relies on the critic (n-step returns).
     temperature : float
-        Weight of the entropy at the start, which is then tuned. Rewards of a swimmer are small: the
-        usual 1 keeps it from learning anything else for long.
+        Initial weight of the entropy, tuned from there. A swimmer's rewards are small: with the
+        usual 1 it long learns nothing but to be random.
     target_entropy : float or None
-        Entropy that the temperature is tuned for; minus the number of joints where None.
+        Entropy that the temperature is tuned for; None for minus the number of joints.
     """
 
-    buffer: int = 300_000
-    minibatch: int = 256
-    rollout: int = 4
-    updates: int = 16
-    learning_starts: int = 10_000
-    tau: float = 0.01
-    return_steps: int = 3
-    temperature: float = 0.01
-    target_entropy: float | None = None
-
-    def __post_init__(self) -> None:
-        """Check every field and store it in its final form."""
-        entropy = self.target_entropy
-        store(
-            self,
-            buffer=check_integer(self.buffer, "sac.buffer", 1, MOST),
-            minibatch=check_integer(self.minibatch, "sac.minibatch", 1, MOST),
-            rollout=check_integer(self.rollout, "sac.rollout", 1, MOST),
-            updates=check_integer(self.updates, "sac.updates", 1, 100_000),
-            learning_starts=check_integer(self.learning_starts, "sac.learning_starts", 0, MOST),
-            tau=check_real(self.tau, "sac.tau", above=0.0, at_most=1.0),
-            return_steps=check_integer(self.return_steps, "sac.return_steps", 1, 10_000),
-            temperature=check_real(self.temperature, "sac.temperature", above=0.0),
-            target_entropy=None if entropy is None else check_real(entropy, "sac.target_entropy"),
-        )
+    buffer: Annotated[int, integer(1, MOST)] = 300_000
+    minibatch: Annotated[int, integer(1, MOST)] = 256
+    rollout: Annotated[int, integer(1, MOST)] = 4
+    updates: Annotated[int, integer(1, 100_000)] = 16
+    learning_starts: Annotated[int, integer(0, MOST)] = 10_000
+    tau: Annotated[float, real(above=0.0, at_most=1.0)] = 0.01
+    return_steps: Annotated[int, integer(1, 10_000)] = 3
+    temperature: Annotated[float, real(above=0.0)] = 0.01
+    target_entropy: Annotated[float | None, real()] = None
 
 
 @dataclass(frozen=True)
-class Evaluations:
+class Evaluations(Block, path="evaluation"):
     """The periodic evaluation: the same starts every time, without exploration.
 
     Attributes
     ----------
     every : int
-        Environment steps between two.
+        Environment steps between two evaluations.
     episodes : int
-        Episodes of each, with the seeds `seed`, `seed` + 1, ...
+        Episodes of each evaluation, with the seeds `seed`, `seed` + 1, ...
     seed : int
         The first seed; training uses others.
     """
 
-    every: int = 250_000
-    episodes: int = 16
-    seed: int = 1_000_000
-
-    def __post_init__(self) -> None:
-        """Check every field and store it in its final form."""
-        store(
-            self,
-            every=check_integer(self.every, "evaluation.every", 1, MOST),
-            episodes=check_integer(self.episodes, "evaluation.episodes", 1, 10_000),
-            seed=check_integer(self.seed, "evaluation.seed", 0, 2**62),
-        )
-
-
-#: The blocks by their names in a configuration.
-BLOCKS: dict[str, type] = {
-    "network": Network,
-    "ppo": PPOSettings,
-    "sac": SACSettings,
-    "evaluation": Evaluations,
-}
-
-
-def build_settings(name: str, value: object) -> object:
-    """Make a block from a mapping of its fields, or return a block as it is.
-
-    Raises
-    ------
-    SceneError
-        If a field is unknown, of the wrong type or out of range.
-    """
-    block = BLOCKS[name]
-    if isinstance(value, block):
-        return value
-    return block(**check_fields(value, name, [spec.name for spec in fields(block)]))
-
-
-def network_of(mapping: Mapping[str, Any]) -> Network:
-    """Make a network from what `TrainingConfig.to_dict` says of it.
-
-    Raises
-    ------
-    SceneError
-        If a field is unknown or out of range.
-    """
-    network = build_settings("network", mapping)
-    assert isinstance(network, Network)
-    return network
+    every: Annotated[int, integer(1, MOST)] = 250_000
+    episodes: Annotated[int, integer(1, 10_000)] = 16
+    seed: Annotated[int, integer(0, 2**62)] = 1_000_000

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from collections.abc import Mapping
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from swim_agents.learning.config import config_names, load_config
+from swim_agents.learning.files import write_json
 from swim_agents.learning.logs import read_log
 from swim_agents.learning.saved import load_agent
 from swim_agents.learning.trainer import run_status
@@ -46,7 +46,7 @@ def command_of(run: str | os.PathLike[str]) -> str:
     kept = _settings(place / "config.yaml")
     name = str(status["name"])
     if name in config_names() and _settings(name) == kept:
-        return f"python scripts/train.py {name} --seeds {status['seed']}"
+        return f"swim-env train {name} --seeds {status['seed']}"
     return str(status["command"])
 
 
@@ -79,20 +79,11 @@ def scores_of(record: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 
 def ship_agent(
-    run: str | os.PathLike[str],
-    folder: str | os.PathLike[str],
-    scores: Mapping[str, Any],
+    run: str | os.PathLike[str], folder: str | os.PathLike[str], scores: Mapping[str, Any]
 ) -> None:
     """Write the folder of an agent that ships, whole or not at all.
 
-    Parameters
-    ----------
-    run : str or os.PathLike
-        The folder of a finished training run, whose best agent is taken.
-    folder : str or os.PathLike
-        Where the agent goes.
-    scores : mapping
-        From `scores_of`.
+    It is the best agent of a finished training run; `scores` are those of `scores_of`.
 
     Raises
     ------
@@ -117,9 +108,8 @@ def ship_agent(
         for name in ("config.yaml", "evaluations.csv", "progress.csv"):
             shutil.copyfile(place / name, ready / name)
         shutil.copyfile(place / "agent" / "model.zip", ready / "model.zip")
-        for name, content in (("agent.json", description), ("scores.json", dict(scores))):
-            text = json.dumps(content, indent=1, allow_nan=False)
-            (ready / name).write_text(text + "\n", encoding="utf-8")
+        write_json(ready / "agent.json", description)
+        write_json(ready / "scores.json", dict(scores))
         figure = draw_training({str(status["name"]): [curve]}, description["task"])
         save_figure(figure, ready / "training.png")
 

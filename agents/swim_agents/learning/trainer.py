@@ -1,20 +1,20 @@
-"""A training run: rounds of stable-baselines3 between which everything can be kept and taken up.
+"""A training run: rounds of stable-baselines3, between which its whole state can be saved.
 
 A run is one folder:
 
 ============================  ======================================================================
 ``config.yaml``               the resolved configuration, the scene in full
-``run.json``                  seed, device, versions, machine and commit; how far it has come
+``run.json``                  seed, device, versions, machine and commit; its progress
 ``progress.csv``              a line per log interval; ``tensorboard/`` has the same
 ``evaluations.csv``           a line per periodic evaluation
-``checkpoint.zip``            all that decides how the run goes on, replaced whole
+``checkpoint.zip``            everything the run needs to continue, replaced whole
 ``agent/``                    the agent with the best evaluation so far, replaced whole
 ``final_agent/``              the agent at the end
 ============================  ======================================================================
 
-A run that was killed goes on from its last checkpoint and gives bit for bit what it would have
-given without the kill: the checkpoint has the networks and their optimisers, the replay buffer,
-every generator of random numbers and the state of every episode.
+A run that was killed continues from its last checkpoint and ends bit for bit as it would have
+without the kill: the checkpoint has the networks and their optimisers, the replay buffer, every
+random number generator and the state of every episode.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ from swim_agents.evaluation import play_episodes
 from swim_agents.learning.checkpoints import load_checkpoint, save_checkpoint
 from swim_agents.learning.config import ConfigError, TrainingConfig, load_config
 from swim_agents.learning.environment import make_batch, make_training_env
+from swim_agents.learning.files import INTACT, read_json, writing
 from swim_agents.learning.logs import CsvLog, TensorBoardLog
 from swim_agents.learning.models import (
     checked_device,
@@ -49,7 +50,6 @@ from swim_agents.learning.models import (
     torch_threads,
 )
 from swim_agents.learning.saved import save_agent
-from swim_agents.recording import swimmer_of
 from swim_env import __version__
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
@@ -92,7 +92,7 @@ _LOG_EVERY = 8192
 
 
 class RunExistsError(SwimError):
-    """A folder holds a run already, or another process is at it."""
+    """A folder holds a run already, or another process uses it."""
 
 
 def run_status(folder: str | os.PathLike[str]) -> dict[str, Any] | None:
@@ -105,11 +105,9 @@ def run_status(folder: str | os.PathLike[str]) -> dict[str, Any] | None:
     """
     path = Path(folder) / "run.json"
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = read_json(path, "cannot read the run's record")
     except FileNotFoundError:
         return None
-    except (OSError, ValueError) as error:
-        raise SwimError(f"cannot read the run's record: {error} ({path})") from None
     if (
         not isinstance(found, dict)
         or not isinstance(found.get("steps"), int)
@@ -131,7 +129,7 @@ def train(
     record: str | os.PathLike[str] | None = None,
     progress: Callable[[int, str], object] | None = None,
 ) -> dict[str, Any]:
-    """Train an agent, or go on with a run.
+    """Train an agent, or continue a run.
 
     Parameters
     ----------
@@ -142,7 +140,7 @@ def train(
     seed : int
         Of starts, first weights, exploration and minibatches.
     resume : bool
-        Whether to go on from the folder's last checkpoint; a run without one starts anew, and a
+        Whether to continue from the folder's last checkpoint; a run without one starts anew, and a
         finished one is left as it is.
     device : str
         For PyTorch: ``cpu``, ``cuda``, ``auto``.
@@ -151,11 +149,11 @@ def train(
     command : str, optional
         What the user typed, for the record.
     record : str or os.PathLike, optional
-        Folder for a recording of every evaluation's first episode; nothing of the training hangs
-        on it but its time.
+        Folder for a recording of every evaluation's first episode; the training does not depend
+        on it.
     progress : callable, optional
         Called with the number of environment steps since the last call (or since the start, after
-        a resume) and a short text on how it goes.
+        a resume) and a short text on the latest evaluation.
 
     Returns
     -------
@@ -168,7 +166,7 @@ def train(
     ConfigError
         If the folder's run has another configuration.
     RunExistsError
-        If the folder holds a run and `resume` is not set, or another process is at it.
+        If the folder holds a run and `resume` is not set, or another process uses it.
     CheckpointError, SwimError
         If a file cannot be written or read; the last checkpoint is intact.
     """
@@ -178,10 +176,8 @@ def train(
     recordings = None
     if record is not None:
         recordings = recording_file(Path(record) / "any.rrd", "any").parent
-    try:
+    with writing("the run's folder", place, verb="make"):
         place.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SwimError(f"cannot make the run's folder: {error.strerror} ({place})") from None
     with _alone(place), torch_threads(config.torch_threads):
         before = _run_before(config, place, seed, resume, device)
         _clear_scratch(place)
@@ -208,12 +204,7 @@ def check_run(
     Returns
     -------
     dict or None
-        What ``run.json`` says of the run that would be gone on with, None without one.
-
-    Raises
-    ------
-    ConfigError, RunExistsError, SwimError
-        As `train` does.
+        What ``run.json`` says of the run that would be continued, None without one.
     """
     place = Path(folder)
     _check_seed(config, seed)
@@ -236,7 +227,7 @@ def _check_seed(config: TrainingConfig, seed: int) -> None:
 def _run_before(
     config: TrainingConfig, place: Path, seed: int, resume: bool, device: str
 ) -> dict[str, Any] | None:
-    """Return the record of the run that is to be gone on with, None without one."""
+    """Return the record of the run that is to be continued, None without one."""
     before = run_status(place)
     if before is None:
         if (place / "checkpoint.zip").exists():
@@ -250,7 +241,7 @@ def _run_before(
 
 
 def _clear_scratch(folder: Path) -> None:
-    """Remove what a killed process was writing; nobody else is at it, see `_alone`.
+    """Remove what a killed process was writing; no other process uses the folder, see `_alone`.
 
     A process that was killed while one agent took another's place has left the older one aside,
     from where it is put back.
@@ -267,12 +258,8 @@ def _clear_scratch(folder: Path) -> None:
 @contextlib.contextmanager
 def _alone(folder: Path) -> Iterator[None]:
     """Keep other processes out of a run's folder; a lock of a killed process is gone with it."""
-    try:
+    with writing("into the run's folder", folder):
         file = open(folder / ".lock", "w", encoding="utf-8")  # noqa: SIM115
-    except OSError as error:
-        raise SwimError(
-            f"cannot write into the run's folder: {error.strerror} ({folder})"
-        ) from None
     with file:
         try:
             if fcntl is not None:
@@ -290,11 +277,11 @@ def _check_same(
     folder: Path,
     resume: bool,
 ) -> None:
-    """Refuse to go on with a run that is another one."""
+    """Refuse to continue a run with other settings."""
     if not resume:
         state = "finished" if before["finished"] else f"at {before['steps']:,} steps"
         raise RunExistsError(
-            f"the folder holds a run ({state}); go on with --resume, or name another folder "
+            f"the folder holds a run ({state}); continue it with --resume, or name another folder "
             f"({folder})"
         )
     try:
@@ -305,7 +292,7 @@ def _check_same(
     for name in dict.fromkeys([*kept, *now]):
         if kept.get(name) != now.get(name):
             raise ConfigError(
-                f"the run was begun with another configuration, {name} differs; go on with the "
+                f"the run was begun with another configuration, {name} differs; continue with the "
                 f"configuration in {folder / 'config.yaml'}, or name another folder"
             )
     for name, value in (("seed", seed), ("device", device)):
@@ -335,7 +322,7 @@ class _Run:
         #: Folder for a recording of every evaluation.
         self.recordings: Path | None = None
         self.env = make_training_env(config, seed, threads)
-        self.judge = make_batch(
+        self.evaluation_env = make_batch(
             config, config.evaluation.episodes, threads, AutoresetMode.NEXT_STEP
         )
         self.model = make_model(config, self.env, seed, device)
@@ -348,14 +335,14 @@ class _Run:
             **where_and_when(),
         }
         if before is not None:
-            # What a run was begun with stays; what goes on with it is added.
+            # What a run was begun with stays; what continues it is added.
             now = {name: self.about[name] for name in ("command", "commit", "versions", "date")}
             self.about = {name: before[name] for name in self.about if name in before}
             self.about["resumed"] = [*before.get("resumed", []), now]
         self.model.set_logger(_quiet_logger())
-        self._kept = folder / "checkpoint.zip"
-        if self._kept.exists():
-            self._take_up()
+        self._checkpoint = folder / "checkpoint.zip"
+        if self._checkpoint.exists():
+            self._restore()
         else:
             # The numbers that a run draws do not depend on what was played before in the process.
             self.model._last_obs = self.env.reset()
@@ -366,12 +353,8 @@ class _Run:
         self.progress_log = CsvLog(folder / "progress.csv", columns, steps)
         self.evaluation_log = CsvLog(folder / "evaluations.csv", EVALUATION_COLUMNS, steps)
         self.board = TensorBoardLog(folder / "tensorboard", steps)
-        try:
+        with writing("the run's configuration", folder):
             config.save(folder / "config.yaml")
-        except OSError as error:
-            raise SwimError(
-                f"cannot write the run's configuration: {error.strerror or error} ({folder})"
-            ) from None
         self._write_record(finished=False)
 
     @property
@@ -384,12 +367,12 @@ class _Run:
         if hasattr(self, "board"):
             self.board.close()
         self.env.close()
-        self.judge.close()
+        self.evaluation_env.close()
 
     def play(self, progress: Callable[[int, str], object] | None) -> dict[str, Any]:
         """Train to the end."""
         config = self.config
-        told = 0
+        reported = 0
         begin = time.perf_counter() - self.seconds
         if self.steps == 0:
             self._evaluate()
@@ -406,10 +389,10 @@ class _Run:
                 self._evaluate()
                 self.seconds = time.perf_counter() - begin
             if ends or _passed(before, now, config.checkpoint_every):
-                self._keep()
+                self._save_checkpoint()
             if progress is not None:
-                progress(now - told, self._how_it_goes())
-                told = now
+                progress(now - reported, self._status())
+                reported = now
         save_agent(self.folder / "final_agent", self.model, config, self._record())
         return self._write_record(finished=True)
 
@@ -443,7 +426,7 @@ class _Run:
         first = config.evaluation.seed
         with _random_numbers_kept():
             rollouts = play_episodes(
-                self.judge,
+                self.evaluation_env,
                 self.model.policy,
                 range(first, first + config.evaluation.episodes),
             )
@@ -462,9 +445,8 @@ class _Run:
         self.last = {"steps": self.steps, "seconds": round(self.seconds, 3), **values}
         self.evaluation_log.add(self.last)
         if self.recordings is not None:
-            swimmer = swimmer_of(
-                f"{config.name}-{self.steps}", rollouts[0], target_radius=self.judge.task.radius
-            )
+            name, radius = f"{config.name}-{self.steps}", self.evaluation_env.task.radius
+            swimmer = rollouts[0].swimmer(name, target_radius=radius)
             file = self.recordings / f"evaluation-{self.steps}.rrd"
             write_recording(file, [swimmer], flow_rate=None)
         if self.best is None or self._merit(values) > self._merit(self.best):
@@ -478,7 +460,7 @@ class _Run:
         # Episodes all count: an agent that cannot start from some poses is no better for the rest.
         return (values["net_displacement_median"] + values["net_displacement_min"], 0.0)
 
-    def _how_it_goes(self) -> str:
+    def _status(self) -> str:
         if self.last is None:
             return ""
         if self.config.task == "target":
@@ -497,18 +479,13 @@ class _Run:
         record = {**self._record(), "finished": finished, "best": self.best}
         record["last"] = record.pop("evaluation")
         text = json.dumps(record, indent=1, allow_nan=False) + "\n"
-        try:
+        with writing("the run's record", self.folder, advice=INTACT):
             write_atomically(self.folder / "run.json", lambda file: file.write(text.encode()))
-        except OSError as error:
-            raise SwimError(
-                f"cannot write the run's record: {error.strerror or error} ({self.folder}); the "
-                "last checkpoint is intact, go on with --resume"
-            ) from None
         return record
 
     # ---- checkpoints ---------------------------------------------------------------------------
 
-    def _keep(self) -> None:
+    def _save_checkpoint(self) -> None:
         state = {
             "model": model_state(self.model),
             "environment": self.env.state(),
@@ -516,11 +493,11 @@ class _Run:
             "best": self.best,
             "last": self.last,
         }
-        save_checkpoint(self._kept, state)
+        save_checkpoint(self._checkpoint, state)
         self._write_record(finished=False)
 
-    def _take_up(self) -> None:
-        state = load_checkpoint(self._kept)
+    def _restore(self) -> None:
+        state = load_checkpoint(self._checkpoint)
         self.env.set_state(state["environment"])
         set_model_state(self.model, state["model"])
         self.seconds, self.best, self.last = state["seconds"], state["best"], state["last"]

@@ -18,7 +18,7 @@ Frame = NDArray[np.uint8]
 
 _NO_WINDOW = (
     "swim_env: no window, {why}; to see an episode, use render_mode='rgb_array' with "
-    "gymnasium.wrappers.RecordVideo, or scripts/replay.py --env --record-video FOLDER{cure}"
+    "gymnasium.wrappers.RecordVideo, or swim-env replay --env --record-video FOLDER{cure}"
 )
 _CURE = ", or install the extra 'view' (pip install 'swim-env[view]')"
 _CLOSED = "swim_env: the window was closed; the environment goes on without it"

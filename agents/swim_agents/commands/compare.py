@@ -1,0 +1,79 @@
+"""Play agents and baselines from the same starts, check every score, and compare the gaits."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from swim_agents.commands import command_line as cli
+from swim_agents.commands.playing import record
+from swim_agents.comparison.contest import FIRST_SEED, entries_of, hold_contest, steps_to_play
+from swim_agents.comparison.report import CONTEST_FILES, as_text, write_contest
+from swim_agents.policies import policy_names
+from swim_env.envs.assessment import load_assessment
+from swim_env.envs.task import check_task
+from swim_env.files.folders import check_folder
+from swim_env.plots import require_matplotlib
+from swim_env.recording import recording_file
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's options."""
+    parser.add_argument(
+        "--policies",
+        nargs="+",
+        metavar="POLICY",
+        default=["ppo_forward", "sac_forward"],
+        help=f"names ({', '.join(policy_names())}) or paths: an agent's folder, a training run, "
+        "several runs (a folder with seed_0, seed_1 ...), a model file; ppo_forward sac_forward "
+        "unless given. paper_wave and tuned_wave always take part",
+    )
+    cli.add_scene_arguments(parser, default="swimmer")
+    cli.add_options(parser, "task", "duration", "noise", "record")
+    parser.set_defaults(task="forward", noise=1.0)
+    parser.add_argument(
+        "--seeds",
+        type=int,
+        nargs="+",
+        default=list(range(FIRST_SEED, FIRST_SEED + 10)),
+        metavar="N",
+        help=f"of the starts; {FIRST_SEED} to {FIRST_SEED + 9} unless given, from a range that no "
+        "training (with seed 0: starts 0, 1 ...) and no evaluation draws from",
+    )
+    parser.add_argument(
+        "--trust",
+        action="store_true",
+        help="unpickle model files without an agent.json, which runs code in them",
+    )
+    parser.add_argument(
+        "--output",
+        metavar="FOLDER",
+        help="write comparison.json, .csv, .md and pictures into this folder",
+    )
+
+
+def main(options: argparse.Namespace) -> int:
+    """Hold the contest, print its tables and write what was asked for."""
+    check_task(options.task)
+    scene = cli.played_scene(cli.scene_of(options), options.duration)
+    if options.output is not None:
+        require_matplotlib()
+        check_folder(options.output, CONTEST_FILES)
+    file = None
+    if options.record is not None:
+        file = recording_file(options.record, f"{scene.name}-{options.task}")
+    entries = entries_of(options.policies, scene, options.task, options.trust)
+    load_assessment()
+    total = steps_to_play(scene, len(entries), len(options.seeds))
+    with cli.progress_bar(total, "s", "simulated") as progress:
+        contest = hold_contest(
+            scene, entries, options.seeds, options.task, options.noise, progress=progress
+        )
+    if options.output is not None:
+        write_contest(contest, options.output)
+    if file is not None:
+        print(f"the recording is {record(file, contest.swimmers()).file}", file=sys.stderr)
+    cli.print_result(contest.record, options.json, lambda: as_text(contest.record))
+    if options.output is not None:
+        print(f"results are in {options.output}", file=sys.stderr)
+    return 0

@@ -1,0 +1,72 @@
+"""The console command: finds the subcommand, and imports nothing for any other."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError, version
+
+__all__ = ["COMMANDS", "command", "main"]
+
+#: The subcommands, each a module of this package, and what they do.
+COMMANDS = {
+    "replay": "play a scene's prescribed torque, or an episode of the environment",
+    "train": "train agents, or continue interrupted runs",
+    "compare": "compare agents and baselines from the same starts, with every score checked",
+    "visualise": "record how policies swim, and look at it in rerun's viewer",
+    "tune": "search for the travelling wave that swims farthest",
+    "accuracy": "choose the cheapest settings that compute a scene to a tolerance",
+}
+
+
+def command(name: str, prog: str | None = None) -> Callable[[list[str] | None], int]:
+    """Return a subcommand as a function of the command line (`sys.argv` unless given).
+
+    Parameters
+    ----------
+    name : str
+        A key of COMMANDS.
+    prog : str, optional
+        The program's name in help and usage; the script's unless given.
+    """
+
+    def run_command(arguments: list[str] | None = None) -> int:
+        module = importlib.import_module(f"swim_agents.commands.{name}")
+        given = sys.argv[1:] if arguments is None else list(arguments)
+        parser = argparse.ArgumentParser(prog=prog, description=module.__doc__)
+        module.add_arguments(parser)
+        parser.set_defaults(command_line=["swim-env", name, *given])
+        return int(module.main(parser.parse_args(given)))
+
+    return run_command
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run ``swim-env`` and return its exit code."""
+    given = sys.argv[1:] if arguments is None else list(arguments)
+    parser = argparse.ArgumentParser(
+        prog="swim-env", description="An elastic beam that swims in an ideal fluid."
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    for name, about in COMMANDS.items():
+        commands.add_parser(name, help=about)
+    if not given or given[0] not in COMMANDS:
+        parser.parse_args(given)  # exits: help, version or a usage error
+    from swim_agents.commands.command_line import run
+
+    return run(command(given[0], f"swim-env {given[0]}"), given[1:])
+
+
+class _Version(argparse.Action):
+    """Prints the version; a checkout that is not installed has to import the library for it."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        try:
+            found = version("swim-env")
+        except PackageNotFoundError:
+            from swim_env import __version__ as found
+        print(f"swim-env {found}")
+        parser.exit()

@@ -1,0 +1,118 @@
+"""Train agents with stable-baselines3, one run for each seed, or continue interrupted runs."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from pathlib import Path
+from typing import Any
+
+from swim_agents.commands import command_line as cli
+from swim_agents.learning.config import TrainingConfig, config_names, load_config
+from swim_env.envs.assessment import load_assessment
+from swim_env.errors import SwimError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's options."""
+    parser.add_argument(
+        "config",
+        metavar="CONFIG",
+        help=f"a shipped configuration ({', '.join(config_names())}) or the path of a YAML file",
+    )
+    cli.add_overrides(parser, "configuration", "steps=500000 ppo.epochs=10 scene.beam.elements=18")
+    parser.add_argument(
+        "--seeds", type=int, nargs="+", default=[0], metavar="N", help="a run each; 0 unless given"
+    )
+    parser.add_argument(
+        "--output",
+        metavar="FOLDER",
+        help="where the runs go, each into FOLDER/seed_N; results/train/NAME unless given",
+    )
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="continue from the last checkpoints; finished runs are left as they are",
+    )
+    parser.add_argument(
+        "--device", default="cpu", help="of PyTorch: cpu (the default), cuda, auto ..."
+    )
+    parser.add_argument(
+        "--threads",
+        type=int,
+        metavar="N",
+        help="threads that step the batch; the results do not depend on it; all cores unless given",
+    )
+    parser.add_argument(
+        "--record",
+        metavar="FOLDER",
+        help="write a recording for rerun of every evaluation's first episode, without the fluid, "
+        "into FOLDER/seed_N/evaluation-STEPS.rrd",
+    )
+    cli.add_options(parser, "json")
+
+
+def main(options: argparse.Namespace) -> int:
+    """Train one seed after another and print how they did."""
+    if len(set(options.seeds)) < len(options.seeds):
+        raise SwimError(f"--seeds must differ, got {' '.join(map(str, options.seeds))}")
+    if options.threads is not None and options.threads < 1:
+        raise SwimError(f"--threads must be at least 1, got {options.threads}")
+    config = load_config(options.config, options.set)
+    base = Path(options.output or f"results/train/{config.name}")
+    try:
+        runs = _train_all(options, config, base)
+    except KeyboardInterrupt:
+        print("interrupted; --resume continues from the last checkpoint", file=sys.stderr)
+        return cli.INTERRUPTED
+    result = {"name": config.name, "runs": runs}
+    cli.print_result(result, options.json, lambda: _table(runs, config.task))
+    print(f"runs are in {base}; the best agent of each in its folder agent", file=sys.stderr)
+    return 0
+
+
+def _train_all(
+    options: argparse.Namespace, config: TrainingConfig, base: Path
+) -> list[dict[str, Any]]:
+    """Train one seed after another, once it is clear that none of them will be refused."""
+    from swim_agents.learning.trainer import check_run, train
+
+    folders = {seed: base / f"seed_{seed}" for seed in options.seeds}
+    settings: dict[str, Any] = {"resume": options.resume, "device": options.device}
+    finished = set()
+    for seed, folder in folders.items():
+        before = check_run(config, folder, seed, **settings)
+        if before is not None and before["finished"]:
+            print(f"seed {seed}: finished before, left as it is", file=sys.stderr)
+            finished.add(seed)
+    load_assessment()
+    runs = []
+    for seed, folder in folders.items():
+        steps, label = 0 if seed in finished else config.steps, f"{config.name} seed {seed}"
+        bar = {"unit_scale": True, "mininterval": 0.5, "leave": True}
+        with cli.progress_bar(steps, "step", label, **bar) as progress:
+            result = train(
+                config,
+                folder,
+                seed,
+                **settings,
+                threads=options.threads,
+                command=shlex.join(options.command_line),
+                record=None if options.record is None else Path(options.record) / f"seed_{seed}",
+                progress=progress,
+            )
+        runs.append({**result, "folder": str(folder)})
+    return runs
+
+
+def _table(runs: list[dict[str, Any]], task: str) -> str:
+    score = "success_rate" if task == "target" else "net_displacement_median"
+    unit = "of the targets" if task == "target" else "BL"
+    lines = [f"{'seed':>6} {'steps':>12} {'seconds':>9} {'last':>9} {'best':>9}  ({unit})"]
+    for one in runs:
+        lines.append(
+            f"{one['seed']:>6} {one['steps']:>12,} {one['seconds']:>9.0f} "
+            f"{one['last'][score]:>9.3f} {one['best'][score]:>9.3f}"
+        )
+    return "\n".join(lines)

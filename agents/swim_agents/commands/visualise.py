@@ -1,0 +1,198 @@
+"""Record how policies swim, with the fluid around them, and look at it in rerun's viewer."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from pathlib import Path
+
+from swim_agents.commands import command_line as cli
+from swim_agents.commands import playing
+from swim_agents.policies import load_policy, policy_names
+from swim_env import recording
+from swim_env.analysis.energy import velocity_of_start
+from swim_env.envs.assessment import load_assessment
+from swim_env.envs.task import check_task
+from swim_env.errors import SwimError
+from swim_env.recording import FLOW_RATE, FRAME_RATE, Swimmer, WrittenRecording
+from swim_env.scene import Scene
+from swim_env.sim.replay import steps_of
+from swim_env.sim.trajectory import Trajectory
+
+#: The scene unless one is given.
+_SCENE = "swimmer"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's options."""
+    cli.add_scene_arguments(parser, default=_SCENE)
+    parser.set_defaults(scene=None)
+    parser.add_argument(
+        "--policy",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help=f"{', '.join(policy_names())}, or the path of an agent, played as an episode; give it "
+        "again for more swimmers side by side; the scene's prescribed torque unless given",
+    )
+    parser.add_argument(
+        "--compare-with",
+        metavar="NAME",
+        help="one more policy beside it, such as paper_wave; beside the prescribed torque or a "
+        "saved run it starts without noise unless --noise is given",
+    )
+    parser.add_argument(
+        "--trajectory",
+        metavar="FILE",
+        help="record a saved run (.npz) instead of playing --scene with --set for --duration",
+    )
+    cli.add_options(parser, "duration", "task", "seed", "noise")
+    parser.add_argument(
+        "--output",
+        metavar="FILE",
+        help="the recording, or the folder for it; results/recordings unless given",
+    )
+    parser.add_argument(
+        "--colour",
+        choices=tuple(recording.COLOURS),
+        default="torque",
+        help="what the body's colours show: the joint torques or the elastic bending moments",
+    )
+    parser.add_argument("--no-flow", action="store_true", help="leave the fluid out")
+    parser.add_argument(
+        "--flow-rate",
+        type=float,
+        metavar="HZ",
+        help=f"frames of the fluid in a simulated second; {FLOW_RATE:g} unless given",
+    )
+    parser.add_argument(
+        "--frame-rate",
+        type=float,
+        default=FRAME_RATE,
+        metavar="HZ",
+        help=f"frames of everything else; {FRAME_RATE:g} unless given",
+    )
+    parser.add_argument("--view", action="store_true", help="open rerun's viewer with it")
+    parser.add_argument(
+        "--picture",
+        metavar="FILE",
+        help="keep a picture (.png, .jpg) of rerun's viewer with it, no display needed",
+    )
+    parser.add_argument(
+        "--at", type=float, metavar="S", help="time that the picture shows; half of it unless given"
+    )
+
+
+def main(options: argparse.Namespace) -> int:
+    """Play, write the recording, and show it."""
+    _check(options)
+    file, swimmers = _swimmers(options)
+    for swimmer in swimmers:
+        playing.report_early_end(swimmer, swimmer.name)
+    flow_rate = None if options.no_flow else options.flow_rate or FLOW_RATE
+    written = playing.record(
+        file, swimmers, flow_rate=flow_rate, frame_rate=options.frame_rate, colour=options.colour
+    )
+    if options.picture is not None:
+        longest = max(float(swimmer.trajectory.time[-1]) for swimmer in swimmers)
+        shown = 0.5 * longest if options.at is None else options.at
+        for complaint in recording.take_picture(file, options.picture, shown):
+            print(f"rerun: {complaint}", file=sys.stderr)
+    cli.print_result(written.to_dict(), options.json, lambda: _table(written))
+    if options.view:
+        advice = recording.open_viewer(file)
+        if advice is not None:
+            print(advice, file=sys.stderr)
+    elif not options.json:
+        print(f"look at it with: {recording.typed_command()} {written.file}", file=sys.stderr)
+    return 0
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Refuse options that have no meaning together, before anything is played."""
+    if options.trajectory is not None:
+        cli.refuse(options, ("scene", "set", "duration"), "has no meaning with --trajectory")
+    if not options.policy and not options.compare_with:
+        cli.refuse(options, ("task", "seed", "noise"), "needs --policy or --compare-with")
+    check_task(options.task or "forward")
+    if options.no_flow:
+        cli.refuse(options, ("flow_rate",), "has no meaning with --no-flow")
+    for name in ("flow_rate", "frame_rate"):
+        rate = getattr(options, name)
+        if rate is not None and not 0.0 < rate <= 1e4:
+            raise SwimError(
+                f"--{name.replace('_', '-')} must be above 0 and at most 10000, got {rate:g}"
+            )
+    if options.picture is None:
+        cli.refuse(options, ("at",), "needs --picture")
+    else:
+        recording.check_picture(options.picture)
+    if options.at is not None and not 0.0 <= options.at < math.inf:
+        raise SwimError(f"--at must be a time of at least 0, got {options.at:g}")
+    if options.trajectory is not None:
+        problem = "has no meaning with --trajectory; --compare-with adds a policy"
+        cli.refuse(options, ("policy",), problem)
+
+
+def _check_scene(options: argparse.Namespace, scene: Scene, end: float) -> None:
+    """Refuse what has no meaning with a scene, or a run up to some time (s)."""
+    if options.flow_rate is not None and not recording.has_flow(scene):
+        raise SwimError(
+            f"--flow-rate has no meaning: scene {scene.name} has no fluid, so there is no flow to "
+            "record"
+        )
+    if options.at is not None and options.at > end:
+        raise SwimError(f"--at must be at most the run's end, {end:g} s, got {options.at:g}")
+
+
+def _swimmers(options: argparse.Namespace) -> tuple[Path, list[Swimmer]]:
+    """Play; return where the recording goes, and the swimmers in it."""
+    place = options.output or "results/recordings"
+    others = [] if options.compare_with is None else [options.compare_with]
+    if options.trajectory is not None:
+        saved = Trajectory.load(options.trajectory)
+        scene = cli.played_scene(saved.scene, saved.duration if saved.steps else None)
+        _check_scene(options, scene, float(saved.time[-1]))
+        name = Path(options.trajectory).stem
+        file = recording.recording_file(place, f"{scene.name}-{name}")
+        start = velocity_of_start(saved) if saved.steps else None
+        kept = Swimmer(name, saved, start_velocity=start)
+        return file, [kept, *_play(options, scene, others)]
+    options.scene = options.scene or _SCENE
+    scene = cli.scene_of(options)
+    steps = steps_of(scene, options.duration)
+    _check_scene(options, scene, steps * scene.integrator.time_step)
+    scene = cli.played_scene(scene, options.duration)
+    policies = [*options.policy, *others]
+    names = [Path(policy).name for policy in policies] or [playing.PRESCRIBED]
+    file = recording.recording_file(place, "-".join([scene.name, *names]))
+    load_assessment()
+    swimmers = [] if options.policy else [playing.play_prescribed(scene, options.duration)[0]]
+    return file, [*swimmers, *_play(options, scene, policies)]
+
+
+def _play(options: argparse.Namespace, scene: Scene, policies: list[str]) -> list[Swimmer]:
+    """Play policies as episodes from one start, the scene's own beside a run without noise."""
+    task, seed, noise = options.task or "forward", options.seed or 0, options.noise
+    if noise is None:
+        noise = 1.0 if options.policy else 0.0
+    for policy in policies:  # refuses what cannot be played before playing anything
+        load_policy(policy, scene, seed, task)
+    return [
+        playing.play_policy(scene, policy, task=task, seed=seed, noise=noise)[0]
+        for policy in policies
+    ]
+
+
+def _table(written: WrittenRecording) -> str:
+    return cli.aligned(
+        [
+            ("recording", written.file),
+            ("size", f"{written.size / 1e6:.2f} MB"),
+            ("frames", f"{written.frames}, and {written.flow_frames} of the fluid"),
+            ("logging", f"{written.logging_seconds:.2f} s"),
+            ("fluid", f"{written.flow_seconds:.2f} s"),
+            ("schema", str(written.schema)),
+        ]
+    )

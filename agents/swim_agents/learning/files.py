@@ -1,0 +1,72 @@
+"""Reading and writing the files of runs and agents: every fault is one clear line."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pickle
+import zipfile
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from swim_env.errors import SwimError
+
+__all__ = ["DAMAGED", "INTACT", "read_json", "write_json", "writing"]
+
+#: What PyTorch, zip files and unpickling raise for a file that is damaged or something else.
+DAMAGED = (
+    AssertionError,
+    AttributeError,
+    EOFError,
+    ImportError,
+    LookupError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    pickle.UnpicklingError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+
+#: What a user can do where a training run could not write.
+INTACT = "; the last checkpoint is intact, continue with --resume"
+
+
+@contextlib.contextmanager
+def writing(
+    what: str,
+    path: str | os.PathLike[str],
+    error: type[SwimError] = SwimError,
+    advice: str = "",
+    verb: str = "write",
+) -> Iterator[None]:
+    """Turn an OSError into one line: ``cannot VERB WHAT: reason (PATH)ADVICE``."""
+    try:
+        yield
+    except OSError as refused:
+        reason = refused.strerror or str(refused)
+        raise error(f"cannot {verb} {what}: {reason} ({os.fspath(path)}){advice}") from None
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write a JSON file."""
+    path.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def read_json(path: Path, complaint: str, error: type[SwimError] = SwimError) -> Any:
+    """Read a JSON file.
+
+    Raises
+    ------
+    SwimError
+        If it cannot be read: ``COMPLAINT: reason (PATH)``. A missing file is a FileNotFoundError.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise
+    except (OSError, ValueError, RecursionError) as refused:
+        raise error(f"{complaint}: {refused} ({path})") from None

@@ -1,0 +1,147 @@
+"""The base of blocks of settings: frozen dataclasses whose annotations say how fields are checked.
+
+Scenes and training configurations are made of such blocks. A field's check is in its annotation::
+
+    @dataclass(frozen=True)
+    class Damping(Block, path="damping"):
+        retardation_time: Annotated[float, real("s", above=0.0)]
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from dataclasses import MISSING, dataclass, fields
+from types import NoneType
+from typing import Annotated, Any, ClassVar, TypeVar, get_args, get_origin, get_type_hints
+
+from swim_env.errors import SceneError
+from swim_env.scene.checks import (
+    check_fields,
+    check_integer,
+    check_name,
+    check_pair,
+    check_real,
+    check_text,
+)
+
+__all__ = ["Block", "block", "build_block", "integer", "one_of", "pair", "plain", "real", "text"]
+
+#: Returns a value in its stored form; the second argument is the field's name for messages.
+Check = Callable[[object, str], Any]
+_Block = TypeVar("_Block", bound="Block")
+
+
+def real(
+    unit: str = "",
+    *,
+    above: float | None = None,
+    at_least: float | None = None,
+    at_most: float | None = None,
+) -> Check:
+    """Return a check for a finite number inside the bounds."""
+    return functools.partial(check_real, unit=unit, above=above, at_least=at_least, at_most=at_most)
+
+
+def integer(at_least: int, at_most: int) -> Check:
+    """Return a check for an integer inside the bounds."""
+    return functools.partial(check_integer, at_least=at_least, at_most=at_most)
+
+
+def one_of(names: Sequence[str]) -> Check:
+    """Return a check for one of some names."""
+    return functools.partial(check_name, allowed=names)
+
+
+def pair(unit: str = "") -> Check:
+    """Return a check for two numbers (x, y)."""
+    return functools.partial(check_pair, unit=unit)
+
+
+def block(cls: type[Block]) -> Check:
+    """Return a check for a block, or a mapping from which it is made."""
+    return functools.partial(build_block, cls)
+
+
+#: A check for text.
+text: Check = check_text
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block of settings that checks its fields when it is made.
+
+    A field annotated with ``Annotated[type, check]`` is checked and stored in its final form; None
+    passes where the type allows it. A subclass that overrides `__post_init__` calls this one, and
+    checks there what concerns several fields at once.
+
+    Parameters
+    ----------
+    path : str
+        The block's dotted name, for messages; of the subclass, not of its instances.
+    """
+
+    _path: ClassVar[str] = ""
+
+    def __init_subclass__(cls, path: str = "", **options: Any) -> None:
+        """Keep the name."""
+        super().__init_subclass__(**options)
+        cls._path = path
+
+    def __post_init__(self) -> None:
+        """Check every field that has a check and store it in its final form."""
+        prefix = f"{self._path}." if self._path else ""
+        # mypy takes the class for an instance of it.
+        for name, check, optional in _checks(type(self)):  # type: ignore[arg-type]
+            value = getattr(self, name)
+            if value is not None or not optional:
+                self._store(**{name: check(value, prefix + name)})
+
+    def _store(self, **values: object) -> None:
+        """Store checked values; only for use in ``__post_init__``."""
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def to_plain(self) -> dict[str, Any]:
+        """Return mappings, lists and scalars from which `build_block` makes the same block."""
+        return {spec.name: plain(getattr(self, spec.name)) for spec in fields(self)}
+
+
+@functools.cache
+def _checks(cls: type[Block]) -> tuple[tuple[str, Check, bool], ...]:
+    """Return the name, the check and whether None is allowed of a block's annotated fields."""
+    hints = get_type_hints(cls, include_extras=True)
+    found = []
+    for spec in fields(cls):
+        hint = hints[spec.name]
+        if get_origin(hint) is Annotated:
+            kind, check = get_args(hint)[:2]
+            found.append((spec.name, check, NoneType in get_args(kind)))
+    return tuple(found)
+
+
+def build_block(cls: type[_Block], value: object, field: str) -> _Block:
+    """Make a block from a mapping of its fields (or return a block as it is).
+
+    Raises
+    ------
+    SceneError
+        If a field is unknown, missing, of the wrong type or out of range.
+    """
+    if isinstance(value, cls):
+        return value
+    specs = fields(cls)
+    given = check_fields(value, field, [spec.name for spec in specs])
+    for spec in specs:
+        if spec.default is spec.default_factory is MISSING and spec.name not in given:
+            raise SceneError(f"{field}.{spec.name} is missing")
+    return cls(**given)
+
+
+def plain(value: object) -> Any:
+    """Return a block or a value inside one as mappings, lists and scalars fit for YAML."""
+    if isinstance(value, Block):
+        return value.to_plain()
+    if isinstance(value, tuple):
+        return [plain(item) for item in value]
+    return value

@@ -1,0 +1,110 @@
+"""The wheel: it serves somebody who has never seen the checkout."""
+
+from __future__ import annotations
+
+import configparser
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from tests.support import ROOT, run_python
+
+#: What a build needs of the checkout.
+SOURCES = ("pyproject.toml", "setup.py", "README.md", "LICENSE", "swim_env", "agents", "configs")
+
+
+def copy_sources(folder: Path) -> None:
+    """Copy what a build needs, since it leaves folders in its source."""
+    folder.mkdir()
+    for name in SOURCES:
+        if (ROOT / name).is_dir():
+            ignored = shutil.ignore_patterns("__pycache__", "*.egg-info", ".*")
+            shutil.copytree(ROOT / name, folder / name, ignore=ignored)
+        else:
+            shutil.copy(ROOT / name, folder / name)
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
+    """Build the wheel."""
+    pytest.importorskip("setuptools")
+    folder = tmp_path_factory.mktemp("wheel")
+    copy_sources(folder / "source")
+    options = ["--no-deps", "--no-build-isolation", "--no-index", "--quiet"]
+    done = subprocess.run(
+        [sys.executable, "-m", "pip", "wheel", *options, "-w", str(folder), "./source"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=200,
+    )
+    assert done.returncode == 0, done.stderr
+    (file,) = folder.glob("*.whl")
+    return zipfile.ZipFile(file)
+
+
+def test_the_wheel_holds_both_packages_and_nothing_else_at_the_top(wheel: zipfile.ZipFile) -> None:
+    tops = {name.split("/")[0] for name in wheel.namelist()}
+    (about,) = (name for name in tops if name.endswith(".dist-info"))
+    assert tops == {"swim_env", "swim_agents", about}
+    inside = {name for name in wheel.namelist() if name.endswith(".py")}
+    for package, folder in (("swim_env", ROOT), ("swim_agents", ROOT / "agents")):
+        modules = (folder / package).rglob("*.py")
+        assert {path.relative_to(folder).as_posix() for path in modules} <= inside
+        assert f"{package}/py.typed" in wheel.namelist()
+    entries = configparser.ConfigParser()
+    entries.read_string(wheel.read(f"{about}/entry_points.txt").decode())
+    assert dict(entries["console_scripts"]) == {"swim-env": "swim_agents.commands.main:main"}
+
+
+@pytest.mark.parametrize(
+    ("folder", "place"),
+    [
+        ("configs/scenes", "swim_env/configs/scenes"),
+        ("configs/agents", "swim_agents/configs/agents"),
+        ("agents/pretrained", "swim_agents/pretrained"),
+    ],
+)
+def test_scenes_configurations_and_agents_are_inside(
+    folder: str, place: str, wheel: zipfile.ZipFile
+) -> None:
+    files = [path for path in (ROOT / folder).rglob("*") if path.is_file()]
+    assert files
+    for path in files:
+        name = f"{place}/{path.relative_to(ROOT / folder).as_posix()}"
+        assert wheel.read(name) == path.read_bytes()
+
+
+def test_an_unpacked_wheel_finds_what_ships_with_it(wheel: zipfile.ZipFile, tmp_path: Path) -> None:
+    wheel.extractall(tmp_path / "site")
+    (tmp_path / "empty").mkdir()
+    code = (
+        "import swim_env, swim_agents\n"
+        "from swim_agents.learning.config import config_names\n"
+        "from swim_agents.policies import pretrained_names\n"
+        "from swim_agents.tuned_wave import load_tuned_wave\n"
+        "from swim_env.accuracy.front import load_front\n"
+        "assert load_front() and load_tuned_wave()\n"
+        "print(swim_env.__file__, len(swim_env.scene_names()))\n"
+        "print(*config_names(), *pretrained_names())"
+    )
+    done = run_python("-c", code, cwd=tmp_path / "empty", PYTHONPATH=os.fspath(tmp_path / "site"))
+    assert done.code == 0, done.err
+    place, count, *names = done.out.split()
+    assert Path(place).is_relative_to(tmp_path / "site")
+    assert int(count) == len(list((ROOT / "configs" / "scenes").glob("*.yaml")))
+    shipped = [path.stem for path in sorted((ROOT / "configs" / "agents").glob("*.yaml"))]
+    shipped += [path.parent.name for path in sorted((ROOT / "agents").glob("*/*/agent.json"))]
+    assert names == shipped
+
+
+def test_messages_name_no_scripts() -> None:
+    """Whoever has only the wheel has no folder of scripts."""
+    for folder in (ROOT / "swim_env", ROOT / "agents" / "swim_agents"):
+        for path in folder.rglob("*.py"):
+            assert "scripts/" not in path.read_text(encoding="utf-8"), path
