@@ -8,8 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.errors import SwimError
-from swim_env.plots.style import GREY, SMALL, TIME_COLOURS, new_figure, style_axes
+from swim_env.plots.style import (
+    GREY,
+    OKABE_ITO,
+    SMALL,
+    TIME_COLOURS,
+    name_panel,
+    new_figure,
+    style_axes,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,8 +35,6 @@ PAPER_FIGURES: dict[str, tuple[tuple[str, ...], int]] = {
     "fig7": (("viii", "ix"), 20),
     "fig8": (("x", "xi", "xii"), 10),
 }
-#: Colours for lines that stand beside each other (Okabe & Ito).
-LINES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 #: A swimmer that covers less than this (body lengths) hides its own track: shapes are moved apart.
 _COVERED = 0.7
 #: How far apart (body lengths), and the length of a director (element lengths).
@@ -43,16 +48,9 @@ def draw_torques(arrays: Arrays) -> Figure:
     ----------
     arrays : mapping
         Of scene i; ``torque`` (T, N - 1) in N m, over one second.
-
-    Raises
-    ------
-    SwimError
-        If the run has none.
     """
     from matplotlib import colormaps
 
-    if "torque" not in arrays:
-        raise SwimError("the run of scene i has no torques to draw")
     torque = arrays["torque"]
     count = torque.shape[1]
     time = np.arange(len(torque)) / len(torque)
@@ -63,10 +61,8 @@ def draw_torques(arrays: Arrays) -> Figure:
         label = f"s = {(j + 1) / (count + 1):.2f} l"
         axes.plot(time, torque[:, j], color=colours[j], linewidth=1.2, label=label)
     figure.legend(loc="outside right upper", fontsize=SMALL - 1, frameon=False)
-    axes.set_title(
-        "Fig. 3, torques between the elements of scene i (s from the head, l the length)",
-        fontsize=SMALL,
-        loc="left",
+    name_panel(
+        axes, "Fig. 3, torques between the elements of scene i (s from the head, l the length)"
     )
     style_axes(axes, "time in the last second (s)", "torque (N m)")
     return figure
@@ -98,13 +94,12 @@ def draw_configurations(name: str, runs: Mapping[str, tuple[Run, Arrays]]) -> Fi
             left, right = (min(x.min() for x in apart), max(x.max() for x in apart))
             axes.update_datalim([(left, 0.0), (right, 0.0)])
             axes.autoscale_view()
-    turning = figure.add_subplot(grid[:, 1])
-    _draw_turning(turning, scenes, runs)
+    _draw_turning(figure.add_subplot(grid[:, 1]), scenes, runs)
     figure.suptitle(f"Fig. {name[-1]}, configurations of our runs", fontsize=SMALL + 1)
     return figure
 
 
-def _shown(run: Run, arrays: Arrays, between: int) -> Sequence[int]:
+def _shown(arrays: Arrays, between: int) -> Sequence[int]:
     return list(range(0, len(arrays["time"]), min(between, max(1, len(arrays["time"]) // 4))))
 
 
@@ -115,14 +110,9 @@ def _is_apart(run: Run, arrays: Arrays) -> bool:
 
 def _height(run: Run, arrays: Arrays, between: int) -> float:
     """Return how high (inches) a scene's axes should be at true scale in the left column."""
-    width, height = _box(run, arrays, between)
+    shapes = _placed(run, arrays, _shown(arrays, between))
+    width, height = np.ptp(shapes.reshape(-1, 2), axis=0)
     return float(np.clip(5.4 * height / width + 0.6, 1.2, 3.4))
-
-
-def _box(run: Run, arrays: Arrays, between: int) -> tuple[float, float]:
-    shapes = _placed(run, arrays, _shown(run, arrays, between))
-    spread = np.ptp(shapes.reshape(-1, 2), axis=0)
-    return float(spread[0]), float(spread[1])
 
 
 def _placed(run: Run, arrays: Arrays, instants: Sequence[int]) -> NDArray[Any]:
@@ -137,16 +127,15 @@ def _draw_scene(axes: Axes, scene: str, run: Run, arrays: Arrays, between: int) 
     from matplotlib import colormaps
     from matplotlib.collections import LineCollection
 
-    instants = _shown(run, arrays, between)
+    instants = _shown(arrays, between)
     shapes = _placed(run, arrays, instants)
     colours = colormaps[TIME_COLOURS](np.linspace(0.0, 0.88, len(instants)))
     elements = shapes.shape[1] - 1
-    arm = min(_DIRECTOR * run["length"] / elements, 0.045 * run["length"])
-    for row, n in enumerate(instants):
-        colour = colours[row]
-        axes.plot(*shapes[row].T, color=colour, linewidth=1.3, zorder=2)
-        axes.plot(*shapes[row][0], "o", color=colour, markersize=3.5, zorder=3)
-        centres = 0.5 * (shapes[row][:-1] + shapes[row][1:])
+    arm = min(_DIRECTOR / elements, 0.045) * run["length"]
+    for n, shape, colour in zip(instants, shapes, colours, strict=True):
+        axes.plot(*shape.T, color=colour, linewidth=1.3, zorder=2)
+        axes.plot(*shape[0], "o", color=colour, markersize=3.5, zorder=3)
+        centres = 0.5 * (shape[:-1] + shape[1:])
         angle = arrays["angles"][n]
         tangents = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=-1)
@@ -157,7 +146,7 @@ def _draw_scene(axes: Axes, scene: str, run: Run, arrays: Arrays, between: int) 
         if _is_apart(run, arrays):
             axes.annotate(
                 f"{arrays['time'][n]:.0f} s",
-                shapes[row][-1],
+                shape[-1],
                 xytext=(5, 0),
                 textcoords="offset points",
                 fontsize=SMALL - 2,
@@ -172,9 +161,9 @@ def _draw_scene(axes: Axes, scene: str, run: Run, arrays: Arrays, between: int) 
     if _is_apart(run, arrays):
         note = f", shapes moved apart by {_APART * run['length']:.2g} m"
         axes.set_yticks([])
-    axes.set_title(f"{scene}) dot: head{note}", fontsize=SMALL, loc="left")
+    name_panel(axes, f"{scene}) dot: head{note}")
     style_axes(axes, "x (m)", "" if note else "y (m)")
-    # Where shapes are moved apart there is no scale to stand beside them.
+    # Where shapes are moved apart there is no scale.
     axes.spines["left"].set_visible(not note)
 
 
@@ -204,15 +193,14 @@ def _draw_turning(
     axes: Axes, scenes: Sequence[str], runs: Mapping[str, tuple[Run, Arrays]]
 ) -> None:
     axes.axhline(0.0, color=GREY, linewidth=0.5)
-    for colour, scene in zip(LINES, scenes, strict=False):
+    for colour, style, scene in zip(OKABE_ITO, ("-", "--", ":"), scenes, strict=False):
         run, _ = runs[scene]
         turned = np.degrees(np.array(run["heading"]) - run["heading"][0])
-        style = "--" if colour == LINES[1] else ":" if colour == LINES[2] else "-"
         seconds = 0.5 + np.arange(len(turned))
         axes.plot(seconds, turned, color=colour, linestyle=style, linewidth=1.4, label=scene)
     low, high = axes.get_ylim()
     # So that a turn of a thousandth of a degree does not look like a curve.
     axes.set_ylim(min(low, -1.5), max(high, 1.5))
     axes.legend(fontsize=SMALL - 1, frameon=False)
-    axes.set_title("turn of the heading", fontsize=SMALL, loc="left")
+    name_panel(axes, "turn of the heading")
     style_axes(axes, "time (s)", "mean of a second (°), left positive")

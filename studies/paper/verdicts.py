@@ -1,4 +1,4 @@
-"""Verdicts, figures with their error bars, and the one rule that makes one of the other.
+"""Verdicts, figures with their error bars, and the one rule that turns these into those.
 
 A figure agrees with a limit where its whole bar does, differs where none of it does, and is
 undecided where the bar spans the limit.
@@ -12,31 +12,11 @@ from typing import Any
 
 from studies.paper.bars import STEPS, bar_of, coarse_error, with_bar
 
-__all__ = [
-    "AGREE",
-    "DIFFER",
-    "NOT_MEASURED",
-    "UNDECIDED",
-    "Data",
-    "Finding",
-    "MissingError",
-    "Value",
-    "above",
-    "all_of",
-    "at_most",
-    "larger",
-    "listed",
-    "onset_of",
-    "onset_time",
-    "ratio_of",
-    "run_of",
-    "value_of",
-    "within",
-    "yes",
-]
-
 #: Of `studies.paper.suite.collect`.
 Data = Mapping[str, Any]
+
+#: What follows the name of a run: its own settings, half the step, and fine panels.
+LEVELS = ("", "_half", "_fine")
 
 AGREE, DIFFER, UNDECIDED, NOT_MEASURED = "agree", "differ", "undecided", "not measured"
 
@@ -47,20 +27,13 @@ class MissingError(Exception):
 
 @dataclass(frozen=True)
 class Finding:
-    """What came of a statement.
+    """What was found about a statement."""
 
-    Attributes
-    ----------
-    measured : str
-        Our figures in words, with error bars.
-    verdict : str
-        One of AGREE, DIFFER, UNDECIDED and NOT_MEASURED.
-    why : str
-        The reason, where it is known.
-    """
-
+    #: Our figures in words, with error bars.
     measured: str
+    #: One of AGREE, DIFFER, UNDECIDED and NOT_MEASURED.
     verdict: str
+    #: The reason, where it is known.
     why: str = ""
 
 
@@ -74,6 +47,10 @@ class Value:
     def text(self) -> str:
         """Return both as text, down to the bar's digit."""
         return with_bar(self.value, self.bar, digits=7)
+
+    def size(self) -> Value:
+        """Return the figure without its sign."""
+        return Value(abs(self.value), self.bar)
 
     def over(self, other: Value) -> Value:
         """Return the ratio to another figure, whose bar is independent of this one's."""
@@ -113,6 +90,12 @@ def all_of(verdicts: Iterable[str]) -> str:
     return next(one for one in (DIFFER, UNDECIDED, AGREE) if one in found)
 
 
+def at_least_one_of(verdicts: Iterable[str]) -> str:
+    """Return the verdict on alternatives: one that agrees decides, then one that is undecided."""
+    found = set(verdicts)
+    return next(one for one in (AGREE, UNDECIDED, DIFFER) if one in found)
+
+
 def yes(holds: bool) -> str:
     """Return the verdict on what is exact, or is an error itself: it has no bar."""
     return AGREE if holds else DIFFER
@@ -139,19 +122,22 @@ def run_of(data: Data, name: str, least: float = 2.0) -> Data:
     return run
 
 
-def value_of(data: Data, name: str, pick: Callable[[Data], float], least: float = 2.0) -> Value:
+def value_of(data: Data, name: str, pick: Callable[[Data], float], least: float = 10.0) -> Value:
     """Return a figure of a run with its error bar, from half the step and from fine panels."""
     value = pick(run_of(data, name, least))
-    others: list[float | None] = []
-    for level in ("half", "fine"):
-        try:
-            others.append(pick(run_of(data, f"{name}_{level}", least)))
-        except MissingError:
-            others.append(None)
-    bar = bar_of(value, *others)
-    if bar is None:
-        raise MissingError(f"no finer runs of {name}")
+    try:
+        bar = bar_of(value, *(pick(run_of(data, name + level, least)) for level in LEVELS[1:]))
+    except MissingError:
+        raise MissingError(f"no finer runs of {name}") from None
+    assert bar is not None
     return Value(value, bar)
+
+
+def values_of(
+    data: Data, names: Iterable[str], pick: Callable[[Data], float], least: float = 10.0
+) -> dict[str, Value]:
+    """Return a figure of several runs by name; see `value_of`."""
+    return {name: value_of(data, name, pick, least) for name in names}
 
 
 def ratio_of(data: Data, over: str, under: str, pick: Callable[[Data], float]) -> Value:
@@ -160,7 +146,7 @@ def ratio_of(data: Data, over: str, under: str, pick: Callable[[Data], float]) -
     What step and panels do to both alike cancels, so it is known better than either.
     """
     values = []
-    for level in ("", "_half", "_fine"):
+    for level in LEVELS:
         divisor = pick(run_of(data, f"{under}{level}", 10.0))
         if divisor == 0.0:
             raise MissingError(f"{under} does not move")
@@ -186,12 +172,8 @@ def onset_of(
 ) -> Data | None:
     """Return the run of the stability study with these settings, None where there is none."""
     wanted = (elements, panels, kind, stiffness, step, model)
-    for one in data["onset"]:
-        found = (one["elements"], one["panels"], one["perturbation"], one["stiffness"])
-        if (*found, one["step"], one["model"]) == wanted:
-            match: Data = one
-            return match
-    return None
+    keys = ("elements", "panels", "perturbation", "stiffness", "step", "model")
+    return next((one for one in data["onset"] if tuple(one[key] for key in keys) == wanted), None)
 
 
 def onset_time(data: Data, elements: int, panels: int, kind: str) -> Value | None:
@@ -202,7 +184,7 @@ def onset_time(data: Data, elements: int, panels: int, kind: str) -> Value | Non
     Raises
     ------
     MissingError
-        If it was not played, or not with half the step.
+        If it was not computed, or not with half the step.
     """
     found = onset_of(data, elements, panels, kind)
     if found is None:
