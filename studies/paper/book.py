@@ -10,9 +10,8 @@ from typing import Any
 
 from studies.paper.charts import draw_constants, draw_internal, draw_maps, draw_onset, draw_variants
 from studies.paper.figures import PAPER_FIGURES, draw_configurations, draw_torques
+from studies.paper.page import make_page
 from studies.paper.runs import NUMERALS
-from studies.paper.sections import closing, maps, onset, opening, scenes, variants
-from studies.paper.sections.text import blocks
 from studies.paper.statements import find_all
 from studies.paper.suite import collect
 from studies.paper.units import Unit
@@ -22,7 +21,7 @@ from swim_env.files.atomic import write_atomically
 from swim_env.files.folders import page_of
 from swim_env.plots import save_figure
 
-__all__ = ["draw_all", "make_page", "verdicts_of", "write_book"]
+__all__ = ["draw_all", "verdicts_of", "write_book"]
 
 
 def write_book(
@@ -88,40 +87,6 @@ def verdicts_of(data: Data) -> dict[str, dict[str, Any]]:
         }
         for statement, finding in find_all(data)
     }
-
-
-def make_page(
-    data: Data, pictures: Mapping[str, str], command: str, written: str | None = None
-) -> str:
-    """Return the page as Markdown.
-
-    Parameters
-    ----------
-    data : mapping
-        Of `studies.paper.suite.collect`, and nothing else: a number of ours that is not in it is
-        not on the page.
-    pictures : mapping
-        Paths of the pictures that were drawn, relative to the page, by name.
-    command : str
-        What made it.
-    written : str, optional
-        The commit of the code that writes the page, which may be newer than that of the figures.
-    """
-    findings = find_all(data)
-    page = blocks(
-        opening.head(data, command, written),
-        opening.short(findings),
-        opening.statements(findings),
-        scenes.runs(data, pictures),
-        onset.section(data, pictures),
-        variants.section(data, pictures),
-        scenes.constants(data, pictures),
-        scenes.forces(data, pictures),
-        maps.section(data, pictures),
-        closing.discussion(data, findings),
-        closing.settings(data, written),
-    )
-    return page + "\n"
 
 
 def draw_all(folder: Path, store: Store, data: Data) -> list[str]:

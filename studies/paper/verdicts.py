@@ -52,6 +52,10 @@ class Value:
         """Return the figure without its sign."""
         return Value(abs(self.value), self.bar)
 
+    def times(self, side: float) -> Value:
+        """Return the figure with its sign kept or turned, by 1 or -1."""
+        return Value(side * self.value, self.bar)
+
     def over(self, other: Value) -> Value:
         """Return the ratio to another figure, whose bar is independent of this one's."""
         ratio = self.value / other.value

@@ -1,8 +1,8 @@
-"""The twelve scenes: runs and the paper's figures, what is kept, and forces along the beam."""
+"""The twelve scenes: their runs, what is kept, and forces along the beam."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from studies.paper.bars import PANELS, coarse_error, with_bar
 from studies.paper.constants import RESOLVED
@@ -16,7 +16,7 @@ from studies.paper.measures import (
     way_ahead,
 )
 from studies.paper.runs import NUMERALS
-from studies.paper.sections.text import blocks, picture, run_with_bar, table
+from studies.paper.sections.text import Fields, run_with_bar, table
 from studies.paper.verdicts import Data
 
 __all__ = ["constants", "forces", "runs"]
@@ -26,30 +26,24 @@ Cell = Callable[[str], object]
 
 #: Of Figs. 4 to 7.
 _SAME_PHASE = (
-    " All shapes are at the same phase of the drive, that of t = 0; they differ as the undamped "
+    "All shapes are at the same phase of the drive, that of t = 0; they differ as the undamped "
     "body still rings from its start."
 )
-_CAPTIONS = {
-    "fig3": "Fig. 3: the torque at every joint of scene i, from head (dark) to tail; l is the "
-    "body's length.",
-    "fig4": "Fig. 4: scenes i, ii, iii. Both directors stand at every element's centre."
-    + _SAME_PHASE,
-    "fig5": "Fig. 5: scenes iv and v." + _SAME_PHASE,
-    "fig6": "Fig. 6: scenes vi and vii." + _SAME_PHASE,
-    "fig7": "Fig. 7: scenes viii and ix." + _SAME_PHASE,
-    "fig8": "Fig. 8: scenes x, xi and xii.",
-}
+
+
+def _names(data: Data) -> list[str]:
+    return [name for name in NUMERALS if name in data["runs"]]
 
 
 def _barred(data: Data, pick: Callable[[Run], float | None], sign: str = "") -> Cell:
     return lambda name: run_with_bar(data, name, pick, sign)
 
 
-def runs(data: Data, pictures: Mapping[str, str]) -> str:
-    """Return the section on the runs, nothing where their figures are missing."""
-    names = [name for name in NUMERALS if name in data["runs"]]
+def runs(data: Data) -> Fields | None:
+    """Return what is said of the runs."""
+    names = _names(data)
     if not names:
-        return ""
+        return None
 
     def frequencies(name: str) -> str:
         """Return the first two natural frequencies with the bar of the panels."""
@@ -57,12 +51,13 @@ def runs(data: Data, pictures: Mapping[str, str]) -> str:
         pairs = list(zip(modes.get("frequencies", []), modes.get("fine", []), strict=False))[:2]
         return ", ".join(with_bar(f, coarse_error(fine - f, PANELS)) for f, fine in pairs)
 
+    def to_the_right(run: Run) -> float:
+        return float(run["displacement"][1] / run["length"])
+
     columns: dict[str, Cell] = {
         "scene": str,
         "head first (BL)": _barred(data, way_ahead, "+"),
-        "to its right, +y (BL)": _barred(
-            data, lambda run: run["displacement"][1] / run["length"], "+"
-        ),
+        "to its right, +y (BL)": _barred(data, to_the_right, "+"),
         "net speed (mm/s)": _barred(data, lambda run: 1e3 * run["speed"]),
         "turn (°), left +": _barred(data, heading_turn, "+"),
         "turn per way (°/m)": _barred(data, turn_per_way, "+"),
@@ -70,76 +65,54 @@ def runs(data: Data, pictures: Mapping[str, str]) -> str:
         "natural frequencies (Hz)": frequencies,
         f"mean positive power below {RESOLVED:g} Hz (W)": _barred(data, mean_power),
     }
-    duration = max(data["runs"][name]["duration"] for name in names)
-    return blocks(
-        f"## The twelve scenes, {duration:g} s",
-        "Displacements and turns are between the means of the first and of the last second. The "
-        "body lies along +x and swims head first towards -x, to the left in the paper's "
-        "figures. Natural frequencies are those of the straight body in its fluid, with the bar of "
-        "the panels alone.",
-        table(columns, names),
-        *(picture(pictures, name, caption) for name, caption in _CAPTIONS.items()),
-    )
+    return {
+        "duration": max(data["runs"][name]["duration"] for name in names),
+        "table": table(columns, names),
+        "same_phase": _SAME_PHASE,
+    }
 
 
-def constants(data: Data, pictures: Mapping[str, str]) -> str:
-    """Return the section on momentum and energy, nothing where their figures are missing."""
-    names = [name for name in NUMERALS if name in data["runs"]]
+def constants(data: Data) -> Fields | None:
+    """Return what is said of momentum and energy."""
+    known = data["runs"]
+    names = _names(data)
     if not names:
-        return ""
+        return None
 
-    def energy(key: str, form: str) -> Cell:
-        return lambda name: f"{data['runs'][name]['energy'][key]:{form}}"
+    def errors(name: str) -> str:
+        half = known.get(f"{name}_half")
+        text = f"{known[name]['energy']['unexplained']:.1e}"
+        if half is None or half["end"]:
+            return text
+        return f"{text} ({half['energy']['unexplained']:.1e})"
 
-    def at_half(name: str) -> str:
-        half = data["runs"].get(f"{name}_half")
-        return "" if half is None or half["end"] else f" ({half['energy']['unexplained']:.1e})"
+    def quarters(name: str) -> str:
+        return ", ".join(f"{known[name]['energy'][key]:+.1e}" for key in ("first", "last"))
 
     def cost(name: str) -> str:
-        spent = data["runs"][name]["energy"]["positive_work"]
+        spent = known[name]["energy"]["positive_work"]
         return run_with_bar(data, name, transport_cost) if spent != 0.0 else ""
 
-    unexplained, first, last = (
-        energy(*one) for one in (("unexplained", ".1e"), ("first", "+.1e"), ("last", "+.1e"))
-    )
     columns: dict[str, Cell] = {
         "scene": str,
-        "momentum drift": lambda name: f"{data['runs'][name]['momentum']['drift']:.1e}",
-        "its bound": lambda name: f"{data['runs'][name]['momentum']['bound']:.1e}",
+        "momentum drift": lambda name: f"{known[name]['momentum']['drift']:.1e}",
+        "its bound": lambda name: f"{known[name]['momentum']['bound']:.1e}",
         "largest energy (J)": _barred(data, lambda run: run["energy"]["largest"]),
-        "unexplained (at half the step)": lambda name: f"{unexplained(name)}{at_half(name)}",
-        "mean of first and last quarter": lambda name: f"{first(name)}, {last(name)}",
+        "unexplained (at half the step)": errors,
+        "mean of first and last quarter": quarters,
         "net work (J)": _barred(data, lambda run: run["energy"]["work"]),
         "positive work (J)": _barred(data, lambda run: run["energy"]["positive_work"]),
         f"positive work below {RESOLVED:g} Hz per way (J/m)": cost,
     }
-    return blocks(
-        "## What is kept, and what it costs",
-        "Momentum drift: max |J_n - J_0| in kg m/s and kg m²/s; its bound is 10 tolerances of "
-        "Newton's method plus 1e-15 n times the size of its terms. Energy: H - H(0) - work, as a "
-        "share of the largest H. These are errors and so have no bar; that of the energy at half "
-        "the step stands beside it. Positive work counts every swing of the modes that ring "
-        "undamped, which the steps do not resolve: its bar is often as large as itself. The "
-        f"steps resolve only what the torques spend on motion below {RESOLVED:g} Hz: the last "
-        "column, and the power in the table of scenes.",
-        table(columns, names),
-        picture(
-            pictures,
-            "constants",
-            "Energy that the work does not explain, and the drift of momentum.",
-        ),
-    )
+    return {"resolved": RESOLVED, "table": table(columns, names)}
 
 
-def forces(data: Data, pictures: Mapping[str, str]) -> str:
-    """Return the section on forces and moments, nothing where their figures are missing."""
-    found = {
-        name: data["runs"][name]["internal"]
-        for name in NUMERALS
-        if "internal" in data["runs"].get(name, {})
-    }
+def forces(data: Data) -> Fields | None:
+    """Return what is said of forces and moments along the beam."""
+    known = data["runs"]
+    found = {x: known[x]["internal"] for x in _names(data) if "internal" in known[x]}
     if not found:
-        return ""
+        return None
 
     def largest(key: str, factor: float = 1.0) -> Cell:
         return _barred(data, lambda run: factor * max(run["internal"][key]))
@@ -161,35 +134,15 @@ def forces(data: Data, pictures: Mapping[str, str]) -> str:
         f"variance above {RESOLVED:g} Hz: across, along, sum": above,
         "largest strain at the skin (1e-3)": largest("strain", 1e3),
     }
-    halves = {name: data["runs"].get(f"{name}_half", {}).get("internal") for name in found}
+    halves = {name: known.get(f"{name}_half", {}).get("internal") for name in found}
     peaks = [
         half["peak_shear"] / found[name]["peak_shear"]
         for name, half in halves.items()
         if half is not None and found[name]["peak_shear"] > 0.0
     ]
-    not_stated = (
-        "Largest instantaneous forces are not stated: half the step makes them "
-        f"{min(peaks):.1f} to {max(peaks):.1f} times as large. "
-        if peaks
-        else ""
-    )
-    return blocks(
-        "### Forces and moments along the beam",
-        "The paper names stresses and strains, and the energy needed for locomotion, as what the "
-        "model is for. Forces come from each element's momentum balance, the fluid's impulse on "
-        "its own panels included, so they need no multipliers of the constraints; moments are "
-        "those of torque and spring (all per metre of depth). The undamped beam rings, and steps "
-        f"of 10 ms resolve motions up to {RESOLVED:g} Hz (2π f dt = 0.5). What is stated is the "
-        "root mean square of each series below that frequency, at the joint where it is largest; "
-        "the share of the variance above it is what these runs do not resolve. "
-        f"{not_stated}The strain is the half thickness times the largest curvature of the run, "
-        "from the shapes and not filtered.",
-        table(columns, found),
-        picture(
-            pictures,
-            "internal",
-            f"Moments and forces along the beam below {RESOLVED:g} Hz, scenes i and v: root mean "
-            "squares of the run with error bars, and the sum of moments in the last second but "
-            "one.",
-        ),
-    )
+    return {
+        "resolved": RESOLVED,
+        "peaks_low": min(peaks, default=None),
+        "peaks_high": max(peaks, default=None),
+        "table": table(columns, found),
+    }

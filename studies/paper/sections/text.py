@@ -1,23 +1,20 @@
-"""What the sections of the page share: blocks, tables by column, pictures, figures with bars."""
+"""What the sections of the page share: tables by column, figures with bars, commits."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from studies.paper.bars import bar_of, with_bar
 from studies.paper.measures import Run
 from studies.paper.verdicts import LEVELS, Data
 from swim_env.files.tables import markdown_table
 
-__all__ = ["blocks", "commits", "picture", "run_with_bar", "seconds", "short_commit", "table"]
+__all__ = ["Fields", "run_with_bar", "seconds", "short_commit", "table"]
 
+#: What a section is filled with, by name.
+Fields = dict[str, Any]
 Row = TypeVar("Row")
-
-
-def blocks(*parts: str) -> str:
-    """Return paragraphs, tables and pictures below each other, without the empty ones."""
-    return "\n\n".join(part for part in parts if part)
 
 
 def table(columns: Mapping[str, Callable[[Row], object]], rows: Iterable[Row]) -> str:
@@ -26,19 +23,9 @@ def table(columns: Mapping[str, Callable[[Row], object]], rows: Iterable[Row]) -
     return markdown_table(list(columns), cells)
 
 
-def picture(pictures: Mapping[str, str], name: str, caption: str) -> str:
-    """Return a picture with its caption as Markdown, nothing where it was not drawn."""
-    return f"![{caption}]({pictures[name]})\n\n*{caption}*" if name in pictures else ""
-
-
 def short_commit(commit: str | None) -> str:
     """Return a commit as it is shown, with the ``+`` of a checkout that was changed."""
     return commit[:10] + ("+" if commit.endswith("+") else "") if commit else "unknown"
-
-
-def commits(data: Data) -> str:
-    """Return the commits that figures were computed at."""
-    return ", ".join(short_commit(one) for one in data["commits"]) or "none"
 
 
 def run_with_bar(data: Data, name: str, pick: Callable[[Run], float | None], sign: str = "") -> str:

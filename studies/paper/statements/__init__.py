@@ -1,28 +1,53 @@
 """The paper's sentences that state a result, and the criteria by which ours agree or differ.
 
-Each is a short paraphrase with its place and a function that reads the data and returns a finding.
-Criteria are fixed here; the paper's own numbers are the only ones that are written down. One rule
-holds for all (`studies.paper.verdicts`): where an error bar spans the criterion's limit, the
-statement is undecided.
+``statements.yaml`` has the sentences, in short paraphrases, and the criteria; a judge for each
+reads the data and returns a finding. The paper's own numbers are the only ones that are written
+down. One rule holds for all (`studies.paper.verdicts`): where an error bar spans the limit of the
+criterion, the statement is undecided.
 """
 
 from __future__ import annotations
 
-import itertools
+from dataclasses import dataclass
+from pathlib import Path
 
-from studies.paper.statements.method import METHOD, ORDER, PRINCIPLE
-from studies.paper.statements.passive import FIG8, PASSIVE
-from studies.paper.statements.statement import Statement
-from studies.paper.statements.swimmers import FIG4, FIG5, FIG6, FIG7
+import yaml
+
+from studies.paper.statements import limits, method, passive, swimmers
 from studies.paper.verdicts import NOT_MEASURED, Data, Finding, MissingError
 
 __all__ = ["STATEMENTS", "Statement", "find_all"]
 
+
+@dataclass(frozen=True)
+class Statement:
+    """A sentence of the paper that states a result."""
+
+    #: Short name.
+    key: str
+    #: Section, and paragraph or figure.
+    where: str
+    #: The paragraph of the page's end that counts it: orders, paths, times, onset or method.
+    group: str
+    #: What it says, in few words.
+    says: str
+    #: When the two agree.
+    criterion: str
+
+
+def _read() -> tuple[Statement, ...]:
+    text = Path(__file__).with_name("statements.yaml").read_text(encoding="utf-8")
+    return tuple(
+        Statement(key, where, one["group"], one["says"], one["agrees if"].format(**vars(limits)))
+        for where, some in yaml.safe_load(text).items()
+        for key, one in some.items()
+    )
+
+
 #: In the order of the paper.
-STATEMENTS: tuple[Statement, ...] = tuple(
-    itertools.chain(ORDER, METHOD, FIG4, FIG5, FIG6, FIG7, PASSIVE, FIG8, PRINCIPLE)
-)
-assert len({statement.key for statement in STATEMENTS}) == len(STATEMENTS)
+STATEMENTS = _read()
+_JUDGES = method.JUDGES | swimmers.JUDGES | passive.JUDGES
+assert {one.key for one in STATEMENTS} == set(_JUDGES), "every statement needs a judge"
 
 
 def find_all(data: Data) -> list[tuple[Statement, Finding]]:
@@ -30,7 +55,7 @@ def find_all(data: Data) -> list[tuple[Statement, Finding]]:
     found = []
     for statement in STATEMENTS:
         try:
-            finding = statement.judge(data)
+            finding = _JUDGES[statement.key](data)
         except MissingError as error:
             finding = Finding(str(error), NOT_MEASURED)
         found.append((statement, finding))

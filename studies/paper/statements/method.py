@@ -6,7 +6,8 @@ import math
 
 from studies.paper.measures import heading_turn, way_ahead
 from studies.paper.runs import NUMERALS
-from studies.paper.statements.statement import ENERGY, TREND, Chapter
+from studies.paper.statements.judges import Judge
+from studies.paper.statements.limits import ENERGY, TREND
 from studies.paper.verdicts import (
     DIFFER,
     UNDECIDED,
@@ -21,17 +22,7 @@ from studies.paper.verdicts import (
     yes,
 )
 
-__all__ = ["METHOD", "ORDER", "PRINCIPLE"]
 
-ORDER, METHOD, PRINCIPLE = map(Chapter, ("section 4", "section 6, method", "section 7"))
-
-
-@ORDER.states(
-    "order",
-    "method",
-    "the strains at the middle make the beam converge quadratically",
-    "order of the first bending frequency within 0.1 of 2",
-)
 def _order(data: Data) -> Finding:
     orders = data["modes"].get("i", {}).get("orders")
     if orders is None:
@@ -46,12 +37,6 @@ def _order(data: Data) -> Finding:
     )
 
 
-@METHOD.states(
-    "momentum",
-    "method",
-    "linear and angular momentum maps kept, to the 1e-9 of Newton's iteration",
-    "max |J_n - J_0| ≤ 1e-9 and within 10 tolerances + 1e-15 n terms, all twelve runs",
-)
 def _momentum(data: Data) -> Finding:
     runs = [run_of(data, name) for name in NUMERALS]
     drift = max(run["momentum"]["drift"] for run in runs)
@@ -64,13 +49,6 @@ def _momentum(data: Data) -> Finding:
     )
 
 
-@METHOD.states(
-    "energy",
-    "method",
-    "total energy oscillates with small amplitude, none is gained or lost numerically",
-    f"unexplained at most {ENERGY:.0%} of the largest, with half the step too, and means of first "
-    f"and last quarter within {TREND:.1%}: less than a speed's error bar",
-)
 def _energy(data: Data) -> Finding:
     runs = {name: run_of(data, name, 10.0)["energy"] for name in NUMERALS}
     finer = max(run_of(data, f"{name}_half", 10.0)["energy"]["unexplained"] for name in NUMERALS)
@@ -90,12 +68,6 @@ def _energy(data: Data) -> Finding:
     )
 
 
-@METHOD.states(
-    "steps",
-    "method",
-    "the strain energy at the midpoint allows much larger steps than at the last node",
-    "ω dt of the highest mode above 2, the limit of the other, and runs that last",
-)
 def _steps(data: Data) -> Finding:
     modes = data["modes"].get("i")
     if modes is None:
@@ -111,12 +83,6 @@ def _steps(data: Data) -> Finding:
     )
 
 
-@PRINCIPLE.states(
-    "locomotion",
-    "method",
-    "joint torques alone make the submerged beam swim",
-    "the net displacement is not zero",
-)
 def _locomotion(data: Data) -> Finding:
     ahead = value_of(data, "i", way_ahead)
     drift = run_of(data, "i")["momentum"]["drift"]
@@ -126,9 +92,6 @@ def _locomotion(data: Data) -> Finding:
     )
 
 
-@PRINCIPLE.states(
-    "alone", "method", "without the fluid they can at most turn it", "centre within 1e-9 m"
-)
 def _alone(data: Data) -> Finding:
     run = run_of(data, "i_alone")
     moved = math.hypot(*run["displacement"])
@@ -137,3 +100,13 @@ def _alone(data: Data) -> Finding:
         yes(moved <= 1e-9),
         "Torques are internal: without a fluid the centre of mass stays.",
     )
+
+
+JUDGES: dict[str, Judge] = {
+    "order": _order,
+    "momentum": _momentum,
+    "energy": _energy,
+    "steps": _steps,
+    "locomotion": _locomotion,
+    "alone": _alone,
+}

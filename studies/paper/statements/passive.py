@@ -7,7 +7,8 @@ from typing import Any
 
 from studies.paper.bars import bar_of
 from studies.paper.onset import LATERAL, PAPER_BODIES, PAPER_TIMES
-from studies.paper.statements.statement import CLOSE, TURN, Chapter, Judge
+from studies.paper.statements.judges import Judge
+from studies.paper.statements.limits import CLOSE, TURN
 from studies.paper.verdicts import (
     DIFFER,
     LEVELS,
@@ -28,9 +29,6 @@ from studies.paper.verdicts import (
     yes,
 )
 
-__all__ = ["FIG8", "PASSIVE"]
-
-PASSIVE, FIG8 = Chapter("section 6, passive"), Chapter("section 6, Fig. 8")
 #: The starts as they are called on the page.
 _STARTS = dict(zip(LATERAL, ("2.2e-16", "1e-4", "sloped"), strict=True))
 
@@ -47,12 +45,6 @@ def _times(data: Data, kind: str) -> dict[int, Value]:
     return {n: _time(data, n, panels, kind) for n, panels in PAPER_BODIES.values()}
 
 
-@PASSIVE.states(
-    "equilibrium",
-    "onset",
-    "[0.1, 0] is a relative equilibrium; N = 3 and 9 swim stably for 100 s",
-    "ends within 1 % of the length of their line",
-)
 def _equilibrium(data: Data) -> Finding:
     runs = [one for one in data["onset"] if one["perturbation"] == "none"]
     if not {(3, 12), (9, 4)} <= {(one["elements"], one["panels"]) for one in runs}:
@@ -92,15 +84,6 @@ def _as_the_papers(elements: int, panels: int) -> Judge:
     return judge
 
 
-for _n, _panels in ((3, 12), (9, 4), (9, 12), (27, 4)):
-    PASSIVE.states(
-        f"times {_n} {_panels}",
-        "times",
-        f"first deviations of 1 %, N = {_n}, {_panels} panels",
-        f"each within {CLOSE:.0%}",
-    )(_as_the_papers(_n, _panels))
-
-
 def _panels_matter(elements: int, earlier: bool) -> Judge:
     """Judge how little 12 panels in place of 4 change the times, and whether they are earlier."""
 
@@ -123,19 +106,6 @@ def _panels_matter(elements: int, earlier: bool) -> Judge:
     return judge
 
 
-PASSIVE.states(
-    "12 panels",
-    "onset",
-    "with 12 panels N = 9 is unstable slightly earlier",
-    "earlier for all three starts, by at most 2 %",
-)(_panels_matter(9, earlier=True))
-
-PASSIVE.states(
-    "27 panels", "onset", "at N = 27 the number of panels hardly matters", "times within 2 %"
-)(_panels_matter(27, earlier=False))
-
-
-@PASSIVE.states("stiffness", "onset", "nothing changes with EI from 5 to 1e4", "times within 1 %")
 def _stiffness(data: Data) -> Finding:
     groups: dict[tuple[Any, ...], list[float | None]] = {}
     for one in data["onset"]:
@@ -165,9 +135,6 @@ def _stiffness(data: Data) -> Finding:
     )
 
 
-@FIG8.states(
-    "x turns", "times", "x has rotated by almost 180° at t = 10", f"within {TURN:g}° of 180°"
-)
 def _x_turns(data: Data) -> Finding:
     turn = value_of(data, "x", lambda run: math.degrees(run["angle"][10]))
     angles = run_of(data, "x", 10.0)["angle"]
@@ -181,12 +148,6 @@ def _x_turns(data: Data) -> Finding:
     )
 
 
-@FIG8.states(
-    "coarse unstable",
-    "times",
-    "the coarse beam x is very unstable",
-    "its onset comes in at most half the time of those at N = 9 and 27 (start 1e-4)",
-)
 def _coarse_unstable(data: Data) -> Finding:
     found = _times(data, "small")
     ratios = {f"N = 3 over N = {n}": found[3].over(found[n]) for n in (9, 27)}
@@ -200,12 +161,6 @@ def _coarse_unstable(data: Data) -> Finding:
     )
 
 
-@FIG8.states(
-    "xi as xii",
-    "onset",
-    "xi and xii do not differ significantly",
-    "headings within 10°, centres within 0.1 m",
-)
 def _alike(data: Data) -> Finding:
     def apart(level: str) -> tuple[float, float]:
         one, other = (run_of(data, f"{name}{level}", 10.0) for name in ("xi", "xii"))
@@ -226,12 +181,6 @@ def _alike(data: Data) -> Finding:
     )
 
 
-@FIG8.states(
-    "delayed",
-    "times",
-    "proper discretisation may delay the onset",
-    "the onset is later by 5 % or more with every threefold N (start 1e-4)",
-)
 def _delayed(data: Data) -> Finding:
     found, sloped = (_times(data, kind) for kind in ("small", "sloped"))
     low, high = (choose(one.value for one in found.values()) for choose in (min, max))
@@ -245,3 +194,19 @@ def _delayed(data: Data) -> Finding:
         f"and so is another motion for every N: {ours} s in ours, {paper} s in the paper, neither "
         "in one direction.",
     )
+
+
+JUDGES: dict[str, Judge] = {
+    "equilibrium": _equilibrium,
+    **{
+        f"times {n} {panels}": _as_the_papers(n, panels)
+        for n, panels in ((3, 12), (9, 4), (9, 12), (27, 4))
+    },
+    "12 panels": _panels_matter(9, earlier=True),
+    "27 panels": _panels_matter(27, earlier=False),
+    "stiffness": _stiffness,
+    "x turns": _x_turns,
+    "coarse unstable": _coarse_unstable,
+    "xi as xii": _alike,
+    "delayed": _delayed,
+}
