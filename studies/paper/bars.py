@@ -15,16 +15,9 @@ STEPS, PANELS = 2.0, 3.0
 def coarse_error(change: float, ratio: float, order: float = 1.0) -> float:
     """Return how far a coarse figure is from its limit, from the change by refining it once.
 
-    Where the error is c h^p, the change from h to h/r is c h^p (1 - r^-p): the coarse figure is off
-    by the change over (1 - r^-p). For p = 1 that is twice the change where steps are halved, and
-    1.5 times the change where panels are cut in three.
-
-    Parameters
-    ----------
-    change : float
-        Fine figure minus coarse one.
-    ratio, order : float
-        r, above 1, and p.
+    Where the error is c h^p, the ``change`` from h to h/r is c h^p (1 - r^-p), r the ``ratio`` and
+    p the ``order``: the coarse figure is off by the change over (1 - r^-p). For p = 1 that is twice
+    the change where steps are halved, and 1.5 times the change where panels are cut in three.
     """
     return abs(change) / (1.0 - float(ratio**-order))
 
@@ -62,18 +55,9 @@ def bar_text(bar: float) -> str:
 
 
 def with_bar(value: float, bar: float | None, sign: str = "", digits: int = 6) -> str:
-    """Return a number and its bar, down to the bar's digit.
+    """Return a number and its bar, down to the bar's digit, with so many decimals at most.
 
-    Parameters
-    ----------
-    value : float
-        The number.
-    bar : float or None
-        Its error bar; where there is none, four digits are shown and no bar.
-    sign : str
-        ``+`` to show the sign of positive numbers.
-    digits : int
-        Most decimals.
+    Where there is no bar, four digits are shown; ``sign`` is ``+`` to show that of positive ones.
     """
     if bar is None:
         return number_text(value, f"{sign}.4g")

@@ -32,29 +32,16 @@ def write_book(
     command: str,
     written: str | None = None,
 ) -> dict[str, Any]:
-    """Draw the pictures and write the page and the verdicts, from the records alone.
+    """Draw the pictures and write ``verdicts.json`` into a folder, and the page beside it.
 
-    Parameters
-    ----------
-    folder : Path
-        Where pictures and ``verdicts.json`` go; the page is beside it.
-    units : sequence of Unit
-        What was to be done.
-    store : Store
-        Where arrays are.
-    records : mapping
-        By name, what has been done.
-    command : str
-        The command, as the page names it.
-    written : str, optional
-        The commit of the code that writes the page.
+    All is made of the ``records`` of those units that are done, and of their arrays in the store;
+    ``command`` and ``written`` are those of `make_page`.
 
     Returns
     -------
     dict
-        ``verdicts`` by statement with ``measured``, ``verdict``, ``criterion`` and ``why``,
-        ``counts`` of the verdicts, ``commits`` and ``dates`` of the figures, ``written``,
-        ``units`` and ``done``.
+        The content of ``verdicts.json``: what `verdicts_of` gives, the ``counts`` of the verdicts,
+        ``commits`` and ``dates`` of the figures, ``written``, ``units`` and ``done``.
     """
     data = collect(units, records)
     names = draw_all(folder, store, data)

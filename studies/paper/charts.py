@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from studies.paper.bars import bar_of
 from studies.paper.constants import RESOLVED
+from studies.paper.figures import LINES
 from studies.paper.maps import is_verified
 from studies.paper.measures import heading_turn, way_ahead
 from studies.paper.onset import LATERAL, PAPER_TIMES, implied_rate
@@ -20,7 +21,6 @@ from studies.paper.verdicts import LEVELS, Data, onset_of
 from swim_env.plots.style import (
     BLUE,
     GREY,
-    OKABE_ITO,
     ORANGE,
     SMALL,
     TIME_COLOURS,
@@ -66,7 +66,7 @@ def draw_onset(data: Data) -> Figure:
         for panels in (4, 12)
         if onset_of(data, n, panels, "small") is not None
     ]
-    for colour, (kind, name) in zip(OKABE_ITO, STARTS.items(), strict=False):
+    for colour, (kind, name) in zip(LINES, STARTS.items(), strict=False):
         mark = {"marker": _MARKS[kind], "color": colour, "markersize": 6}
         for x, (n, panels) in enumerate(bodies):
             ours = onset_of(data, n, panels, kind)
@@ -136,7 +136,7 @@ def draw_variants(data: Data) -> Figure:
         if variant in data["variants"]:
             rows.append((words, mark, {k: v["base"] for k, v in data["variants"][variant].items()}))
     spread = np.linspace(-0.3, 0.3, len(rows))
-    colours = ("#000000", *OKABE_ITO[:6])
+    colours = ("#000000", *LINES[:6])
     for i, (words, mark, of_scene) in enumerate(rows):
         known = [
             x for x, name in enumerate(scenes) if name in of_scene and not of_scene[name]["end"]
@@ -165,15 +165,7 @@ def draw_variants(data: Data) -> Figure:
 
 
 def draw_constants(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
-    """Draw what energy and momentum do over time in the twelve runs.
-
-    Parameters
-    ----------
-    data : mapping
-        Of `studies.paper.suite.collect`.
-    arrays : mapping
-        Of each scene, those of `studies.paper.runs.play_run`.
-    """
+    """Draw what energy and momentum do over time in the twelve runs, from their arrays."""
     from matplotlib import colormaps
 
     figure = new_figure(8.6, 4.2)
@@ -216,13 +208,7 @@ def draw_constants(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
 def draw_internal(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
     """Draw moments and forces along the beam in scenes i and v, as far as steps resolve them.
 
-    Parameters
-    ----------
-    data : mapping
-        Of `studies.paper.suite.collect`; root mean squares of the whole run are drawn with their
-        error bars.
-    arrays : mapping
-        Of each scene; those with ``total``.
+    Root mean squares of the whole run have error bars; over time there are arrays, ``total``.
     """
     names = [name for name in ("i", "v") if "total" in arrays.get(name, {})]
     figure = new_figure(8.6, 2.7 * max(1, len(names)))
@@ -232,7 +218,7 @@ def draw_internal(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
         joints = total.shape[1]
         place = np.arange(1, joints + 1) / (joints + 1)
         for axes, keys in ((moments, _MOMENTS), (forces, _FORCES)):
-            for colour, look, (key, words) in zip(OKABE_ITO, _LOOKS, keys.items(), strict=False):
+            for colour, look, (key, words) in zip(LINES, _LOOKS, keys.items(), strict=False):
                 style = {"color": colour, "markersize": 4, "capsize": 2.5, "label": words}
                 axes.errorbar(place, *_along(data, name, key), fmt=look, **style)
             axes.set_ylim(bottom=0.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 from studies.paper.units import Arrays, Figures, Unit
@@ -41,23 +42,18 @@ def modes_figures(scene: Scene) -> dict[str, Any]:
     -------
     dict
         The first ``frequencies`` (Hz), ``fine`` the same with three times the panels and ends to
-        match, the ``highest`` of all; ``along``, ``across`` (kg), ``inertia`` (kg m^2) and
-        ``coupling`` (kg m).
+        match, the ``highest`` of all; the fields of `RigidMass`.
     """
     assert scene.fluid is not None
     panels = 3 * scene.fluid.panels_per_element
     finer = {"fluid.panels_per_element": panels, "fluid.cap_panels": "proportional"}
     matrix = mass_matrix(Simulator(scene))
     frequencies = bending_frequencies(scene, matrix)
-    mass = rigid_mass(matrix)
     return {
         "frequencies": frequencies[:3],
         "fine": natural_frequencies(scene.replace(finer), 3),
         "highest": frequencies[-1],
-        "along": mass.along,
-        "across": mass.across,
-        "inertia": mass.inertia,
-        "coupling": mass.coupling,
+        **asdict(rigid_mass(matrix)),
     }
 
 

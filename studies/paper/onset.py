@@ -127,11 +127,6 @@ def perturbed(elements: int, panels: int, stiffness: float, kind: str) -> Scene:
 def measure_onset(unit: Unit) -> tuple[Figures, Arrays]:
     """Simulate a perturbed straight body until an end has left its line.
 
-    Parameters
-    ----------
-    unit : Unit
-        Of `onset_units`.
-
     Returns
     -------
     figures : dict
@@ -199,10 +194,8 @@ def fitted_rate(time: Array, angle: Array, guess: float) -> float | None:
 
     Parameters
     ----------
-    time : (T,) array
-        Instants (s).
-    angle : (T,) array
-        Mean element angle (rad).
+    time, angle : (T,) arrays
+        Instants (s) and the mean element angle (rad).
     guess : float
         Where to look (1/s): between a fifth and five times that.
 

@@ -29,17 +29,14 @@ def make_page(
 ) -> str:
     """Return the page as Markdown.
 
+    A number of ours that is not in the data, those of `studies.paper.suite.collect`, is not on it.
+
     Parameters
     ----------
-    data : mapping
-        Of `studies.paper.suite.collect`, and nothing else: a number of ours that is not in it is
-        not on the page.
     pictures : mapping
         Paths of the pictures that were drawn, relative to the page, by name.
-    command : str
-        What made it.
-    written : str, optional
-        The commit of the code that writes the page, which may be newer than that of the figures.
+    command, written : str
+        What made it, and the commit of that code, which may be newer than that of the figures.
     """
     findings = find_all(data)
     fields = {

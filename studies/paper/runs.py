@@ -49,12 +49,8 @@ _SERIES = 10
 def scene_units(duration: float, finest: bool = True) -> list[Unit]:
     """Return the twelve runs, their finer ones, and the others that statements need.
 
-    Parameters
-    ----------
-    duration : float
-        Simulated time (s), the paper's 100 or less.
-    finest : bool
-        Whether scene xii is computed with fine panels too, the longest run of all.
+    Each lasts ``duration`` (s), the paper's 100 or less; ``finest`` tells whether scene xii is
+    computed with fine panels too, the longest run of all.
     """
     units = []
     for numeral in NUMERALS:
@@ -101,19 +97,14 @@ def guess(scene: Scene) -> float:
 def play_run(unit: Unit) -> tuple[Figures, Arrays]:
     """Simulate a scene under its prescribed torque for its episode's duration.
 
-    Parameters
-    ----------
-    unit : Unit
-        Its option ``pictured`` asks for arrays.
-
     Returns
     -------
     figures : dict
-        Those of `run_figures`.
+        Those of `run_figures`, and ``internal`` those of `studies.paper.constants`.
     arrays : dict
-        For pictures, or empty: nodes and directors at whole seconds, series of energy and
-        momentum; ``torque`` over the last second, and over the one before ``total``, the sum of
-        moments below `studies.paper.constants.RESOLVED`.
+        If the option ``pictured`` asks for them: nodes and angles at whole seconds, series of
+        energy and momentum; ``torque`` over the last second, and over the one before ``total``,
+        the sum of moments below `studies.paper.constants.RESOLVED`.
     """
     trajectory = played(Simulator(unit.scene))
     figures = run_figures(trajectory)
@@ -180,20 +171,7 @@ def run_figures(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def first_crossing(time: Array, values: Array, limit: float) -> float | None:
-    """Return when a series first exceeds a limit, on the straight line between two instants.
-
-    Parameters
-    ----------
-    time, values : (T,) arrays
-        Instants (s), and what is there.
-    limit : float
-        In the unit of the values; the first of them is below it.
-
-    Returns
-    -------
-    float or None
-        The time (s), None where it never does.
-    """
+    """Return when (s) values (T,) first exceed a limit, interpolated; None where they never do."""
     beyond = values > limit
     if not beyond.any():
         return None

@@ -29,28 +29,13 @@ PARTS: dict[str, Callable[[float, bool], list[Unit]]] = {
 
 
 def all_units(quick: bool = False, only: Sequence[str] = tuple(PARTS)) -> list[Unit]:
-    """Return every unit of work.
-
-    Parameters
-    ----------
-    quick : bool
-        Short runs and few points, for a minute or two.
-    only : sequence of str
-        Which of `PARTS`.
-    """
+    """Return every unit of work, or only some `PARTS`; the quick ones take a minute or two."""
     duration = QUICK if quick else DURATION
     return [unit for name in PARTS if name in only for unit in PARTS[name](duration, quick)]
 
 
 def collect(units: Sequence[Unit], records: Mapping[str, Record]) -> dict[str, Any]:
-    """Return what has been found, by kind.
-
-    Parameters
-    ----------
-    units : sequence of Unit
-        What was to be done.
-    records : mapping
-        By name, those of `studies.paper.units.done_units`.
+    """Return what the records of `studies.paper.units.done_units` say, by kind of unit.
 
     Returns
     -------

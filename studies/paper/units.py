@@ -31,26 +31,16 @@ Figures = dict[str, Any]
 
 @dataclass(frozen=True)
 class Unit:
-    """One piece of work.
+    """One piece of work."""
 
-    Attributes
-    ----------
-    name : str
-        Its kind, ``_`` and a label, for example ``run_i_half``.
-    work : callable
-        Computes its figures for JSON, and arrays or none; a function of a module.
-    scene : Scene
-        The scene that it is about.
-    options : mapping
-        Numbers, texts and lists for JSON that the work depends on besides.
-    cost : float
-        A guess of how long it takes (s); long ones are begun first.
-    """
-
+    #: Its kind, ``_`` and a label, for example ``run_i_half``.
     name: str
+    #: Computes its figures, and arrays or none; a function of a module.
     work: Callable[[Unit], tuple[Figures, Arrays]]
+    #: The scene that it is about, and what else the work depends on, for JSON.
     scene: Scene
     options: Mapping[str, Any] = field(default_factory=dict)
+    #: A guess of how long it takes (s); long ones are begun first.
     cost: float = 1.0
 
     @property
@@ -107,10 +97,6 @@ def do_units(
 
     Parameters
     ----------
-    units : sequence of Unit
-        All of them.
-    store : Store
-        Where they are kept.
     workers : int, optional
         Processes side by side, as many as there are processors unless given.
     progress : callable, optional

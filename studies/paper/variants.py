@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import numpy as np
 
 from studies.paper.onset import SPEED
@@ -26,14 +28,9 @@ VARIANTS: dict[str, str] = {
 
 
 def variant_units(duration: float, quick: bool = False) -> list[Unit]:
-    """Return every variant on every scene.
+    """Return every variant on every scene for a duration (s).
 
-    Parameters
-    ----------
-    duration : float
-        Simulated time (s).
-    quick : bool
-        Whether to leave out the scene with 27 elements and half of the variants.
+    The quick ones leave out the scene with 27 elements and half of the variants.
     """
     names = ("frozen", "halved", "consistent", "printed_factor") if quick else tuple(VARIANTS)
     units = []
@@ -66,12 +63,7 @@ def with_halved_turning(scene: Scene) -> Simulator:
     The printed (28) has the factor 1/2 on the normal velocity of a turning element; A = -rho B^T L
     P G^-1 B is quadratic in it, so the entries of turning with moving across are halved and those
     of turning with turning quartered. No scene has that, as it is a misprint: a turning plate would
-    have a quarter of its inertia.
-
-    Parameters
-    ----------
-    scene : Scene
-        With the fluid model ``frozen``.
+    have a quarter of its inertia. The scene's fluid model is ``frozen``.
     """
     simulator = Simulator(scene)
     n = scene.beam.elements
@@ -93,9 +85,8 @@ def measure_variant(unit: Unit) -> tuple[Figures, Arrays]:
     -------
     figures : dict
         ``variant``, ``scene``, ``base`` and ``half``: those of `run_figures`; the straight body's
-        ``kirchhoff`` rate at the paper's 0.1 m/s (1/s) and masses ``along``, ``across`` (kg),
-        ``inertia`` (kg m^2) and ``coupling`` (kg m). A run that cannot begin has its reason under
-        ``end``.
+        ``kirchhoff`` rate at the paper's 0.1 m/s (1/s) and the fields of `RigidMass`. A run that
+        cannot begin has its reason under ``end``.
     arrays : dict
         Empty.
     """
@@ -104,13 +95,7 @@ def measure_variant(unit: Unit) -> tuple[Figures, Arrays]:
     found: Figures = dict(unit.options)
     mass = rigid_mass(mass_matrix(make(unit.scene)))
     rate = growth_rate(mass, SPEED)
-    found |= {
-        "kirchhoff": rate if np.isfinite(rate) else None,
-        "along": mass.along,
-        "across": mass.across,
-        "inertia": mass.inertia,
-        "coupling": mass.coupling,
-    }
+    found |= {"kirchhoff": rate if np.isfinite(rate) else None, **asdict(mass)}
     for level, step in (("base", 0.01), ("half", 0.005)):
         scene = unit.scene.replace("integrator.time_step", step)
         try:

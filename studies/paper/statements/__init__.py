@@ -8,7 +8,7 @@ criterion, the statement is undecided.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import yaml
@@ -33,15 +33,20 @@ class Statement:
     says: str
     #: When the two agree.
     criterion: str
+    #: The reason for what is found, where it needs no figures.
+    why: str
 
 
 def _read() -> tuple[Statement, ...]:
     text = Path(__file__).with_name("statements.yaml").read_text(encoding="utf-8")
-    return tuple(
-        Statement(key, where, one["group"], one["says"], one["agrees if"].format(**vars(limits)))
-        for where, some in yaml.safe_load(text).items()
-        for key, one in some.items()
-    )
+    found = []
+    for where, some in yaml.safe_load(text).items():
+        for key, one in some.items():
+            says, criterion, why = (
+                one.get(name, "").format(**vars(limits)) for name in ("says", "agrees if", "why")
+            )
+            found.append(Statement(key, where, one["group"], says, criterion, why))
+    return tuple(found)
 
 
 #: In the order of the paper.
@@ -56,6 +61,7 @@ def find_all(data: Data) -> list[tuple[Statement, Finding]]:
     for statement in STATEMENTS:
         try:
             finding = _JUDGES[statement.key](data)
+            finding = replace(finding, why=finding.why or statement.why)
         except MissingError as error:
             finding = Finding(str(error), NOT_MEASURED)
         found.append((statement, finding))

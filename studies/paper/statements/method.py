@@ -44,8 +44,6 @@ def _momentum(data: Data) -> Finding:
     return Finding(
         f"largest drift of all twelve runs {drift:.1e}; {share:.1e} of its bound",
         yes(drift <= 1e-9 and share <= 1.0),
-        "What a step leaves of its residual is carried into the next, so momentum is kept to "
-        "round-off whatever the tolerance of Newton's method.",
     )
 
 
@@ -78,8 +76,6 @@ def _steps(data: Data) -> Finding:
         f"the highest mode of i, {modes['highest']:.0f} Hz, turns by {phase:.0f} rad in a step of "
         f"10 ms; all twelve runs came to their end with {cut} steps cut",
         UNDECIDED if phase > 2.0 and cut == 0 else DIFFER,
-        "That our steps are large is measured, the comparison is not: a potential taken at the "
-        "last node alone is a leapfrog scheme, unstable above 2 rad, and was not run.",
     )
 
 
@@ -98,7 +94,6 @@ def _alone(data: Data) -> Finding:
     return Finding(
         f"i without fluid: moves by {moved:.1e} m, turns by {heading_turn(run):.1e}°",
         yes(moved <= 1e-9),
-        "Torques are internal: without a fluid the centre of mass stays.",
     )
 
 

@@ -131,7 +131,6 @@ def _stiffness(data: Data) -> Finding:
         f"{spreads[worst].value:.1e} ± {spreads[worst].bar:.0e} of itself (N = {worst[0]}, "
         f"{worst[1]} panels, {_STARTS[worst[2]]})",
         all_of(at_most(one, 0.01) for one in spreads.values()),
-        "The body stays straight, and a straight body has nothing to spring back.",
     )
 
 
@@ -143,8 +142,6 @@ def _x_turns(data: Data) -> Finding:
     return Finding(
         f"turned by {turn.text()}° at t = 10 s; {shown}",
         within(turn.size(), 180.0, TURN),
-        "It turns as far, but later: the growth is that of Kirchhoff's equations, several times "
-        "slower than the paper's.",
     )
 
 
@@ -156,8 +153,6 @@ def _coarse_unstable(data: Data) -> Finding:
         + "; "
         + listed(ratios, "{}"),
         all_of(at_most(one, 0.5) for one in ratios.values()),
-        "No body is more unstable for being coarse here: a straight row of any number of elements "
-        "is one rigid body to the fluid.",
     )
 
 

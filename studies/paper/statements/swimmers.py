@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from studies.paper.measures import Run, heading_turn, largest_bend, net_speed, way_ahead
-from studies.paper.statements.judges import WHOLE, Judge, compared, each, measured
+from studies.paper.statements.judges import WHOLE, Judge, compared, each, in_ratio, measured
 from studies.paper.statements.limits import CLOSE, CURVED, FAST, SLOW, STRAIGHT, TURN, UNBENT
 from studies.paper.verdicts import (
     AGREE,
@@ -82,8 +82,6 @@ def _nontrivial(data: Data) -> Finding:
     return Finding(
         f"speed over that of i {listed(ratios, '{}')}; (torque over stiffness)² would give 0.25",
         at_least_one_of(above(one, CLOSE) for one in off),
-        "Among these three, well below resonance, one simple law holds nearly. Beyond it, "
-        "dependence on length, stiffness and frequency is anything but simple: v, and the maps.",
     )
 
 
@@ -92,18 +90,6 @@ def _ii_slower(data: Data) -> Finding:
     return Finding(
         f"largest joint angle {listed(bends, '{} rad')}; speed {listed(speeds, '{} BL/s')}",
         all_of(larger(one["i"], one["ii"]) for one in (bends, speeds)),
-    )
-
-
-def _iii_slower(data: Data) -> Finding:
-    values = values_of(data, ("ii", "iii"), net_speed)
-    ratio = ratio_of(data, "iii", "ii", net_speed)
-    return Finding(
-        f"{listed(values, '{} BL/s')}; iii over ii {ratio.text()}",
-        at_most(ratio, 1.0),
-        "Far below resonance the bend goes as torque over stiffness and the speed as its square, "
-        "so half the torque and twice the stiffness should do nearly the same; what is left is how "
-        "far each drive is from its resonance, which is nearer for the softer beam.",
     )
 
 
@@ -155,11 +141,6 @@ def _much_faster(data: Data) -> Finding:
     return Finding(f"{listed(values, '{} m/s')}; ratio {ratio.text()}", above(ratio, FAST), why)
 
 
-def _vi_slow(data: Data) -> Finding:
-    values, ratio = values_of(data, ("i", "vi"), net_speed), ratio_of(data, "vi", "i", net_speed)
-    return Finding(f"{listed(values, '{} BL/s')}; ratio {ratio.text()}", at_most(ratio, SLOW))
-
-
 def _head_matters(data: Data) -> Finding:
     shares = values_of(data, ("i", "vii"), _share_in_front)
     speeds = values_of(data, ("i", "vi", "vii"), net_speed)
@@ -208,17 +189,15 @@ def _slows(data: Data) -> Finding:
         f"{moving.text()} BL/s before 50 s, {stopped.text()} after; ratio "
         f"{ratio.value:.1e} ± {ratio.bar:.0e}",
         at_most(ratio, 0.1),
-        "Total momentum is zero and nothing is left behind in the fluid: a body that stops "
-        "deforming stops. What still rings of the undamped modes moves it a little.",
     )
 
 
 def _ix_slow(data: Data) -> Finding:
-    values, ratio = values_of(data, ("i", "ix"), net_speed), ratio_of(data, "ix", "i", net_speed)
+    slow = in_ratio("ix", "i", lambda ratio: at_most(ratio, SLOW))(data)
     ahead = value_of(data, "ix", way_ahead)
     return Finding(
-        f"{listed(values, '{} BL/s')}; ratio {ratio.text()}; to the left {ahead.text()} BL",
-        all_of([at_most(ratio, SLOW), above(ahead, 0.0)]),
+        f"{slow.measured}; to the left {ahead.text()} BL",
+        all_of([slow.verdict, above(ahead, 0.0)]),
     )
 
 
@@ -226,7 +205,7 @@ def _curves(names: str, side: float) -> Judge:
     """Judge whether paths curve to a side, 1 for the left and -1 for the right."""
     rule = each(lambda turn: above(turn.times(side), CURVED))
     before = "turn of the heading (left positive) "
-    return compared(names, heading_turn, "{}°", rule, STRAIGHT, WHOLE, before)
+    return compared(names, heading_turn, "{}°", rule, WHOLE, before)
 
 
 _FRONT = "largest joint angle of the front half {} of the rear half's"
@@ -243,13 +222,12 @@ JUDGES: dict[str, Judge] = {
         lambda speeds: all_of(larger(speeds["i"], speeds[other]) for other in ("ii", "iii")),
     ),
     "ii slower": _ii_slower,
-    "iii slower": _iii_slower,
+    "iii slower": in_ratio("iii", "ii", lambda ratio: at_most(ratio, 1.0), "iii over ii"),
     "iv less stable": compared(
         "i iv",
         _size_of_turn,
         "{}°",
         lambda turns: all_of([larger(turns["iv"], turns["i"]), above(turns["iv"], CURVED)]),
-        "Three elements make the outline coarse and not lopsided; both paths are straight.",
         WHOLE,
         "turn ",
     ),
@@ -260,7 +238,7 @@ JUDGES: dict[str, Judge] = {
     "vi-vii left": compared("vi vii", way_ahead, "{} BL", each(_is_ahead)),
     "vi-vii curve": _curves("vi vii", 1.0),
     "vi bends": measured("vi", _share_in_front, _FRONT, lambda share: at_most(share, UNBENT)),
-    "vi slow": _vi_slow,
+    "vi slow": in_ratio("vi", "i", lambda ratio: at_most(ratio, SLOW)),
     "vii faster": compared(
         "vi vii", net_speed, "{} BL/s", lambda speeds: larger(speeds["vii"], speeds["vi"])
     ),
@@ -273,8 +251,6 @@ JUDGES: dict[str, Judge] = {
         _turn_after,
         "heading turns by {}° after 50 s",
         lambda turn: above(turn.size(), CURVED),
-        "With no total momentum the body moves only while its shape changes; what still rings is "
-        "small and to and fro, and its mean neither travels nor turns.",
         WHOLE,
     ),
     "ix slow": _ix_slow,
