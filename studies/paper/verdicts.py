@@ -62,30 +62,23 @@ class Value:
         shares = abs(self.bar / self.value) if self.value else 0.0
         return Value(ratio, abs(ratio) * (shares + abs(other.bar / other.value)))
 
+    def above(self, limit: float) -> str:
+        """Return the verdict on a figure that should be above a limit: the one rule for all."""
+        if self.value - self.bar > limit:
+            return AGREE
+        return DIFFER if self.value + self.bar <= limit else UNDECIDED
 
-# ---- the rule ----------------------------------------------------------------------------------
+    def at_most(self, limit: float) -> str:
+        """Return the verdict on a figure that should not be above a limit."""
+        return {AGREE: DIFFER, DIFFER: AGREE, UNDECIDED: UNDECIDED}[self.above(limit)]
 
+    def within(self, target: float, tolerance: float) -> str:
+        """Return the verdict on a figure that should be as near to another as a tolerance."""
+        return Value(abs(self.value - target), self.bar).at_most(tolerance)
 
-def above(figure: Value, limit: float) -> str:
-    """Return the verdict on a figure that should be above a limit."""
-    if figure.value - figure.bar > limit:
-        return AGREE
-    return DIFFER if figure.value + figure.bar <= limit else UNDECIDED
-
-
-def at_most(figure: Value, limit: float) -> str:
-    """Return the verdict on a figure that should not be above a limit."""
-    return {AGREE: DIFFER, DIFFER: AGREE, UNDECIDED: UNDECIDED}[above(figure, limit)]
-
-
-def within(figure: Value, target: float, tolerance: float) -> str:
-    """Return the verdict on a figure that should be as near to another as a tolerance."""
-    return at_most(Value(abs(figure.value - target), figure.bar), tolerance)
-
-
-def larger(a: Value, b: Value) -> str:
-    """Return the verdict on a figure that should be larger than another."""
-    return above(Value(a.value - b.value, a.bar + b.bar), 0.0)
+    def larger_than(self, other: Value) -> str:
+        """Return the verdict on a figure that should be larger than another."""
+        return Value(self.value - other.value, self.bar + other.bar).above(0.0)
 
 
 def all_of(verdicts: Iterable[str]) -> str:

@@ -30,12 +30,8 @@ from studies.paper.verdicts import (
     NOT_MEASURED,
     UNDECIDED,
     Value,
-    above,
     all_of,
     at_least_one_of,
-    at_most,
-    larger,
-    within,
 )
 from swim_env import load_scene
 from swim_env.errors import SwimError
@@ -297,14 +293,14 @@ def test_a_bar_that_spans_the_limit_leaves_every_statement_undecided(key: str) -
 def test_one_rule_makes_verdicts(bar: float, verdict: str) -> None:
     against = {AGREE: DIFFER, UNDECIDED: UNDECIDED}[verdict]
     figure = Value(3.0, bar)
-    assert above(figure, 2.0) == at_most(figure, 4.0) == verdict
-    assert above(figure, 4.0) == at_most(figure, 2.0) == against
-    assert within(figure, 4.0, 2.0) == verdict
-    assert within(figure, 7.0, 3.0) == against
-    assert larger(figure, Value(2.0, 0.0)) == verdict
-    assert larger(Value(2.0, 0.0), figure) == against
+    assert figure.above(2.0) == figure.at_most(4.0) == verdict
+    assert figure.above(4.0) == figure.at_most(2.0) == against
+    assert figure.within(4.0, 2.0) == verdict
+    assert figure.within(7.0, 3.0) == against
+    assert figure.larger_than(Value(2.0, 0.0)) == verdict
+    assert Value(2.0, 0.0).larger_than(figure) == against
     # A figure that is exactly the limit is not above it.
-    assert above(Value(2.0, 0.0), 2.0) == DIFFER
+    assert Value(2.0, 0.0).above(2.0) == DIFFER
 
 
 def test_parts_and_alternatives_make_one_verdict() -> None:

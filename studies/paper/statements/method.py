@@ -15,10 +15,8 @@ from studies.paper.verdicts import (
     Finding,
     MissingError,
     Value,
-    above,
     run_of,
     value_of,
-    within,
     yes,
 )
 
@@ -33,7 +31,7 @@ def _order(data: Data) -> Finding:
     order = Value(orders["order"], abs(orders["order"] - orders["before"]))
     return Finding(
         f"first frequency of the beam alone at N = {counts}: off by {errors}; order {order.text()}",
-        within(order, 2.0, 0.1),
+        order.within(2.0, 0.1),
     )
 
 
@@ -84,7 +82,7 @@ def _locomotion(data: Data) -> Finding:
     drift = run_of(data, "i")["momentum"]["drift"]
     return Finding(
         f"i: {ahead.text()} BL from rest, total momentum within {drift:.1e} of zero",
-        above(ahead.size(), 0.0),
+        ahead.size().above(0.0),
     )
 
 

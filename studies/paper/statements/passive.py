@@ -16,16 +16,12 @@ from studies.paper.verdicts import (
     Finding,
     MissingError,
     Value,
-    above,
     all_of,
-    at_most,
-    larger,
     listed,
     onset_of,
     onset_time,
     run_of,
     value_of,
-    within,
     yes,
 )
 
@@ -70,7 +66,7 @@ def _as_the_papers(elements: int, panels: int) -> Judge:
             paper = PAPER_TIMES[elements, panels, kind]
             shown = "none" if ours is None else f"{ours.text()} s"
             parts.append(f"{name}: {shown} (paper {paper:g})")
-            verdicts.append(DIFFER if ours is None else within(ours, paper, CLOSE * paper))
+            verdicts.append(DIFFER if ours is None else ours.within(paper, CLOSE * paper))
         found = onset_of(data, elements, panels, "epsilon")
         assert found is not None
         rate = "not at all" if found["rate"] is None else f"at {found['rate']:.4f} 1/s"
@@ -91,9 +87,9 @@ def _panels_matter(elements: int, earlier: bool) -> Judge:
         parts, verdicts = [], []
         for kind, name in _STARTS.items():
             few, many = (_time(data, elements, panels, kind) for panels in (4, 12))
-            verdicts.append(within(many.over(few), 1.0, 0.02))
+            verdicts.append(many.over(few).within(1.0, 0.02))
             if earlier:
-                verdicts.append(larger(few, many))
+                verdicts.append(few.larger_than(many))
             parts.append(f"{name}: {few.text()} and {many.text()} s")
         found = [onset_of(data, elements, panels, "small") for panels in (4, 12)]
         rates = " and ".join(f"{one['kirchhoff']:.4f}" for one in found if one is not None)
@@ -130,7 +126,7 @@ def _stiffness(data: Data) -> Finding:
         f"over {len(spreads)} bodies and starts the time varies by at most "
         f"{spreads[worst].value:.1e} ± {spreads[worst].bar:.0e} of itself (N = {worst[0]}, "
         f"{worst[1]} panels, {_STARTS[worst[2]]})",
-        all_of(at_most(one, 0.01) for one in spreads.values()),
+        all_of(one.at_most(0.01) for one in spreads.values()),
     )
 
 
@@ -141,7 +137,7 @@ def _x_turns(data: Data) -> Finding:
     shown = "not in this run" if late is None else f"past 150° after {late} s"
     return Finding(
         f"turned by {turn.text()}° at t = 10 s; {shown}",
-        within(turn.size(), 180.0, TURN),
+        turn.size().within(180.0, TURN),
     )
 
 
@@ -152,7 +148,7 @@ def _coarse_unstable(data: Data) -> Finding:
         "; ".join(f"N = {n}: {one.text()} s" for n, one in found.items())
         + "; "
         + listed(ratios, "{}"),
-        all_of(at_most(one, 0.5) for one in ratios.values()),
+        all_of(one.at_most(0.5) for one in ratios.values()),
     )
 
 
@@ -172,7 +168,7 @@ def _alike(data: Data) -> Finding:
     return Finding(
         f"headings at most {turn.text()}° and centres at most {way.text()} m apart in "
         f"{duration:g} s",
-        all_of([at_most(turn, 10.0), at_most(way, 0.1)]),
+        all_of([turn.at_most(10.0), way.at_most(0.1)]),
     )
 
 
@@ -183,7 +179,7 @@ def _delayed(data: Data) -> Finding:
     paper = ", ".join(f"{PAPER_TIMES[*body, 'sloped']:g}" for body in PAPER_BODIES.values())
     return Finding(
         "; ".join(f"N = {n}: {one.text()} s" for n, one in found.items()),
-        all_of(above(found[b].over(found[a]), 1.05) for a, b in ((3, 9), (9, 27))),
+        all_of(found[b].over(found[a]).above(1.05) for a, b in ((3, 9), (9, 27))),
         f"The onset is the rigid body's, whose masses hardly depend on N: the times are "
         f"{high - low:.2f} s apart. The sloped start says nothing of N, as it counts x in elements "
         f"and so is another motion for every N: {ours} s in ours, {paper} s in the paper, neither "

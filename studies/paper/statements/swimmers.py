@@ -13,17 +13,13 @@ from studies.paper.verdicts import (
     Finding,
     MissingError,
     Value,
-    above,
     all_of,
     at_least_one_of,
-    at_most,
-    larger,
     listed,
     ratio_of,
     run_of,
     value_of,
     values_of,
-    within,
     yes,
 )
 
@@ -54,7 +50,7 @@ def _resonance(data: Data) -> float | None:
 
 
 def _is_ahead(way: Value) -> str:
-    return above(way, 0.0)
+    return way.above(0.0)
 
 
 def _alike(data: Data) -> Finding:
@@ -62,9 +58,9 @@ def _alike(data: Data) -> Finding:
     ways, turns = (values_of(data, names, pick, WHOLE) for pick in (way_ahead, heading_turn))
     first = math.copysign(1.0, ways["i"].value)
     side = math.copysign(1.0, turns["i"].value)
-    one_way = [above(one.times(first), 0.0) for one in ways.values()]
-    curved = all_of(above(one.times(side), CURVED) for one in turns.values())
-    straight = all_of(at_most(one.size(), CURVED) for one in turns.values())
+    one_way = [one.times(first).above(0.0) for one in ways.values()]
+    curved = all_of(one.times(side).above(CURVED) for one in turns.values())
+    straight = all_of(one.size().at_most(CURVED) for one in turns.values())
     return Finding(
         f"head first {listed(ways, '{} BL')}; turn {listed(turns, '{}°')}",
         all_of([*one_way, at_least_one_of([curved, straight])]),
@@ -81,7 +77,7 @@ def _nontrivial(data: Data) -> Finding:
     off = [Value(abs(4.0 * one.value - 1.0), 4.0 * one.bar) for one in ratios.values()]
     return Finding(
         f"speed over that of i {listed(ratios, '{}')}; (torque over stiffness)² would give 0.25",
-        at_least_one_of(above(one, CLOSE) for one in off),
+        at_least_one_of(one.above(CLOSE) for one in off),
     )
 
 
@@ -89,7 +85,7 @@ def _ii_slower(data: Data) -> Finding:
     bends, speeds = (values_of(data, ("i", "ii"), pick) for pick in (largest_bend, net_speed))
     return Finding(
         f"largest joint angle {listed(bends, '{} rad')}; speed {listed(speeds, '{} BL/s')}",
-        all_of(larger(one["i"], one["ii"]) for one in (bends, speeds)),
+        all_of(one["i"].larger_than(one["ii"]) for one in (bends, speeds)),
     )
 
 
@@ -97,7 +93,7 @@ def _semicircle(data: Data) -> Finding:
     turn = value_of(data, "iv", heading_turn, WHOLE)
     return Finding(
         f"iv: {turn.text()}°, paper about 180° either way",
-        within(turn.size(), 180.0, TURN),
+        turn.size().within(180.0, TURN),
         STRAIGHT if abs(turn.value) < CURVED else "",
     )
 
@@ -112,7 +108,7 @@ def _quadrant(data: Data) -> Finding:
         why += f" Its first natural frequency is {first:.2f} Hz: the drive of 1 Hz lies {side} it."
     return Finding(
         f"v: {turn.text()}° (left positive), paper about -90°; it swims {way}, {ahead.text()} BL",
-        within(turn, -90.0, TURN),
+        turn.within(-90.0, TURN),
         why,
     )
 
@@ -121,8 +117,8 @@ def _unlike(data: Data) -> Finding:
     names = ("iii", "v")
     ways, turns = (values_of(data, names, pick, WHOLE) for pick in (way_ahead, _size_of_turn))
     forward = math.copysign(1.0, ways["iii"].value)
-    turning = larger(turns["v"], Value(turns["iii"].value + TURN, turns["iii"].bar))
-    other_way = above(ways["v"].times(-forward), 0.0)
+    turning = turns["v"].larger_than(Value(turns["iii"].value + TURN, turns["iii"].bar))
+    other_way = ways["v"].times(-forward).above(0.0)
     return Finding(
         f"head first {listed(ways, '{} BL')}; turn {listed(turns, '{}°')}",
         at_least_one_of([turning, other_way]),
@@ -138,14 +134,14 @@ def _much_faster(data: Data) -> Finding:
     first = _resonance(data)
     if first is not None:
         why += f" Its first natural frequency, {first:.2f} Hz, is near the drive's 1 Hz, undamped."
-    return Finding(f"{listed(values, '{} m/s')}; ratio {ratio.text()}", above(ratio, FAST), why)
+    return Finding(f"{listed(values, '{} m/s')}; ratio {ratio.text()}", ratio.above(FAST), why)
 
 
 def _head_matters(data: Data) -> Finding:
     shares = values_of(data, ("i", "vii"), _share_in_front)
     speeds = values_of(data, ("i", "vi", "vii"), net_speed)
-    verdicts = [above(one, UNBENT) for one in shares.values()]
-    verdicts += [larger(speeds[name], speeds["vi"]) for name in ("i", "vii")]
+    verdicts = [one.above(UNBENT) for one in shares.values()]
+    verdicts += [speeds[name].larger_than(speeds["vi"]) for name in ("i", "vii")]
     try:
         other = value_of(data, "vi_reversed", net_speed)
         why = (
@@ -188,22 +184,22 @@ def _slows(data: Data) -> Finding:
     return Finding(
         f"{moving.text()} BL/s before 50 s, {stopped.text()} after; ratio "
         f"{ratio.value:.1e} ± {ratio.bar:.0e}",
-        at_most(ratio, 0.1),
+        ratio.at_most(0.1),
     )
 
 
 def _ix_slow(data: Data) -> Finding:
-    slow = in_ratio("ix", "i", lambda ratio: at_most(ratio, SLOW))(data)
+    slow = in_ratio("ix", "i", lambda ratio: ratio.at_most(SLOW))(data)
     ahead = value_of(data, "ix", way_ahead)
     return Finding(
         f"{slow.measured}; to the left {ahead.text()} BL",
-        all_of([slow.verdict, above(ahead, 0.0)]),
+        all_of([slow.verdict, ahead.above(0.0)]),
     )
 
 
 def _curves(names: str, side: float) -> Judge:
     """Judge whether paths curve to a side, 1 for the left and -1 for the right."""
-    rule = each(lambda turn: above(turn.times(side), CURVED))
+    rule = each(lambda turn: turn.times(side).above(CURVED))
     before = "turn of the heading (left positive) "
     return compared(names, heading_turn, "{}°", rule, WHOLE, before)
 
@@ -219,15 +215,15 @@ JUDGES: dict[str, Judge] = {
         "i ii iii",
         net_speed,
         "{} BL/s",
-        lambda speeds: all_of(larger(speeds["i"], speeds[other]) for other in ("ii", "iii")),
+        lambda speeds: all_of(speeds["i"].larger_than(speeds[other]) for other in ("ii", "iii")),
     ),
     "ii slower": _ii_slower,
-    "iii slower": in_ratio("iii", "ii", lambda ratio: at_most(ratio, 1.0), "iii over ii"),
+    "iii slower": in_ratio("iii", "ii", lambda ratio: ratio.at_most(1.0), "iii over ii"),
     "iv less stable": compared(
         "i iv",
         _size_of_turn,
         "{}°",
-        lambda turns: all_of([larger(turns["iv"], turns["i"]), above(turns["iv"], CURVED)]),
+        lambda turns: all_of([turns["iv"].larger_than(turns["i"]), turns["iv"].above(CURVED)]),
         WHOLE,
         "turn ",
     ),
@@ -237,12 +233,12 @@ JUDGES: dict[str, Judge] = {
     "v faster": _much_faster,
     "vi-vii left": compared("vi vii", way_ahead, "{} BL", each(_is_ahead)),
     "vi-vii curve": _curves("vi vii", 1.0),
-    "vi bends": measured("vi", _share_in_front, _FRONT, lambda share: at_most(share, UNBENT)),
-    "vi slow": in_ratio("vi", "i", lambda ratio: at_most(ratio, SLOW)),
+    "vi bends": measured("vi", _share_in_front, _FRONT, lambda share: share.at_most(UNBENT)),
+    "vi slow": in_ratio("vi", "i", lambda ratio: ratio.at_most(SLOW)),
     "vii faster": compared(
-        "vi vii", net_speed, "{} BL/s", lambda speeds: larger(speeds["vii"], speeds["vi"])
+        "vi vii", net_speed, "{} BL/s", lambda speeds: speeds["vii"].larger_than(speeds["vi"])
     ),
-    "vii bends": measured("vii", _share_in_front, _FRONT, lambda share: above(share, UNBENT)),
+    "vii bends": measured("vii", _share_in_front, _FRONT, lambda share: share.above(UNBENT)),
     "head matters": _head_matters,
     "viii as i": _as_i,
     "viii slows": _slows,
@@ -250,11 +246,11 @@ JUDGES: dict[str, Judge] = {
         "viii",
         _turn_after,
         "heading turns by {}° after 50 s",
-        lambda turn: above(turn.size(), CURVED),
+        lambda turn: turn.size().above(CURVED),
         WHOLE,
     ),
     "ix slow": _ix_slow,
     "ix straight": measured(
-        "ix", heading_turn, "turn {}°", lambda turn: at_most(turn.size(), CURVED), least=WHOLE
+        "ix", heading_turn, "turn {}°", lambda turn: turn.size().at_most(CURVED), least=WHOLE
     ),
 }
