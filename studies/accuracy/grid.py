@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import chain, product
 from typing import NamedTuple
@@ -29,9 +29,10 @@ __all__ = [
 CHOSEN_TOLERANCES = (3e-2, 1e-2, 3e-3)
 _FINE = "proportional"
 _SCHEMES = ("paper", "composed")
-#: Panels per element and at each end: the paper's and fine ones, and all.
-_COARSE_AND_FINE: tuple[tuple[int, int | str], ...] = ((4, 1), (16, _FINE))
-_PANELS: tuple[tuple[int, int | str], ...] = ((4, 1), (4, _FINE), (8, 1), (8, _FINE), (12, _FINE))
+#: Panels on an element and at each end.
+_Panels = tuple[int, int | str]
+_COARSE_AND_FINE: tuple[_Panels, ...] = ((4, 1), (16, _FINE))
+_PANELS: tuple[_Panels, ...] = ((4, 1), (4, _FINE), (8, 1), (8, _FINE), (12, _FINE))
 #: How Newton's tolerance is varied besides the paper's settings.
 FINE_STEPS = (
     Settings("frozen", 12, 18, _FINE, 0.01, "composed"),
@@ -121,7 +122,7 @@ def held_out_scenes() -> list[Case]:
     return cases
 
 
-def _changed(base: str, name: str, changes: dict[str, object]) -> Scene:
+def _changed(base: str, name: str, changes: Mapping[str, object]) -> Scene:
     return load_scene(base).replace({"name": name, "description": "", **changes})
 
 
@@ -133,20 +134,21 @@ def full_grid() -> list[Settings]:
 
 def quick_grid() -> list[Settings]:
     """Return settings that show the same in a minute or two."""
-    models, steps = ("strip", "frozen", "expansion"), ((0.02, "composed"), (0.01, "paper"))
-    steps = (*steps, (0.01, "composed"))
+    models, counts = ("strip", "frozen", "expansion"), (5, 9)
+    steps = ((0.02, "composed"), (0.01, "paper"), (0.01, "composed"))
     grid = [
         Settings(model, elements, *panels, *step)
-        for model, elements, panels, step in product(models, (5, 9), _COARSE_AND_FINE, steps)
+        for model, elements, panels, step in product(models, counts, _COARSE_AND_FINE, steps)
     ]
     solver = replace(SOLVED, scheme="LSODA", tolerance=1e-3)
     return [*grid, PAPER_SETTINGS, replace(PAPER_SETTINGS, scheme="composed"), solver]
 
 
 def _frozen() -> Iterator[Settings]:
-    for elements, *step in product((5, 7, 9, 12, 18, 27), (0.02, 0.01, 0.005, 0.0025), _SCHEMES):
+    steps = product((0.02, 0.01, 0.005, 0.0025), _SCHEMES)
+    for elements, step in product((5, 7, 9, 12, 18, 27), steps):
         # As many panels along the body at every N, which cost nothing, and the paper's.
-        panels: list[tuple[int, int | str]] = [(max(8, 2 * round(108 / elements)), _FINE), (4, 1)]
+        panels: list[_Panels] = [(max(8, 2 * round(108 / elements)), _FINE), (4, 1)]
         if elements == PAPER_SETTINGS.elements:
             panels += [(8, 1), (8, _FINE)]
         # Where all else is fine, the panels are what is left.
@@ -157,7 +159,7 @@ def _frozen() -> Iterator[Settings]:
 
 
 def _others() -> Iterator[Settings]:
-    for elements, *step in product((5, 9, 12, 18), (0.02, 0.01, 0.005), _SCHEMES):
+    for elements, step in product((5, 9, 12, 18), product((0.02, 0.01, 0.005), _SCHEMES)):
         yield Settings("strip", elements, 4, 1, *step)
         if elements < 18:
             for panels in _COARSE_AND_FINE:

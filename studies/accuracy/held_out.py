@@ -102,8 +102,8 @@ def judge_case(
     except SwimError as error:
         return {**line, "reason": str(error)}
     outcome = play(choice.scene, case.duration)
-    error, chosen = reference.error(outcome), choice.settings.label
-    line |= {"chosen": chosen, "error": error, "met": error <= tolerance, "reason": choice.reason}
+    off, chosen = reference.error(outcome), choice.settings.label
+    line |= {"chosen": chosen, "error": off, "met": off <= tolerance, "reason": choice.reason}
     if direct is not None:
         apart = relative_error(outcome.displacement, direct.displacement, case.scene.beam.length)
         line |= {"direct_error": apart, "met_direct": apart <= tolerance}
@@ -111,7 +111,7 @@ def judge_case(
     others = [one for one in grid if one != choice.settings]
     best = _best_by_hand(case, tolerance, reference, others, speed)
     if best is None:
-        return {**line, "best": chosen, "best_error": error, "cost_ratio": 1.0}
+        return {**line, "best": chosen, "best_error": off, "cost_ratio": 1.0}
     settings, best_error = best
     calls = {
         "chosen": _timed(choice.scene, speed),

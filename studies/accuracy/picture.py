@@ -82,7 +82,7 @@ def _draw_legend(figure: Figure, runs: Sequence[Run]) -> None:
 
     models = {run["fluid_model"] for run in runs}
     schemes = {run["scheme"] for run in runs}
-    dot = {"linestyle": "", "markersize": 4}
+    dot: dict[str, Any] = {"linestyle": "", "markersize": 4}
     handles = [
         *(entry(m, color=c, marker="o", **dot) for m, c in _COLOURS.items() if m in models),
         *(entry(f"SciPy's {s}", **_of_solver(s)) for s in _SOLVER_MARKS if s in schemes),
@@ -91,8 +91,8 @@ def _draw_legend(figure: Figure, runs: Sequence[Run]) -> None:
         entry("paper's settings", color=style.BLACK, marker="*", linestyle="", markersize=9),
         entry("within the reference's error bar", color=style.SHADE, linewidth=6),
     ]
-    where = {"loc": "outside lower center", "ncols": 5}
-    figure.legend(handles=handles, **where, fontsize=style.SMALL, frameon=False)
+    look: dict[str, Any] = {"ncols": 5, "fontsize": style.SMALL, "frameon": False}
+    figure.legend(handles=handles, loc="outside lower center", **look)
 
 
 def _of_solver(name: str) -> dict[str, Any]:
@@ -117,8 +117,8 @@ def _draw_scene(axes: Axes, runs: Sequence[Run], reference: Reference) -> None:
         if run["scheme"] in _SOLVER_MARKS:
             axes.plot(*point, **_of_solver(run["scheme"]), zorder=3)
             continue
-        look = {"marker": _MARKS[run["scheme"]], "markersize": 3, "linestyle": "", "alpha": 0.7}
-        axes.plot(*point, color=_COLOURS.get(run["fluid_model"], style.GREY), **look)
+        colour, mark = _COLOURS.get(run["fluid_model"], style.GREY), _MARKS[run["scheme"]]
+        axes.plot(*point, color=colour, marker=mark, markersize=3, linestyle="", alpha=0.7)
     front = pareto(runs)
     costs, errors = ([run[key] for run in front] for key in ("cost", "error"))
     axes.step(costs, errors, where="post", color=style.FRONT, linewidth=style.LINE)

@@ -166,9 +166,8 @@ def draw_sweeps(bends: list[dict[str, Any]], resonance: Mapping[str, Any]) -> Fi
     for place, (name, sweep) in zip(axes[1:], resonance.items(), strict=True):
         _draw_resonance(place, sweep)
         place.set_title(f"resonance: {name}", fontsize=style.SMALL + 1)
-    where = {"loc": "outside lower right", "ncols": 4}
-    handles = axes[1].get_lines()
-    figure.legend(handles=handles, **where, fontsize=style.SMALL, frameon=False)
+    look: dict[str, Any] = {"ncols": 4, "fontsize": style.SMALL, "frameon": False}
+    figure.legend(handles=axes[1].get_lines(), loc="outside lower right", **look)
     return figure
 
 
@@ -177,7 +176,7 @@ def _draw_bends(axes: Axes, bends: list[dict[str, Any]]) -> None:
         some = [one for one in bends if one["errors"][model] is not None]
         angles = [one["largest_bend"] for one in some]
         errors = [one["errors"][model] for one in some]
-        look = {"marker": "o", "markersize": 3, "linewidth": style.LINE}
+        look: dict[str, Any] = {"marker": "o", "markersize": 3, "linewidth": style.LINE}
         axes.plot(angles, errors, color=colour, label=model, **look)
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -194,7 +193,12 @@ def _draw_resonance(axes: Axes, sweep: list[dict[str, Any]]) -> None:
             if value is not None and fine is not None:
                 points.append((one["frequency"], abs(value - fine) / max(abs(fine), 0.01)))
         line = "--" if "mean" in way else "-"
-        look = {"linewidth": style.LINE, "linestyle": line, "marker": "o", "markersize": 2.5}
+        look: dict[str, Any] = {
+            "linewidth": style.LINE,
+            "linestyle": line,
+            "marker": "o",
+            "markersize": 2.5,
+        }
         xs, ys = ([point[i] for point in points] for i in range(2))
         axes.plot(xs, ys, color=colour, label=way, **look)
     axes.set_yscale("log")

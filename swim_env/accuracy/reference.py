@@ -263,10 +263,10 @@ def _summed(total: Array, parts: dict[str, Array], length: float) -> Reference:
     extent = max(_largest(path), 0.01 * length)
     of_path = [_largest(part[3:].reshape(-1, 2)) / extent for part in parts.values()]
     of_energy = [abs(float(part[_ENERGY])) / max(abs(energy), 1e-300) for part in parts.values()]
-    bars = (list(shares.values()), of_path, of_energy)
-    return Reference(
-        displacement, path, energy, length, *(float(np.linalg.norm(bar)) for bar in bars), shares
+    bar, path_bar, energy_bar = (
+        float(np.linalg.norm(some)) for some in (list(shares.values()), of_path, of_energy)
     )
+    return Reference(displacement, path, energy, length, bar, path_bar, energy_bar, shares)
 
 
 def _even(panels: float) -> int:

@@ -66,13 +66,14 @@ def mass_matrix(simulator: Simulator) -> Array:
 
     def momentum(velocity: Array) -> Array:
         simulator.reset_to(np.zeros(n), velocity)
-        return np.frombuffer(simulator.snapshot().state)[n : 2 * n].copy()
+        return np.frombuffer(simulator.snapshot().state)[n : 2 * n]
 
     # In a stream a body at rest has momentum: momenta are those relative to the stream.
     at_rest = momentum(np.zeros(n))
-    matrix = np.array([momentum(unit) - at_rest for unit in np.eye(n)])
+    matrix: Array = np.array([momentum(unit) - at_rest for unit in np.eye(n)])
     simulator.reset()
-    return 0.5 * (matrix + matrix.T)
+    symmetric: Array = 0.5 * (matrix + matrix.T)
+    return symmetric
 
 
 def rigid_mass(matrix: Array) -> RigidMass:
