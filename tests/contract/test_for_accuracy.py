@@ -6,7 +6,6 @@ import functools
 import itertools
 import json
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -683,15 +682,18 @@ def test_a_tolerance_beyond_reach_or_sense_is_refused(tolerance: Any) -> None:
         short().for_accuracy(tolerance)
 
 
+#: Half a wave of ten times what this body can take rolls it up; only panels see that.
+ROLLED: dict[str, object] = {
+    "beam.bending_stiffness": 0.2,
+    "damping.retardation_time": 0.05,
+    "actuation.wave_number": math.pi,
+    "actuation.amplitude": 3.0,
+}
+
+
 def test_a_violent_scene_has_no_reference() -> None:
-    """An undamped body at its first resonance, which collapses."""
-    drive = {"actuation.amplitude": 2.0, "actuation.frequency": 5.2 * 2.0 * math.pi}
-    with refuses(SwimError) as caught:
-        short({"damping": None, **drive}).for_accuracy(0.1)
-    # A fine run ends early, or where it comes to rest differs from one to the next.
-    assert re.match(
-        "scene swimmer (has no (converged )?reference|bends too far)", str(caught.value)
-    )
+    with refuses(SwimError, "scene swimmer has no converged reference: ", "under_resolved_gap"):
+        short(ROLLED).for_accuracy(0.1, duration=1.0)
 
 
 @pytest.mark.parametrize(
