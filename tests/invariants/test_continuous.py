@@ -146,7 +146,7 @@ def test_all_methods_solve_the_same_equations(method: str) -> None:
 
 
 def test_the_place_does_not_matter() -> None:
-    """Implicit solvers, who find that out by ever larger differences, try remote ones."""
+    """Implicit solvers find that out by ever larger differences, and so try remote ones."""
     equations = _Equations(_scene({"initial.velocity": (0.3, 0.1), "initial.joint_angles": 0.1}))
     state = equations.start()
     remote = state.copy()
@@ -195,9 +195,9 @@ def test_a_longest_step_is_kept_to() -> None:
 
 
 def test_progress_counts_simulated_seconds() -> None:
-    told: list[float] = []
-    integrate(_scene(CASES["ending"], 50), 0.8, progress=told.append)
-    assert told == pytest.approx([0.5, 0.3])
+    found: list[float] = []
+    integrate(_scene(CASES["ending"], 50), 0.8, progress=found.append)
+    assert found == pytest.approx([0.5, 0.3])
 
 
 # ---- what is conserved -------------------------------------------------------------------------
@@ -340,7 +340,7 @@ def test_a_duration_that_is_none_is_refused(duration: float) -> None:
 @pytest.mark.parametrize(
     ("amplitude", "reason"), [(2.0, "outline_degenerate"), (5.0, "under_resolved_gap")]
 )
-def test_a_shape_that_cannot_be_weighed_ends_it_by_name(amplitude: float, reason: str) -> None:
+def test_a_shape_without_an_added_mass_ends_it_by_name(amplitude: float, reason: str) -> None:
     with pytest.raises(SimulationEndedError) as caught:
         integrate(_scene({"actuation.amplitude": amplitude}), DURATION)
     assert caught.value.reason == reason

@@ -20,7 +20,8 @@ import numpy as np
 import pytest
 
 import studies.accuracy.study as study_module
-from studies.accuracy.study import Study
+from studies.accuracy.grid import Case
+from studies.accuracy.study import Study, case_digest
 from swim_env import (
     Scene,
     SceneError,
@@ -31,7 +32,6 @@ from swim_env import (
     TrajectoryError,
     load_scene,
 )
-from swim_env.accuracy.grid import Case
 from swim_env.accuracy.reference import Reference
 from swim_env.accuracy.settings import Settings
 from swim_env.plots.results import RESULT_FILES
@@ -439,7 +439,8 @@ def study(monkeypatch: pytest.MonkeyPatch) -> Callable[[Path], Study]:
     monkeypatch.setattr(study_module, "Yardstick", lambda *given: None)
 
     def measure(self: Study, case: Case, settings: Settings, yardstick: object) -> dict[str, Any]:
-        return study_module._line(case, settings, "", error=settings.elements / 8.0)
+        line = {"case": case_digest(case), "scene": case.scene.name, "reason": ""}
+        return {**line, **settings.to_dict(), "error": settings.elements / 8.0}
 
     monkeypatch.setattr(Study, "_measure", measure)
     return lambda folder: Study(folder, [Case(load_scene("swimmer"), 1.0)], GRID)
@@ -460,11 +461,13 @@ def test_a_study_whose_lines_do_not_fit_goes_on_once_there_is_room(
         with files_of_at_most(limit), pytest.raises(SwimError) as caught:
             one.run()
         message = str(caught.value)
-        assert "cannot write the run: File too large" in message, message
+        assert "cannot write results: File too large" in message, message
         assert str(folder / "runs.jsonl") in message and "\n" not in message
         left = (folder / "runs.jsonl").read_bytes()
         assert left.endswith(b"\n") and whole.startswith(left), "half a line stays"
-        assert len(one.runs) == left.count(b"\n"), "it takes a line for written that is not"
+        assert len(one.store.records) == left.count(b"\n"), (
+            "it takes a line for written that is not"
+        )
         copied = tmp_path / f"{limit} later"
         shutil.copytree(folder, copied)
         one.run()
@@ -483,7 +486,7 @@ def test_a_study_cut_off_at_any_byte_is_completed(
     for size in range(0, len(whole), 11):
         path.write_bytes(whole[:size])
         again = study(tmp_path)
-        assert len(again.runs) == whole[:size].count(b"\n"), f"{size} bytes"
+        assert len(again.store.records) == whole[:size].count(b"\n"), f"{size} bytes"
         again.run()
         text = path.read_bytes()
         assert text.lstrip(b"\n") == whole, f"cut off after {size} bytes"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from swim_env import OptionError, Simulator, load_scene
+from swim_env import OptionError, Simulator, Trajectory, load_scene
 from swim_env.analysis.flow import BodyFlow, Flow, flow_of_sources, pressure_between
 from swim_env.physics.fluid.outline import CT, CX, CY, LENGTH, ST, X, Y, padded
 from swim_env.physics.fluid.panels import LAYERS, influence, normal_influence
@@ -66,7 +66,7 @@ def ring(radius: float, count: int = 40) -> Array:
 CIRCLE = ellipse(0.5, 0.5, 360)
 
 
-def test_circle_in_translation():
+def test_circle_in_translation() -> None:
     """phi = -R^2 U.x / r^2 and its gradient; so the flow decays like 1/r^2."""
     velocity = np.array([0.8, -0.3])
     body = PolygonFlow(CIRCLE)
@@ -85,7 +85,7 @@ def test_circle_in_translation():
     assert body.at(ring(0.45), velocity).inside.all()
 
 
-def test_pressure_on_a_circle_at_constant_velocity():
+def test_pressure_on_a_circle_at_constant_velocity() -> None:
     """p = rho U^2 (cos 2t R^2/r^2 - R^4/r^4 / 2): 0.5 rho U^2 ahead and behind, -1.5 beside."""
     speed, density, interval = 0.7, 10.0, 1e-3
     body = PolygonFlow(CIRCLE)
@@ -100,7 +100,7 @@ def test_pressure_on_a_circle_at_constant_velocity():
 
 
 @pytest.mark.parametrize("axes", [(0.5, 0.5), (0.5, 0.2)])
-def test_dalembert(axes):
+def test_dalembert(axes: tuple[float, float]) -> None:
     """A body at constant velocity along an axis feels no force; an accelerated one -m a."""
     density, interval = 10.0, 1e-3
     body = PolygonFlow(ellipse(*axes, 240))
@@ -119,7 +119,7 @@ def test_dalembert(axes):
     assert abs(load[1]) < 1e-6
 
 
-def test_turning_ellipse():
+def test_turning_ellipse() -> None:
     """phi = -w (a+b)^2 / 4 * e^(-2 xi) sin(2 eta), and its kinetic energy."""
     a, b, turning = 0.5, 0.2, 1.3
     body = PolygonFlow(ellipse(a, b, 400))
@@ -132,7 +132,7 @@ def test_turning_ellipse():
     assert found.potential == pytest.approx(exact, abs=5e-3 * np.abs(exact).max())
 
 
-def test_no_flux_through_the_surface():
+def test_no_flux_through_the_surface() -> None:
     """Just outside of the panels' middles, the fluid moves with the body along the normal."""
     body = PolygonFlow(ellipse(0.5, 0.2, 200))
     velocity, turning = np.array([0.4, 0.9]), -0.7
@@ -148,12 +148,12 @@ SCENE = load_scene("swimmer")
 
 
 @pytest.fixture(scope="module")
-def run():
+def run() -> Trajectory:
     simulator = Simulator(SCENE)
     return simulator.rollout(simulator.prescribed_torques(120))
 
 
-def test_velocity_follows_the_body(run):
+def test_velocity_follows_the_body(run: Trajectory) -> None:
     """Fluid beside an element's middle moves along its normal as the element does."""
     flow = BodyFlow(SCENE)
     angles, centres = run.angles[100], run.centres[100]
@@ -174,7 +174,7 @@ def test_velocity_follows_the_body(run):
         assert np.abs(through - moving)[inner].max() < 0.1 * scale
 
 
-def test_kinetic_energy_is_that_of_the_field(run):
+def test_kinetic_energy_is_that_of_the_field(run: Trajectory) -> None:
     """rho |u|^2 / 2 summed over the plane is V^T A V / 2.
 
     Inside of a circle on a fine grid; outside of it by Green's theorem, as -rho/2 of the circle's
@@ -200,7 +200,7 @@ def test_kinetic_energy_is_that_of_the_field(run):
     assert found.inside.sum() * cell * cell == pytest.approx(0.02, rel=0.03)
 
 
-def test_flow_moves_with_the_stream():
+def test_flow_moves_with_the_stream() -> None:
     """A body that drifts with a stream has the flow of one at rest, and the stream on top."""
     still = load_scene("swimmer", {"initial.velocity": [0.0, 0.0]})
     drifting = still.replace("stream", {"velocity": [0.3, 0.1]}).replace(
@@ -217,13 +217,13 @@ def test_flow_moves_with_the_stream():
     assert moved_pressure == pytest.approx(rest_pressure, abs=1e-5)
 
 
-def test_a_scene_without_fluid_has_no_flow():
+def test_a_scene_without_fluid_has_no_flow() -> None:
     """It is refused in one line."""
     with pytest.raises(OptionError, match="has no fluid"):
         BodyFlow(SCENE.replace("fluid", None))
 
 
-def test_far_pressure_is_that_of_the_net_source():
+def test_far_pressure_is_that_of_the_net_source() -> None:
     """Which a bending body has, the same from everywhere, and a rigid one not."""
     scene = load_scene("swimmer")
     flow, length = BodyFlow(scene), scene.beam.length
