@@ -10,6 +10,7 @@ __all__ = [
     "DETAILS",
     "GROUPS",
     "HELD",
+    "LEGEND",
     "PROPERTY",
     "REWARDS",
     "SCHEMA_VERSION",
@@ -27,12 +28,14 @@ __all__ = [
 SCHEMA_VERSION = 1
 
 APPLICATION = "swim_env"
-#: The recording's own property, in which the version stands.
+#: The recording's own property, which holds the version.
 PROPERTY = "swim_env"
 #: Simulated time (s).
 TIMELINE = "time"
-#: Everything in the plane hangs on this entity, which turns the plane's y upwards (m).
+#: Everything in the plane is below this entity, which turns the plane's y upwards (m).
 WORLD = "world"
+#: What colours and arrows mean.
+LEGEND = "legend"
 
 #: Series of every swimmer, with what a name says and its unit. Each group is one entity with one
 #: row of numbers per instant.
@@ -48,10 +51,10 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "solver": ("Newton corrections in a step (1)", "log10 of the residual (1)"),
 }
 
-#: The group energy of a run of which nobody knows the velocity that it started with.
+#: The group energy of a run whose velocity at the start is not known.
 UNSPLIT_ENERGY = ("kinetic, body and fluid (J)", "elastic (J)", "total (J)")
 
-#: Groups that stand at the ends of an episode's actions, and not at all without rewards.
+#: Groups at the ends of an episode's actions, absent without rewards.
 REWARDS = ("reward", "return")
 
 #: Groups whose values are held, and how rerun draws them: from their instant on, or up to it.

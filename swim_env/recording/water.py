@@ -5,31 +5,36 @@ from __future__ import annotations
 import io
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from swim_env.analysis.flow import BodyFlow
-from swim_env.envs.render.drawing import Image
+from swim_env.physics.runtime.threads import usable_threads
 from swim_env.recording.palette import INSIDE, MIDDLE, pressure_palette
 from swim_env.recording.swimmer import Swimmer, frames_of
-from swim_env.recording.work import side_by_side
 
 __all__ = [
     "ARROW_EVERY",
     "CELLS_IN_LENGTH",
     "PIXELS",
-    "REACH_OF_TWO",
     "REACH",
+    "REACH_OF_TWO",
     "Water",
     "compute_water",
     "picture_of",
+    "pictures_of",
     "pressure_of",
 ]
 
 Array = NDArray[np.float64]
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 #: Grid cells in a body length, and cells from one arrow to the next.
 CELLS_IN_LENGTH, ARROW_EVERY = 40, 4
@@ -53,10 +58,8 @@ class Water:
 
     Attributes
     ----------
-    instants : (F,) array of int
-        Instants of the trajectory.
     time : (F,) array
-        The same (s).
+        Instants (s).
     cell : float
         Size of a cell (m).
     corners : (F, 2) array
@@ -71,7 +74,6 @@ class Water:
         Time that it took to compute.
     """
 
-    instants: NDArray[np.int64]
     time: Array
     cell: float
     corners: Array
@@ -154,9 +156,8 @@ def compute_water(
                     progress(run.duration / len(instants))
 
     # The kernels release the interpreter's lock; every frame is computed by itself.
-    side_by_side(compute, np.array_split(np.arange(len(instants)), min(_PARTS, len(instants))))
+    _side_by_side(compute, np.array_split(np.arange(len(instants)), min(_PARTS, len(instants))))
     return Water(
-        instants,
         run.time[instants],
         cell,
         corners,
@@ -165,6 +166,21 @@ def compute_water(
         velocities,
         time.perf_counter() - begin,
     )
+
+
+def _side_by_side(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+    """Return the results of a function for some items, in their order.
+
+    It runs in as many threads as numba may use, and in this one where Python is ending and
+    starts no more of them: that is when recordings that nobody has closed are written.
+    """
+    listed = list(items)
+    with ThreadPoolExecutor(usable_threads()) as pool:
+        try:
+            waiting = [pool.submit(function, item) for item in listed]
+        except RuntimeError:
+            return [function(item) for item in listed]
+        return [one.result() for one in waiting]
 
 
 def _distances(points: Array, nodes: Array) -> Array:
@@ -177,7 +193,7 @@ def _distances(points: Array, nodes: Array) -> Array:
 
 
 def _under_rim(pressures: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return pressures that go on under the body's rim, where the drawn body covers them."""
+    """Return pressures continued under the body's rim, where the drawn body covers them."""
     padded = np.pad(pressures, 1, constant_values=np.nan)
     around = np.stack([padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]])
     known = np.isfinite(around)
@@ -187,6 +203,11 @@ def _under_rim(pressures: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 _PALETTE = pressure_palette().tobytes()
+
+
+def pictures_of(water: Water, largest: float) -> list[bytes]:
+    """Return a picture of every frame, see `picture_of`."""
+    return _side_by_side(lambda pressures: picture_of(pressures, largest), water.pressures)
 
 
 def picture_of(pressures: NDArray[np.float32], largest: float) -> bytes:
