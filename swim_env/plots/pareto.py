@@ -4,25 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swim_env.errors import SwimError
-from swim_env.plots.style import (
-    FRONT,
-    GREY,
-    LINE,
-    SMALL,
-    SMALLER,
-    THIN,
-    WIDTH,
-    name_panel,
-    new_figure,
-    policy_looks,
-    style_axes,
-)
+from swim_env.plots import style
 from swim_env.sim.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -31,18 +18,13 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_pareto", "pareto_front"]
 
-Array = NDArray[np.float64]
-
 _MARKS = ("o", "s", "^", "D", "v", "P", "X")
 
 
 def pareto_front(costs: Sequence[float], gains: Sequence[float]) -> list[int]:
-    """Return who is beaten by nobody: nothing costs as little and gains more.
+    """Return the numbers of those that none beats, costing as little and gaining more.
 
-    Returns
-    -------
-    list of int
-        Their numbers, by rising cost.
+    They are in the order of rising cost.
     """
     order = sorted(range(len(costs)), key=lambda i: (costs[i], -gains[i]))
     front: list[int] = []
@@ -71,58 +53,46 @@ def draw_pareto(
     SwimError
         If nothing is left to draw.
     """
-    looks = policy_looks(trajectories)
-    figure = new_figure(WIDTH, 4.6)
+    looks = style.policy_looks(trajectories)
+    figure = style.new_figure(style.WIDTH, 4.6)
     axes = figure.add_subplot()
-    works: list[float] = []
-    reached: list[float] = []
+    trusted_points: list[tuple[float, float]] = []
     doubtful = False
     for number, (name, runs) in enumerate(trajectories.items()):
         passed = [True] * len(runs) if trusted is None else trusted[name]
         points = [
-            (*point, good)
-            for point, good in zip(map(_point, runs), passed, strict=True)
-            if min(point) > 0.0
+            (_point(run), good)
+            for run, good in zip(runs, passed, strict=True)
+            if min(_point(run)) > 0.0
         ]
         if not points:
             continue
         colour, mark = looks[name]["color"], _MARKS[number % len(_MARKS)]
-        good = [point[:2] for point in points if point[2]]
-        bad = [point[:2] for point in points if not point[2]]
-        axes.plot(*zip(*(point[:2] for point in points), strict=True), color=colour, linewidth=LINE)
-        axes.plot([], [], color=colour, marker=mark, markersize=5, linewidth=LINE, label=name)
-        for some, fill in ((good, colour), (bad, "white")):
-            axes.plot(
-                *np.array(some).reshape(-1, 2).T,
-                linestyle="",
-                color=colour,
-                marker=mark,
-                markerfacecolor=fill,
-                markersize=5,
-                zorder=4,
-            )
-        works += [work for work, _ in good]
-        reached += [displacement for _, displacement in good]
-        doubtful = doubtful or bool(bad)
-    if not works:
+        line: dict[str, Any] = {"color": colour, "linewidth": style.LINE}
+        marks: dict[str, Any] = {"color": colour, "marker": mark, "markersize": 5}
+        axes.plot(*zip(*(point for point, _ in points), strict=True), **line)
+        axes.plot([], [], **(marks | line), label=name)
+        for wanted, fill in ((True, colour), (False, "white")):
+            some = [point for point, good in points if good == wanted]
+            shown = np.array(some).reshape(-1, 2).T
+            axes.plot(*shown, **marks, linestyle="", markerfacecolor=fill, zorder=4)
+            if wanted:
+                trusted_points += some
+            else:
+                doubtful = doubtful or bool(some)
+    if not trusted_points:
         raise SwimError("there is nothing to draw: no run got anywhere along the scene's heading")
     if doubtful:
-        axes.plot(
-            [],
-            [],
-            "o",
-            color=GREY,
-            markerfacecolor="white",
-            markersize=5,
-            label="hollow: a finer computation disagrees",
-        )
+        label = "hollow: a finer computation disagrees"
+        axes.plot([], [], "o", color=style.GREY, markerfacecolor="white", markersize=5, label=label)
+    works, reached = zip(*trusted_points, strict=True)
     front = pareto_front(works, reached)
     axes.step(
         [works[i] for i in front],
         [reached[i] for i in front],
         where="post",
-        color=FRONT,
-        linewidth=THIN,
+        color=style.FRONT,
+        linewidth=style.THIN,
         label="front: no run goes as far for less",
         zorder=2,
     )
@@ -132,10 +102,14 @@ def draw_pareto(
     _draw_equal_costs(axes)
     axes.xaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_major_formatter("{x:g}")
-    axes.legend(fontsize=SMALL, frameon=False, loc="upper left")
-    scene, seconds = _what(trajectories)
-    name_panel(axes, f"{scene}, {seconds:g} s: each policy's torques at rising strength")
-    style_axes(axes, "positive work of the torques (J)", "net displacement (body lengths)")
+    axes.legend(fontsize=style.SMALL, frameon=False, loc="upper left")
+    first = next(run for runs in trajectories.values() for run in runs)
+    style.style_axes(
+        axes,
+        "positive work of the torques (J)",
+        "net displacement (body lengths)",
+        f"{first.scene.name}, {first.duration:g} s: each policy's torques at rising strength",
+    )
     return figure
 
 
@@ -145,18 +119,19 @@ def _point(run: Trajectory) -> tuple[float, float]:
     return float(run.positive_work.sum()), ahead
 
 
-def _what(trajectories: Mapping[str, Sequence[Trajectory]]) -> tuple[str, float]:
-    first = next(run for runs in trajectories.values() for run in runs)
-    return first.scene.name, first.duration
-
-
 def _draw_equal_costs(axes: Axes) -> None:
     """Draw lines of equal work per displacement, a name at the lower end of each."""
     left, right = axes.get_xlim()
     low, high = axes.get_ylim()
     decades = range(math.floor(math.log10(left / high)), math.ceil(math.log10(right / low)) + 1)
     for cost in (10.0**decade for decade in decades):
-        axes.plot([cost * low, cost * high], [low, high], color=GREY, linewidth=THIN, linestyle=":")
+        axes.plot(
+            [cost * low, cost * high],
+            [low, high],
+            color=style.GREY,
+            linewidth=style.THIN,
+            linestyle=":",
+        )
         # Under the line where it comes in, if there is room.
         if left < cost * low < right * (right / left) ** -0.15:
             axes.annotate(
@@ -164,8 +139,8 @@ def _draw_equal_costs(axes: Axes) -> None:
                 (cost * low, low),
                 xytext=(17, 2),
                 textcoords="offset points",
-                fontsize=SMALLER,
-                color=GREY,
+                fontsize=style.SMALLER,
+                color=style.GREY,
             )
     axes.set_xlim(left, right)
     axes.set_ylim(low, high)
