@@ -32,48 +32,30 @@ _ARROW_REACH = 1.2
 
 @dataclass(frozen=True)
 class Layout:
-    """How a swimmer is shown; files whose swimmers have equal ones share what follows from them.
+    """How a swimmer is shown; files whose swimmers have equal ones share what follows from them."""
 
-    Attributes
-    ----------
-    name, label : str
-        What it is called, and that in entity paths.
-    scene : Scene
-        Its scene.
-    number, count : int
-        Which lane of how many.
-    offset : pair of float
-        Where its lane's origin is drawn in the plane that all share (m).
-    low, high : pairs of float
-        Corners of what all bodies pass through in that plane, rounded outwards (m).
-    begin, end : float
-        First and last instant of all swimmers (s).
-    rewarded, split : bool
-        Whether it has rewards, and whether its kinetic energy is split between body and fluid.
-    colour : str
-        What the bodies' colours show.
-    limit : float
-        Torque or moment that all swimmers' colours reach to (N m).
-    pressure : float or None
-        Pressure that all swimmers' colours reach to (Pa), None without flow.
-    arrow_seconds : float or None
-        Seconds of the velocity that all swimmers' arrows are long, None without flow.
-    """
-
+    #: Its name, and that in entity paths.
     name: str
     label: str
     scene: Scene
+    #: Which lane of how many, and where the lane's origin is drawn in the plane of all (m).
     number: int
     count: int
     offset: Point
+    #: Corners of what all bodies pass through in that plane, rounded outwards (m).
     low: Point
     high: Point
+    #: First and last instant of all swimmers (s).
     begin: float
     end: float
+    #: Whether it has rewards, and whether its kinetic energy is split between body and fluid.
     rewarded: bool
     split: bool
+    #: What the bodies' colours show, and the torque or moment that they reach to (N m).
     colour: str
     limit: float
+    #: Pressure that colours reach to (Pa), and seconds of the velocity that an arrow is long, for
+    #: all swimmers; None without flow.
     pressure: float | None
     arrow_seconds: float | None
 
@@ -95,25 +77,13 @@ class Layout:
 
 @dataclass(frozen=True)
 class Lane:
-    """A swimmer's place in a recording.
-
-    Attributes
-    ----------
-    swimmer : Swimmer
-        The swimmer.
-    instants, energy_instants : (F,), (E,) arrays of int
-        Frames, and those of the energy.
-    shapes : Trajectory
-        The run's positions at the frames alone; nothing else of it is of use.
-    nodes : (F, N + 1, 2) array
-        Nodes of the centre line at the frames (m).
-    layout : Layout
-        How it is shown.
-    """
+    """A swimmer's place in a recording."""
 
     swimmer: Swimmer
+    #: Frames, (F,), and those of the energy, (E,).
     instants: Indices
     energy_instants: Indices
+    #: The run's positions at the frames alone, and its nodes there, (F, N + 1, 2) (m).
     shapes: Trajectory
     nodes: Array
     layout: Layout
@@ -124,16 +94,7 @@ def lanes_of(
 ) -> list[Lane]:
     """Give every swimmer its lane, one below the other where they start.
 
-    Parameters
-    ----------
-    swimmers : sequence of Swimmer
-        The swimmers.
-    waters : sequence of Water
-        The flows that are shown.
-    rate : float
-        Frames in a simulated second.
-    colour : str
-        What the bodies' colours show, ``torque`` or ``moment``.
+    `waters` are the flows that are shown; the rate is that of the frames (1/s).
     """
     # One legend serves all lanes, so they share their scales.
     limit = max([swimmer.scene.torque_limit for swimmer in swimmers])

@@ -9,18 +9,6 @@ from numpy.typing import NDArray
 
 from swim_env.colours import BODY, WATER, Colour, ramp, torque_colours
 
-__all__ = [
-    "ARROWS",
-    "GRID",
-    "INSIDE",
-    "MIDDLE",
-    "SERIES",
-    "TRAILS",
-    "joint_colours",
-    "pressure_palette",
-    "shades_of_torque",
-]
-
 Bytes = NDArray[np.uint8]
 
 ARROWS: Colour = (62, 84, 110)

@@ -38,17 +38,11 @@ class RecordingError(SwimError, ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """One component of one entity over time.
+    """One component of one entity over time."""
 
-    Attributes
-    ----------
-    time : (F,) array
-        Instants (s); empty for what does not change.
-    values : list
-        F values, or one: arrays and bytes.
-    """
-
+    #: Instants, (F,) (s); empty for what does not change.
     time: Array
+    #: F values, or one: arrays and bytes.
     values: list[Any]
 
 
@@ -133,12 +127,7 @@ class ReadRecording:
 
 
 def read_recording(path: str | os.PathLike[str]) -> ReadRecording:
-    """Read a recording that `write_recording` made, of this version or an older one.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        The file.
+    """Read the recording in a file that `write_recording` made, of this version or an older one.
 
     Raises
     ------
@@ -201,7 +190,7 @@ def _columns(name: str) -> dict[tuple[str, str], Column]:
                     continue
                 values = [_plain(value) for value in batch.column(field.name)]
                 found.setdefault((chunk.entity_path, field.name), []).append((times, values))
-    except _CutOffError:
+    except Warning:
         raise RecordingError(f"the recording was cut off: it has no end ({name})") from None
     except OSError as error:
         raise RecordingError(
@@ -221,20 +210,13 @@ def _columns(name: str) -> dict[tuple[str, str], Column]:
     return columns
 
 
-class _CutOffError(Exception):
-    """A file lacks its end."""
-
-
 def _opened(name: str) -> Any:
     """Return rerun's reader of a file; it only warns of one without an end."""
     import rerun as rr
 
     with warnings.catch_warnings():
         warnings.filterwarnings("error", message="RRD file has no footer")
-        try:
-            return rr.chunk.RrdReader(name)
-        except Warning:
-            raise _CutOffError from None
+        return rr.chunk.RrdReader(name)
 
 
 def _plain(value: Any) -> Any:

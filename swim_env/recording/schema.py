@@ -5,24 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
-__all__ = [
-    "APPLICATION",
-    "DETAILS",
-    "GROUPS",
-    "HELD",
-    "LEGEND",
-    "PROPERTY",
-    "REWARDS",
-    "SCHEMA_VERSION",
-    "TIMELINE",
-    "UNSPLIT_ENERGY",
-    "WORLD",
-    "group_path",
-    "label_of",
-    "names_of",
-    "place_of",
-]
-
 #: Version of the layout below. A reader takes recordings of this version and of older ones; whoever
 #: changes a path, a series, its unit or its place in a row adds one, and a branch to the reader.
 SCHEMA_VERSION = 1
@@ -77,14 +59,7 @@ def group_path(label: str, group: str) -> str:
 def names_of(group: str, joints: int, split: bool) -> tuple[str, ...]:
     """Return the names of a group's series, with their units.
 
-    Parameters
-    ----------
-    group : str
-        A key of GROUPS or DETAILS.
-    joints : int
-        Of the beam.
-    split : bool
-        Whether the kinetic energy is split between body and fluid.
+    The group is a key of GROUPS or DETAILS; `split` says whether the kinetic energy is split.
     """
     if group in DETAILS:
         return tuple([f"joint {joint} ({DETAILS[group]})" for joint in range(1, joints + 1)])

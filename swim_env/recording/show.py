@@ -34,13 +34,7 @@ _MENU = 0.034
 
 
 def rerun_command() -> str:
-    """Return the path of rerun's program: the one beside this Python, or one on the path.
-
-    Raises
-    ------
-    SwimError
-        If there is none.
-    """
+    """Return the path of rerun's program, beside this Python or on the path, or raise SwimError."""
     require_rerun()
     beside = Path(sys.executable).with_name("rerun")
     found = str(beside) if beside.exists() else shutil.which("rerun")
@@ -50,13 +44,7 @@ def rerun_command() -> str:
 
 
 def typed_command() -> str:
-    """Return what to type for rerun's program here: its name, or its path where that is not enough.
-
-    Raises
-    ------
-    SwimError
-        If there is none.
-    """
+    """Return what to type for rerun's program here: its name, or its path where that is needed."""
     command = rerun_command()
     if shutil.which("rerun"):
         return "rerun"
@@ -66,12 +54,7 @@ def typed_command() -> str:
 
 
 def open_viewer(path: str | os.PathLike[str]) -> str | None:
-    """Open rerun's viewer with a recording, in a process of its own.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        The recording.
+    """Open rerun's viewer with the recording in a file, in a process of its own.
 
     Returns
     -------
@@ -113,12 +96,7 @@ def open_viewer(path: str | os.PathLike[str]) -> str | None:
 
 
 def check_picture(picture: str | os.PathLike[str]) -> None:
-    """Refuse a name that no picture can have, before anything is done for it.
-
-    Parameters
-    ----------
-    picture : str or os.PathLike
-        The file: .png, .jpg or .jpeg.
+    """Check that a picture can be written to a file, which ends with .png, .jpg or .jpeg.
 
     Raises
     ------

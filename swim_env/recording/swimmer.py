@@ -90,13 +90,10 @@ class Swimmer:
         return times
 
     def check_rewards(self) -> None:
-        """Refuse rewards that cannot be those of the run's actions.
+        """Check that rewards are finite numbers, one for each action that the run has begun.
 
-        Raises
-        ------
-        OptionError
-            If they are not finite numbers, one for each action that the run has begun. An action
-            in which the physics made no step at all may have one too.
+        An action in which the physics made no step at all may have one too. Others raise an
+        OptionError.
         """
         if self.rewards is None:
             return
@@ -187,13 +184,7 @@ class Swimmer:
 
 
 def checked_rate(rate: object, name: str) -> float:
-    """Return a number of frames in a second.
-
-    Raises
-    ------
-    OptionError
-        If it is not a finite number above 0.
-    """
+    """Return a number of frames in a second, or raise OptionError if it is not above 0."""
     try:
         return check_real(rate, name, above=0.0)
     except SceneError as error:

@@ -33,23 +33,16 @@ _OWNERS: weakref.WeakKeyDictionary[Episodes, weakref.ref[Tape]] = weakref.WeakKe
 
 
 class _ChosenRecorder(Recorder):
-    """A recorder that keeps the steps of chosen members, and those of an episode that is over.
-
-    Attributes
-    ----------
-    chosen : set of int
-        Whose steps are kept.
-    over : dict of int to Kept
-        What was kept of a chosen member when it was started anew.
-    begun : list of int
-        How often each member's trajectory has begun: with every start, and with every snapshot
-        that the environment went back to.
-    """
+    """A recorder that keeps the steps of chosen members, and those of an episode that is over."""
 
     def __init__(self, scene: Scene, count: int) -> None:
         super().__init__(scene, count)
+        #: Members whose steps are kept.
         self.chosen = set(range(count)) if scene.recording is not None else set()
+        #: What was kept of a chosen member when it was started anew.
         self.over: dict[int, Kept | None] = {}
+        #: How often each member's trajectory has begun: with every start, and with every snapshot
+        #: that the environment went back to.
         self.begun = [0] * count
 
     def begin(self, member: int, steps: int, energy: float, state: NDArray[np.float64]) -> None:
@@ -84,36 +77,8 @@ class _ChosenRecorder(Recorder):
 class Tape:
     """Keeps episodes that are being played, and writes their files.
 
-    Parameters
-    ----------
-    episodes : Episodes
-        The environment's episodes.
-    folder : str or os.PathLike
-        Where the files go; made where it is missing.
-    prefixes : collection of str
-        Beginnings of the files' names, before the episode.
-    flow_rate, frame_rate, split_energy
-        As for `swim_env.recording.RecordEpisodes`.
-
-    Attributes
-    ----------
-    written : list of WrittenRecording
-        The files so far.
-    running : dict of int to (str, str)
-        Members whose episode is being recorded: the swimmer's name, the same in all its files, and
-        the file of this episode.
-
-    Raises
-    ------
-    OptionError
-        If another wrapper records the environment, or a rate is not a number above 0.
-    SwimError
-        If rerun is not installed, or the folder cannot be made or written to.
-
-    Warns
-    -----
-    UserWarning
-        If the folder holds recordings of these names.
+    The prefixes are the beginnings of the files' names, before the episode; the other arguments,
+    errors and the warning are those of `swim_env.recording.RecordEpisodes`.
     """
 
     def __init__(
@@ -139,6 +104,8 @@ class Tape:
                     stacklevel=4,
                 )
         self.written: list[WrittenRecording] = []
+        #: Members whose episode is being recorded: the swimmer's name, the same in all its files,
+        #: and the file of this episode.
         self.running: dict[int, tuple[str, str]] = {}
         self._always = episodes.task.scene.recording is not None
         self._recorder = _ChosenRecorder(episodes.task.scene, len(episodes.everyone))
@@ -155,13 +122,7 @@ class Tape:
         return owner is not None and owner() is self
 
     def attach(self) -> None:
-        """Keep the steps of the environment's bodies.
-
-        Raises
-        ------
-        OptionError
-            If another wrapper records the environment.
-        """
+        """Keep the steps of the environment's bodies, unless another tape does (OptionError)."""
         if not self.is_owner:
             self._refuse_other_owner()
             _OWNERS[self._episodes] = weakref.ref(self)

@@ -19,19 +19,6 @@ from swim_env.physics.runtime.threads import usable_threads
 from swim_env.recording.palette import INSIDE, MIDDLE, pressure_palette
 from swim_env.recording.swimmer import Swimmer, frames_of
 
-__all__ = [
-    "ARROW_EVERY",
-    "CELLS_IN_LENGTH",
-    "PIXELS",
-    "REACH",
-    "REACH_OF_TWO",
-    "Water",
-    "compute_water",
-    "picture_of",
-    "pictures_of",
-    "pressure_of",
-]
-
 Array = NDArray[np.float64]
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -54,32 +41,20 @@ _CLEAR = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Water:
-    """Pressure and velocity at F instants on a grid that follows the body in whole cells.
+    """Pressure and velocity at F instants on a grid that follows the body in whole cells."""
 
-    Attributes
-    ----------
-    time : (F,) array
-        Instants (s).
-    cell : float
-        Size of a cell (m).
-    corners : (F, 2) array
-        Left lower corner of the grid (m).
-    pressures : (F, R, C) array of float32
-        Pressure at the middles of the cells, rows upwards (Pa); not a number inside of the body.
-    origins : (A, 2) array
-        Where the arrows begin, from the corner (m): at points that rest in the plane.
-    velocities : (F, A, 2) array of float32
-        Velocities there (m/s); zero inside of the body and close to it.
-    seconds : float
-        Time that it took to compute.
-    """
-
+    #: Instants, (F,) (s).
     time: Array
+    #: Size of a cell, and left lower corners of the grid, (F, 2) (m).
     cell: float
     corners: Array
+    #: At the middles of the cells, (F, R, C), rows upwards (Pa); not a number inside of the body.
     pressures: NDArray[np.float32]
+    #: Where the arrows begin, from the corner, (A, 2) (m): at points that rest in the plane.
     origins: Array
+    #: Velocities there, (F, A, 2) (m/s); zero inside of the body and close to it.
     velocities: NDArray[np.float32]
+    #: Time that it took to compute.
     seconds: float
 
     @property
@@ -107,16 +82,8 @@ def compute_water(
 ) -> Water:
     """Compute the flow around a swimmer.
 
-    Parameters
-    ----------
-    swimmer : Swimmer
-        Whose run.
-    rate : float
-        Frames in a simulated second.
-    reach : pair of float
-        How far the grid reaches from the mean centre, along x and y (BL).
-    progress : callable, optional
-        Called with the simulated seconds that were computed since the last call.
+    The rate is that of the frames (1/s); the grid reaches so far from the mean centre along x and
+    y (BL); `progress` is called with the simulated seconds that were computed since its last call.
 
     Raises
     ------
@@ -217,15 +184,8 @@ def picture_of(pressures: NDArray[np.float32], largest: float) -> bytes:
     shows every pixel with sharp edges.
 
     Cells inside of the body with a neighbour outside take their neighbours' mean, so that the
-    picture has no steps beside the body that is drawn over it; the others are INSIDE.
-
-    Parameters
-    ----------
-    pressures : (R, C) array
-        Pressures, rows upwards (Pa).
-    largest : float
-        The pressure at index 255 (Pa); at index 1 it is the negative of that. What is beyond
-        counts as this.
+    picture has no steps beside the body that is drawn over it; the others are INSIDE. Indices 1 to
+    255 stand for pressures (R, C) (Pa), rows upwards, from minus the largest to the largest.
     """
     drawn = _under_rim(pressures)
     shares = np.nan_to_num(np.clip(drawn / largest, -1.0, 1.0))

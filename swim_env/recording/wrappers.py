@@ -180,7 +180,8 @@ class RecordEpisodes(
 class RecordVectorEpisodes(_Recorded, gymnasium.vector.VectorWrapper):
     """Records episodes of chosen members of a `SwimVectorEnv` for rerun, one file each.
 
-    As `RecordEpisodes`; the files are called ``PREFIX-member-M-episode-N.rrd``.
+    As `RecordEpisodes`, errors and warning included; the files are called
+    ``PREFIX-member-M-episode-N.rrd``.
 
     Parameters
     ----------
@@ -201,14 +202,7 @@ class RecordVectorEpisodes(_Recorded, gymnasium.vector.VectorWrapper):
     Raises
     ------
     OptionError
-        As for `RecordEpisodes`, or if there is no such member.
-    SwimError
-        As for `RecordEpisodes`.
-
-    Warns
-    -----
-    UserWarning
-        As for `RecordEpisodes`.
+        If there is no such member.
     """
 
     def __init__(

@@ -22,18 +22,9 @@ _TRAIL_POINTS = 2000
 class Camera:
     """Follows the mean centre from an episode's first frame on; lengths are body lengths (BL).
 
-    Parameters
-    ----------
-    middle, half : (2,) arrays
-        The middle of the view on the screen, and half its size (pixels).
-    target_radius : float or None
-        How close a target has to be reached; None where the goal is a direction.
-    trail_step : float
-        Least distance of the trail's points (pixels).
-    centre, aim : (2,) arrays
-        The mean centre and the goal in the first frame.
-    time : float
-        Its time (s).
+    The view has its middle and half its size (2,) on the screen (pixels); a target has a radius,
+    without one the goal is a direction; the trail has a least distance of its points (pixels).
+    Centre and aim (2,) are the mean centre and the goal, in the first frame, at a time (s).
 
     Attributes
     ----------

@@ -148,23 +148,9 @@ class FramePainter:
         return np.array(image)
 
     def pixels(self, points: ArrayLike) -> Array:
-        """Return where the last frame shows points.
+        """Return column and row (pixels), (..., 2), where the last frame shows points (m).
 
-        Parameters
-        ----------
-        points : (..., 2) array_like
-            Points (m).
-
-        Returns
-        -------
-        (..., 2) array
-            Column and row (pixels); the pixel in row i and column j has its middle at
-            (j + 0.5, i + 0.5).
-
-        Raises
-        ------
-        SwimError
-            If there was no frame since the last `forget`.
+        The pixel in row i and column j has its middle at (j + 0.5, i + 0.5).
         """
         if self._camera is None:
             raise SwimError("no frame was drawn yet")

@@ -16,21 +16,10 @@ _HEAD_WIDTHS = np.concatenate([np.sin(_round), np.cos(0.5 * np.pi * _taper)])
 
 
 def chain(angles: Array, element: float) -> tuple[Array, Array]:
-    """Return a body's directions and nodes on the screen, y downwards.
+    """Return a body's unit vectors (N, 2) from head to tail, and its nodes (N + 1, 2) (pixels).
 
-    Parameters
-    ----------
-    angles : (N,) array
-        Angle of element 1 and joint angles (rad).
-    element : float
-        Length of an element (pixels).
-
-    Returns
-    -------
-    along : (N, 2) array
-        Unit vectors of the elements from head to tail.
-    nodes : (N + 1, 2) array
-        The nodes, relative to the mean centre (pixels).
+    The nodes are relative to the mean centre, y is downwards. The angles (N,) are that of element
+    1 and the joint angles (rad); `element` is the length of an element (pixels).
     """
     turned = np.cumsum(angles)
     along = np.stack([np.cos(turned), -np.sin(turned)], axis=-1)

@@ -18,10 +18,10 @@ Frame = NDArray[np.uint8]
 
 _NO_WINDOW = (
     "swim_env: no window, {why}; to see an episode, use render_mode='rgb_array' with "
-    "gymnasium.wrappers.RecordVideo, or scripts/replay.py --env --record-video FOLDER{cure}"
+    "gymnasium.wrappers.RecordVideo, or swim-env replay --env --record-video FOLDER{cure}"
 )
 _CURE = ", or install the extra 'view' (pip install 'swim-env[view]')"
-_CLOSED = "swim_env: the window was closed; the environment goes on without it"
+_CLOSED = "swim_env: the window was closed; the environment continues without it"
 _told: set[str] = set()
 
 #: Drivers of SDL, and the variables that name the displays that they show on.
@@ -39,14 +39,8 @@ class Window:
     """Shows frames, no faster than real time.
 
     A process has one window at most; several of these objects share it. Without a display, and
-    after the window was closed by whoever looks at it, frames are dropped without delay.
-
-    Parameters
-    ----------
-    title : str
-        What the window is called.
-    rate : float
-        Frames in a second of real time.
+    after the user has closed the window, frames are dropped without delay. The rate is that of the
+    frames in a second of real time.
     """
 
     #: Those that show their frames: the last one to be closed closes the window.
@@ -96,7 +90,7 @@ class Window:
 def _ready_pygame() -> Any:
     """Return pygame with its display started, or None after a line on stderr."""
     chosen = os.environ.get("SDL_VIDEODRIVER")
-    # SDL's own search would go on to drivers that show nothing, and write lines on its way.
+    # SDL's own search would try drivers that show nothing, and print lines about it.
     found = ",".join(driver for driver, name in _SERVERS if os.environ.get(name))
     if chosen or found or sys.platform in ("darwin", "win32"):
         os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
@@ -114,7 +108,7 @@ def _ready_pygame() -> Any:
             if found and not chosen:
                 os.environ["SDL_VIDEODRIVER"] = found
             pygame.display.init()
-            # Drivers that show nothing count only where somebody asked for them.
+            # Drivers that show nothing count only where the environment asks for them.
             if chosen or pygame.display.get_driver() not in ("dummy", "offscreen"):
                 return pygame
             pygame.display.quit()
