@@ -124,11 +124,6 @@ def draw_wave_search(record: dict[str, Any]) -> Figure:
     ----------
     record : dict
         From `swim_agents.tuning.check_candidates`.
-
-    Raises
-    ------
-    SwimError
-        If matplotlib is not installed.
     """
     grid = record["search"]["grid"]
     values = np.array(grid["net_displacement"])

@@ -57,11 +57,6 @@ def draw_path(
         A point (m) that was to be reached, ...
     radius : float
         ... this close (m).
-
-    Raises
-    ------
-    SwimError
-        If matplotlib is not installed.
     """
     figure = style.new_figure(style.WIDTH, 1.0)
     instants = np.unique(np.linspace(0, trajectory.steps, shapes).round().astype(int))

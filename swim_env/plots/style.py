@@ -94,13 +94,7 @@ def diverging_map() -> LinearSegmentedColormap:
 
 
 def require_matplotlib() -> None:
-    """Check that matplotlib is installed.
-
-    Raises
-    ------
-    SwimError
-        If it is not installed; the message says how to get it.
-    """
+    """Check that matplotlib is installed; else the SwimError says how to get it."""
     if importlib.util.find_spec("matplotlib") is None:
         raise SwimError(
             "pictures need matplotlib: install the extra 'view' (pip install 'swim-env[view]')"
@@ -108,13 +102,7 @@ def require_matplotlib() -> None:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure of that size (inches), 150 pixels an inch.
-
-    Raises
-    ------
-    SwimError
-        If matplotlib is not installed.
-    """
+    """Return an empty figure of that size (inches), 150 pixels an inch; needs matplotlib."""
     require_matplotlib()
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -125,13 +113,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def require_steps(trajectories: Mapping[str, Trajectory]) -> None:
-    """Check that there is something to draw.
-
-    Raises
-    ------
-    SwimError
-        If there is no trajectory, or one has no steps.
-    """
+    """Check that there is a trajectory and that all have steps; else it is a SwimError."""
     if not trajectories or any(run.steps < 1 for run in trajectories.values()):
         raise SwimError("there is nothing to draw: no trajectory, or one without steps")
 
@@ -162,16 +144,8 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
 def style_axes(axes: Axes, x: str, y: str, title: str = "", grid: bool = True) -> None:
     """Label axes, in the size and with the frame that all pictures have.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        The axes.
-    x, y : str
-        What is shown, with its unit.
-    title : str
-        What the axes show, written above their left end.
-    grid : bool
-        Whether there are lines at the ticks; over an image they would disturb.
+    `x` and `y` say what is shown, with its unit; the title is above the axes' left end. Lines at
+    the ticks (`grid`) would disturb over an image.
     """
     axes.set_xlabel(x, fontsize=SMALL)
     axes.set_ylabel(y, fontsize=SMALL)

@@ -190,8 +190,8 @@ def _columns(name: str) -> dict[tuple[str, str], Column]:
                     continue
                 values = [_plain(value) for value in batch.column(field.name)]
                 found.setdefault((chunk.entity_path, field.name), []).append((times, values))
-    except Warning:
-        raise RecordingError(f"the recording was cut off: it has no end ({name})") from None
+    except RecordingError:
+        raise
     except OSError as error:
         raise RecordingError(
             f"cannot read the recording: {error.strerror or error} ({name})"
@@ -216,7 +216,10 @@ def _opened(name: str) -> Any:
 
     with warnings.catch_warnings():
         warnings.filterwarnings("error", message="RRD file has no footer")
-        return rr.chunk.RrdReader(name)
+        try:
+            return rr.chunk.RrdReader(name)
+        except Warning:
+            raise RecordingError(f"the recording was cut off: it has no end ({name})") from None
 
 
 def _plain(value: Any) -> Any:

@@ -156,7 +156,7 @@ class Swimmer:
 
     def _work(self, instants: Indices) -> Array:
         run = self.trajectory
-        sums = [summed(run.work), summed(run.positive_work), summed(run.dissipated)]
+        sums = [summed(part) for part in (run.work, run.positive_work, run.dissipated)]
         return np.column_stack([*sums, run.unexplained_energy])[instants]
 
     def _momentum(self, instants: Indices) -> Array:

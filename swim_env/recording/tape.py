@@ -101,7 +101,7 @@ class Tape:
                 warnings.warn(
                     f"recordings in {self._folder} will be overwritten ({prefix}-episode-*.rrd); "
                     "name another folder or name_prefix to keep them",
-                    stacklevel=4,
+                    stacklevel=3,
                 )
         self.written: list[WrittenRecording] = []
         #: Members whose episode is being recorded: the swimmer's name, the same in all its files,

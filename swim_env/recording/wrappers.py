@@ -12,7 +12,6 @@ import gymnasium
 from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
-from swim_env.envs.episodes import Episodes
 from swim_env.envs.single import SwimEnv
 from swim_env.envs.vector import SwimVectorEnv
 from swim_env.errors import OptionError
@@ -27,26 +26,9 @@ Own = TypeVar("Own", SwimEnv, SwimVectorEnv)
 
 
 class _Recorded:
-    """What both wrappers share: options, the files so far, and the end."""
+    """What both wrappers share: the environment inside, the files so far, and the end."""
 
-    def _start(
-        self,
-        episodes: Episodes,
-        folder: str | os.PathLike[str],
-        names: Callable[[str], Collection[str]],
-        episode_trigger: Trigger | None,
-        name_prefix: str,
-        flow_rate: float | None,
-        frame_rate: float,
-        split_energy: bool,
-    ) -> None:
-        """Take the options; the files' names begin with some that follow from the prefix."""
-        self._trigger = episode_trigger or _chosen_by_default
-        self._prefix = _checked_prefix(name_prefix)
-        self._tape = Tape(
-            episodes, folder, names(self._prefix), flow_rate, frame_rate, split_energy
-        )
-        weakref.finalize(self, self._tape.finish_or_tell)
+    _tape: Tape
 
     def _own(self, env: object, kind: type[Own], other: type, hint: str) -> Own:
         """Return the environment of this package inside of its wrappers."""
@@ -135,16 +117,21 @@ class RecordEpisodes(
         split_energy: bool = False,
     ) -> None:
         swimmer = self._own(env, SwimEnv, VectorEnv, "RecordVectorEpisodes records a batch")
-        options: dict[str, Any] = {
-            "episode_trigger": episode_trigger,
-            "name_prefix": name_prefix,
-            "flow_rate": flow_rate,
-            "frame_rate": frame_rate,
-            "split_energy": split_energy,
-        }
-        gymnasium.utils.RecordConstructorArgs.__init__(self, folder=folder, **options)
+        gymnasium.utils.RecordConstructorArgs.__init__(
+            self,
+            folder=folder,
+            episode_trigger=episode_trigger,
+            name_prefix=name_prefix,
+            flow_rate=flow_rate,
+            frame_rate=frame_rate,
+            split_energy=split_energy,
+        )
         gymnasium.Wrapper.__init__(self, env)
-        self._start(swimmer.episodes, folder, lambda prefix: [prefix], **options)
+        self._trigger = episode_trigger or _chosen_by_default
+        prefix = self._prefix = _checked_prefix(name_prefix)
+        rates = flow_rate, frame_rate
+        self._tape = Tape(swimmer.episodes, folder, [prefix], *rates, split_energy)
+        weakref.finalize(self, self._tape.finish_or_tell)
         self._episode = -1
 
     def reset(
@@ -222,16 +209,12 @@ class RecordVectorEpisodes(_Recorded, gymnasium.vector.VectorWrapper):
         super().__init__(env)
         self._members = _checked_members(members, batch.num_envs)
         self._mode = batch.autoreset_mode
-        self._start(
-            batch.episodes,
-            folder,
-            lambda prefix: [f"{prefix}-member-{member}" for member in self._members],
-            episode_trigger,
-            name_prefix,
-            flow_rate,
-            frame_rate,
-            split_energy,
-        )
+        self._trigger = episode_trigger or _chosen_by_default
+        prefix = _checked_prefix(name_prefix)
+        self._names = {member: f"{prefix}-member-{member}" for member in self._members}
+        names, rates = self._names.values(), (flow_rate, frame_rate)
+        self._tape = Tape(batch.episodes, folder, names, *rates, split_energy)
+        weakref.finalize(self, self._tape.finish_or_tell)
         self._counts = dict.fromkeys(self._members, 0)
         self._ended: set[int] = set()
         self._tape.attach()
@@ -281,7 +264,7 @@ class RecordVectorEpisodes(_Recorded, gymnasium.vector.VectorWrapper):
             number = self._counts[member]
             self._counts[member] += 1
             if self._tape.is_owner and self._trigger(number):
-                self._tape.begin(member, f"{self._prefix}-member-{member}", number)
+                self._tape.begin(member, self._names[member], number)
 
 
 def _checked_prefix(prefix: object) -> str:

@@ -82,13 +82,7 @@ class WrittenRecording:
 
 
 def require_rerun() -> None:
-    """Check that rerun and Pillow are installed.
-
-    Raises
-    ------
-    SwimError
-        If one of them is not installed; the message says how to get it.
-    """
+    """Check that rerun and Pillow are installed; else the SwimError says how to get them."""
     for module, name in (("rerun", "rerun"), ("PIL", "Pillow")):
         if importlib.util.find_spec(module) is None:
             raise SwimError(
