@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import math
 import pickle
-import subprocess
 import sys
 import time
 from itertools import pairwise
@@ -37,7 +36,6 @@ def wave(step: int, joints: int) -> Array:
 
 
 def played(env: SwimEnv, steps: int, **start: Any) -> list[Frame]:
-    """Return the frames of an episode's beginning."""
     env.reset(**start)
     frames = [env.render()]
     for step in range(steps):
@@ -54,7 +52,6 @@ def pose(scene: Scene, bend: float = 0.0) -> Array:
 
 
 def nodes_of(scene: Scene, coordinates: Array) -> Array:
-    """Return the nodes of the centre line from head to tail (m)."""
     angles = np.cumsum(coordinates[2:])
     arms = scene.beam.element_length * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     line = np.concatenate([np.zeros((1, 2)), np.cumsum(arms, axis=0)])
@@ -74,7 +71,6 @@ def colours_at(frame: Frame, pixels: Array) -> NDArray[np.int64]:
 
 
 def off(colours: NDArray[np.int64], expected: tuple[int, int, int]) -> int:
-    """Return by how much colours differ at most."""
     return int(np.abs(colours - np.array(expected)).max())
 
 
@@ -208,7 +204,6 @@ def test_odd_states_are_drawn(elements: int, target: bool) -> None:
 
 
 def test_frames_have_a_least_size() -> None:
-    """Frames too small for their text are refused."""
     with pytest.raises(OptionError, match="at least 480 x 270 pixels, got 320 x 360"):
         FramePainter(load_scene("swimmer"), 320, 360)
     with pytest.raises(SwimError, match="no frame"):
@@ -301,31 +296,24 @@ def test_render_needs_an_episode_and_a_mode() -> None:
 def test_frames_come_a_hundred_a_second() -> None:
     """Frames of 640 x 360 pixels along an episode, the median of the best of several rounds.
 
-    Other programs only ever add to the time. Run with -s to see the figures.
+    Other programs only ever add to the time.
     """
     for kind in (SwimEnv, SwimTargetEnv):
         env = kind(scene="swimmer", render_mode="rgb_array")
         env.reset(seed=0)
-        medians = []
-        for _ in range(5):
-            spent = []
-            for step in range(25):
-                env.step(wave(step, 8))
-                start = time.perf_counter()
-                frame = env.render()
-                spent.append(time.perf_counter() - start)
-            medians.append(float(np.median(spent)))
-        assert frame.shape == (360, 640, 3)
-        rate = 1.0 / min(medians)
-        print(f"{kind.__name__}: {rate:.0f} frames a second")
-        assert rate > 100.0
+        spent = np.empty((5, 25))
+        for place in np.ndindex(spent.shape):
+            env.step(wave(place[1], 8))
+            start = time.perf_counter()
+            env.render()
+            spent[place] = time.perf_counter() - start
+        assert 1.0 / np.median(spent, axis=1).min() > 100.0
 
 
 # ---- many members ------------------------------------------------------------------------------
 
 
 def members(count: int, **settings: Any) -> SwimVectorEnv:
-    """Return a batched environment."""
     settings = {"overrides": SMALL, "render_mode": "rgb_array", **settings}
     return SwimVectorEnv(count, **settings)
 
@@ -363,7 +351,7 @@ def test_members_look_as_they_do_alone(mode: str) -> None:
 
 
 def test_gymnasium_records_videos(tmp_path: Any) -> None:
-    """RecordVideo writes a file that plays, in which the body moves; no warning on the way."""
+    """RecordVideo writes a file of all frames that plays in real time; no warning on the way."""
     import imageio_ffmpeg
 
     env = RecordVideo(gymnasium.make(FORWARD, render_mode="rgb_array"), str(tmp_path / "videos"))
@@ -375,15 +363,6 @@ def test_gymnasium_records_videos(tmp_path: Any) -> None:
     count, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
     assert count == 26
     assert count / seconds == pytest.approx(env.metadata["render_fps"], rel=0.01)
-    player = (imageio_ffmpeg.get_ffmpeg_exe(), "-i", str(path), "-f", "rawvideo")
-    done = subprocess.run([*player, "-pix_fmt", "rgb24", "-"], capture_output=True)
-    assert done.returncode == 0, done.stderr
-    frames = np.frombuffer(done.stdout, np.uint8).reshape(26, 360, 640, 3)
-    # Compression changes colours a little; the body stays the darkest thing in the view.
-    bodies = [frame[40:300, 120:620].max(axis=-1) < 110 for frame in frames]
-    assert all(np.count_nonzero(body) > 300 for body in bodies)
-    for first, second in ((0, 5), (5, 10), (10, 25)):
-        assert np.count_nonzero(bodies[first] != bodies[second]) > 200
 
 
 # ---- the window --------------------------------------------------------------------------------
@@ -391,7 +370,7 @@ def test_gymnasium_records_videos(tmp_path: Any) -> None:
 
 @pytest.fixture
 def headless(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Take away all displays, and forget what was said."""
+    """Take away all displays, and forget which lines were printed."""
     if sys.platform in ("darwin", "win32"):
         pytest.skip("this system's display cannot be taken away")
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
@@ -433,7 +412,7 @@ def test_gymnasiums_checker_passes_with_its_render_checks(
 def test_a_missing_pygame_is_named(
     clock: list[float], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """Without pygame the line names the extra, and the episode goes on."""
+    """Without pygame the line names the extra, and the episode continues."""
     monkeypatch.setitem(sys.modules, "pygame", None)
     played(SwimEnv(overrides=SMALL, render_mode="human"), 3)
     captured = capfd.readouterr()
@@ -497,7 +476,7 @@ def test_the_window_shows_the_frames(clock: list[float]) -> None:
 def test_closing_the_window_ends_nothing(
     clock: list[float], capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """Whoever closes the window goes on without it, at full speed, and reads so once."""
+    """The episode continues without it, at full speed, and one line says so."""
     import pygame
 
     env, other = (SwimEnv(overrides=SMALL, render_mode="human") for _ in range(2))
