@@ -37,7 +37,7 @@ def curvature(trajectory: Trajectory) -> Array:
 def draw_kymographs(trajectories: Mapping[str, Trajectory], seconds: float = 1.0) -> Figure:
     """Draw the curvature along the body over time, a panel for each policy, on one scale.
 
-    Stripes that lean are waves that travel along the body, upright ones stand.
+    Stripes that lean are waves that travel along the body, upright ones are standing waves.
 
     Parameters
     ----------

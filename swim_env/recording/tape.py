@@ -250,7 +250,7 @@ class Tape:
         if errors:
             raise errors[0]
 
-    def finish_or_tell(self) -> None:
+    def finish_or_print(self) -> None:
         """Write what is left where nobody has closed the environment; errors go to stderr."""
         try:
             self.finish()

@@ -131,7 +131,7 @@ class RecordEpisodes(
         prefix = self._prefix = _checked_prefix(name_prefix)
         rates = flow_rate, frame_rate
         self._tape = Tape(swimmer.episodes, folder, [prefix], *rates, split_energy)
-        weakref.finalize(self, self._tape.finish_or_tell)
+        weakref.finalize(self, self._tape.finish_or_print)
         self._episode = -1
 
     def reset(
@@ -214,7 +214,7 @@ class RecordVectorEpisodes(_Recorded, gymnasium.vector.VectorWrapper):
         self._names = {member: f"{prefix}-member-{member}" for member in self._members}
         names, rates = self._names.values(), (flow_rate, frame_rate)
         self._tape = Tape(batch.episodes, folder, names, *rates, split_energy)
-        weakref.finalize(self, self._tape.finish_or_tell)
+        weakref.finalize(self, self._tape.finish_or_print)
         self._counts = dict.fromkeys(self._members, 0)
         self._ended: set[int] = set()
         self._tape.attach()

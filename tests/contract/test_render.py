@@ -375,14 +375,14 @@ def headless(monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.skip("this system's display cannot be taken away")
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(window, "_told", set())
+    monkeypatch.setattr(window, "_printed", set())
 
 
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """Give windows a display that nobody sees and a clock that goes only while they wait."""
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    monkeypatch.setattr(window, "_told", set())
+    monkeypatch.setattr(window, "_printed", set())
     now = [100.0]
 
     def sleep(seconds: float) -> None:

@@ -22,16 +22,16 @@ _NO_WINDOW = (
 )
 _CURE = ", or install the extra 'view' (pip install 'swim-env[view]')"
 _CLOSED = "swim_env: the window was closed; the environment continues without it"
-_told: set[str] = set()
+_printed: set[str] = set()
 
 #: Drivers of SDL, and the variables that name the displays that they show on.
 _SERVERS = (("x11", "DISPLAY"), ("wayland", "WAYLAND_DISPLAY"))
 
 
-def _tell_once(line: str) -> None:
+def _print_once(line: str) -> None:
     """Write a line to stderr, once per process."""
-    if line not in _told:
-        _told.add(line)
+    if line not in _printed:
+        _printed.add(line)
         print(line, file=sys.stderr, flush=True)
 
 
@@ -77,7 +77,7 @@ class Window:
         if any(event.type == pygame.QUIT for event in pygame.event.get()):
             self._showing.clear()
             pygame.display.quit()
-            _tell_once(_CLOSED)
+            _print_once(_CLOSED)
 
     def close(self) -> None:
         """Show no more frames. Closing twice does no harm."""
@@ -102,7 +102,7 @@ def _ready_pygame() -> Any:
                 warnings.simplefilter("ignore")
                 import pygame
         except ImportError:
-            _tell_once(_NO_WINDOW.format(why="pygame is not installed", cure=_CURE))
+            _print_once(_NO_WINDOW.format(why="pygame is not installed", cure=_CURE))
             return None
         try:
             if found and not chosen:
@@ -117,5 +117,5 @@ def _ready_pygame() -> Any:
         finally:
             if not chosen:
                 os.environ.pop("SDL_VIDEODRIVER", None)
-    _tell_once(_NO_WINDOW.format(why="there is no display", cure=""))
+    _print_once(_NO_WINDOW.format(why="there is no display", cure=""))
     return None
