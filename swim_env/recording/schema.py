@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
-#: Version of the layout below. A reader takes recordings of this version and older ones. A change of
-#: a path, a series, its unit or its place in a row adds one, and a branch to the reader.
+#: Version of the layout below. A reader takes recordings of this version and older ones. A change
+#: of a path, a series, its unit or its place in a row adds one, and a branch to the reader.
 SCHEMA_VERSION = 1
 
 APPLICATION = "swim_env"
