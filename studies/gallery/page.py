@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from swim_agents.comparison.performance import measure_gait
 
+from studies.gallery.pictures import draw_learning, draw_pareto
 from studies.gallery.runs import (
     FULL,
     PAPER_SCENES,
@@ -29,8 +30,6 @@ from swim_env.plots import (
     draw_energy,
     draw_gaits,
     draw_kymographs,
-    draw_learning,
-    draw_pareto,
     draw_path,
     draw_paths,
     draw_torques,
@@ -259,9 +258,10 @@ def _page(record: Mapping[str, Any], folder: str) -> str:
         f"```sh\n{record['command']}\n```",
         settings,
         "Colours are the same for a policy in every picture; blue and orange are below and above "
-        "zero, white is zero. BL: body length. The functions are those of `swim_env.plots`; they "
-        "take trajectories and return matplotlib figures. What accuracy costs is drawn in "
-        "docs/accuracy.md, speed in docs/speed.md, the paper's figures in docs/paper.md.",
+        "zero, white is zero. BL: body length. The functions are those of `swim_env.plots`, and "
+        "`draw_pareto` and `draw_learning` of `studies.gallery.pictures`; they take trajectories "
+        "and return matplotlib figures. What accuracy costs is drawn in docs/accuracy.md, speed in "
+        "docs/speed.md, the paper's figures in docs/paper.md.",
         "\n".join(
             [
                 "| policy at full strength | net displacement | computed finer | positive work "
