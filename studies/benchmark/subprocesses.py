@@ -1,4 +1,4 @@
-"""Python processes of their own, with what they say and when they said it."""
+"""Python processes of their own, with what they print and when."""
 
 from __future__ import annotations
 
@@ -16,18 +16,13 @@ from swim_env.errors import SwimError
 
 __all__ = ["Finished", "run_python"]
 
+_TIME_LIMIT = 600.0
+
 
 class Finished(NamedTuple):
-    """A process that ended well.
+    """A process that ended well: its standard output, timed lines on standard error, wall time.
 
-    Attributes
-    ----------
-    output : str
-        What it wrote to standard output.
-    messages : list of (float, str)
-        Lines on standard error, each with the seconds from the start of the process to it.
-    seconds : float
-        Wall time of the whole process, Python's own start included (s).
+    Times are in seconds from the start of the process, Python's own start included.
     """
 
     output: str
@@ -36,31 +31,18 @@ class Finished(NamedTuple):
 
 
 def run_python(
-    code: str,
-    *arguments: str,
-    environment: Mapping[str, str] | None = None,
-    time_limit: float = 600.0,
+    code: str, *arguments: str, environment: Mapping[str, str] | None = None
 ) -> Finished:
-    """Run Python code with this interpreter and this package.
+    """Run Python code with this interpreter and this package, and some environment variables set.
 
-    Parameters
-    ----------
-    code : str
-        What to run.
-    *arguments : str
-        Its ``sys.argv[1:]``.
-    environment : mapping, optional
-        Variables to set beside those of this process.
-    time_limit : float
-        Seconds after which the process is ended.
+    Arguments become its ``sys.argv[1:]``.
 
     Raises
     ------
     SwimError
-        If it fails or takes longer.
+        If it fails or takes longer than ten minutes.
     """
-    root = str(Path(__file__).parents[2])
-    paths = [root, *filter(None, [os.environ.get("PYTHONPATH")])]
+    paths = [str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])]
     variables = {**os.environ, **(environment or {}), "PYTHONPATH": os.pathsep.join(paths)}
     messages: list[tuple[float, str]] = []
     with tempfile.TemporaryFile("w+", encoding="utf-8") as output:
@@ -73,7 +55,7 @@ def run_python(
             text=True,
             env=variables,
         ) as process:
-            limit = threading.Timer(time_limit, process.kill)
+            limit = threading.Timer(_TIME_LIMIT, process.kill)
             limit.start()
             try:
                 assert process.stderr is not None
