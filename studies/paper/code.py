@@ -8,7 +8,7 @@ import hashlib
 from pathlib import Path
 
 # The same notion of what code is: without docstrings, comments and layout.
-from studies.stability.digest import code_of
+from studies.fingerprint import code_of
 
 __all__ = ["code_digest"]
 

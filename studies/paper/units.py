@@ -22,9 +22,9 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from studies.fingerprint import kernel_digest
 from studies.fresh_processes import in_fresh_processes
 from studies.paper.code import code_digest
-from studies.stability.digest import kernel_digest
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
 from swim_env.files.provenance import where_and_when

@@ -9,9 +9,9 @@ from contextlib import closing
 from dataclasses import asdict
 from typing import Any
 
+from studies.fingerprint import kernel_digest
 from studies.fresh_processes import Call, in_fresh_processes
 from studies.stability.cases import hard_runs
-from studies.stability.digest import kernel_digest
 from studies.stability.drawn import draw_run
 from studies.stability.instability import measure_onset
 from studies.stability.runs import HardRun, Verdict, play

@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from studies.fingerprint import kernel_digest
 from studies.stability.cases import CASES, hard_runs
-from studies.stability.digest import code_of, kernel_digest
 from studies.stability.report import failures_of, stability_tables
 
 FOLDER = Path(__file__).parents[2] / "docs" / "stability"
@@ -20,8 +20,8 @@ def _stored() -> dict[str, Any]:
 
 def test_the_kernels_have_not_changed_since_the_last_full_run() -> None:
     assert _stored()["kernels"] == kernel_digest(), (
-        "the kernels, or swim_env/bodies.py, have changed since docs/stability was measured: run "
-        "make stability and keep its results"
+        "the kernels, or swim_env/sim/batch.py, have changed since docs/stability was measured: "
+        "run make stability and keep its results"
     )
 
 
@@ -38,11 +38,3 @@ def test_the_stored_run_was_a_full_one_in_which_all_was_right() -> None:
 
 def test_the_tables_are_made_of_the_stored_run() -> None:
     assert (FOLDER / "tables.md").read_text(encoding="utf-8") == stability_tables(_stored())
-
-
-def test_comments_and_docstrings_do_not_count_but_code_does() -> None:
-    plain = 'def f(x):\n    """Say."""\n    # why\n    return x + 1\n'
-    other = 'def f(x):\n    """Say it in other words."""\n    return x+1  # else\n'
-    assert code_of(plain) == code_of(other)
-    assert code_of(plain) != code_of(plain.replace("+ 1", "+ 2"))
-    assert code_of('class A:\n    """Only words."""\n') == code_of("class A:\n    pass\n")
