@@ -14,9 +14,10 @@ from typing import Any
 
 from swim_agents.commands.command_line import run
 
-from studies.benchmark.report import check_report_folder, report_tables, write_report
+from studies.benchmark.report import REPORT_FILES, report_tables, write_report
 from studies.benchmark.suite import FULL, QUICK, SECTIONS, measure
 from swim_env.errors import SwimError
+from swim_env.files.folders import check_folder
 from swim_env.files.provenance import where_and_when
 from swim_env.plots import require_matplotlib
 
@@ -60,7 +61,7 @@ def _check(options: argparse.Namespace) -> None:
         raise SwimError(f"--rounds must be between 1 and {MOST_ROUNDS}, got {options.rounds}")
     if options.output is not None:
         require_matplotlib()
-        check_report_folder(options.output)
+        check_folder(options.output, REPORT_FILES)
         above = Path(os.path.realpath(options.output)).parent
         while not above.exists():
             above = above.parent

@@ -108,8 +108,8 @@ def environment_workload(
 ) -> Workload:
     """Return an environment of a scene that plays `steps` steps in a call.
 
-    It is a single one from `gymnasium.make`, under random torques or the scene's prescribed wave, or a
-    `batch` from `gymnasium.make_vec`, given by its members and largest number of threads.
+    It is a single one from `gymnasium.make`, under random torques or the scene's prescribed wave,
+    or a `batch` from `gymnasium.make_vec`, given by its members and largest number of threads.
     """
     scene = load_scene(scene)
     members, threads = batch or (1, 1)
@@ -176,8 +176,9 @@ def swim_workloads(
 def throughput(workload: Workload, times: NDArray[np.float64]) -> dict[str, Any]:
     """Return what the times (s) of a workload's calls mean.
 
-    That is ``label`` and the workload's facts; ``steps`` in a call and ``physics_steps_per_step``; the
-    spreads ``steps_per_second``, ``microseconds_per_step`` and ``simulated_seconds_per_second``.
+    That is ``label`` and the workload's facts; ``steps`` in a call and ``physics_steps_per_step``;
+    the spreads ``steps_per_second``, ``microseconds_per_step`` and
+    ``simulated_seconds_per_second``.
     """
     return {
         "label": workload.label,

@@ -199,9 +199,14 @@ def floor_arrays(scene: Scene) -> FloorArrays:
     rows = np.arange(count)
     motions[rows, element] = given.panels[outline.LATERAL, :count]
     motions[rows, elements + element] = given.panels[outline.ROTARY, :count]
-    names = ("X", "Y", "CX", "CY", "CT", "ST", "LENGTH")
     return FloorArrays(
-        *(given.panels[getattr(outline, name)] for name in names),
+        x=given.panels[outline.X],
+        y=given.panels[outline.Y],
+        cx=given.panels[outline.CX],
+        cy=given.panels[outline.CY],
+        ct=given.panels[outline.CT],
+        st=given.panels[outline.ST],
+        length=given.panels[outline.LENGTH],
         element=np.append(element, elements - 1),
         motions=motions,
         strengths=aligned_zeros(size, wide),

@@ -108,8 +108,9 @@ print(json.dumps({"process": start, "growth": growth}))
 def _resident_growth(scene: str, members: tuple[int, ...]) -> dict[str, Any] | None:
     """Return what a process holds in memory, and by how much it grows with every further batch.
 
-    ``process`` is the bytes resident after a first batch of one member has taken steps; ``growth``, by
-    number of members, what another batch that takes steps adds. None where the system does not say.
+    ``process`` is the bytes resident after a first batch of one member has taken steps; ``growth``,
+    by number of members, what another batch that takes steps adds. None where the system does not
+    say.
     """
     if not Path("/proc/self/statm").exists():
         return None

@@ -3,10 +3,8 @@
 MuJoCo has no added mass that couples the links, which is most of what the swimming beam computes:
 
 * ``none`` leaves the fluid out.
-* ``box`` (MuJoCo's inertia model) is drag alone, quadratic in the velocity, on the box that has
-  each link's inertia.
-* ``ellipsoid`` adds, to the quadratic drag, lift and the part of each link's own added mass that
-  comes with products of velocities. The part that comes with accelerations is in MuJoCo's
+* ``ellipsoid`` is drag, quadratic in the velocity, lift, and the part of each link's own added mass
+  that comes with products of velocities. The part that comes with accelerations is in MuJoCo's
   documentation but not in what it computes: a link at rest accelerates as in a vacuum. And every
   link is alone in its fluid: there are no terms between links and none for the shape of the body.
 
@@ -27,7 +25,7 @@ from studies.benchmark.peer_tools import load_peer, wave_of
 from swim_env.errors import OptionError
 from swim_env.scene import Scene
 
-__all__ = ["CHAIN_VARIANTS", "WAYS", "ChainVariant", "MuJoCoChain", "Way", "chain_xml"]
+__all__ = ["CHAIN_VARIANTS", "ChainVariant", "MuJoCoChain", "Way", "chain_xml"]
 
 Array = NDArray[np.float64]
 
@@ -39,14 +37,14 @@ _INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4", "discrete")
 class ChainVariant(NamedTuple):
     """One of the ways to build and run the chain: MuJoCo's integrator, the fluid, the links.
 
-    Links are ``lumped`` for the scene's, whose mass is in their centres but for the rotary inertia of
-    the section, or ``rod`` for uniform rods, as one would build the chain in MuJoCo. The beam is the
-    same to the order of the discretisation. The fastest mode of the lumped links is several times
-    faster, and explicit integrators need steps as much smaller.
+    Links are ``lumped`` for the scene's, whose mass is in their centres but for the rotary inertia
+    of the section, or ``rod`` for uniform rods, as one would build the chain in MuJoCo. The beam is
+    the same to the order of the discretisation. The fastest mode of the lumped links is several
+    times faster, and explicit integrators need steps as much smaller.
     """
 
     integrator: str
-    fluid: Literal["none", "box", "ellipsoid"] = "none"
+    fluid: Literal["none", "ellipsoid"] = "none"
     links: Literal["lumped", "rod"] = "rod"
 
     @property
@@ -68,11 +66,9 @@ CHAIN_VARIANTS = (
     *(ChainVariant(name, "none", "lumped") for name in ("Euler", "RK4", "discrete")),
 )
 
-#: How steps are taken: all in one call of `mujoco.rollout`, on one thread; with a call of `mj_step`
-#: for each control interval, which takes all its steps without Python between them; or with a call
-#: for each step.
-Way = Literal["rollout", "held", "single"]
-WAYS: tuple[Way, ...] = ("rollout", "held", "single")
+#: How steps are taken: with a call of `mj_step` for each control interval, which takes all its
+#: steps without Python between them, or with a call for each step.
+Way = Literal["held", "single"]
 
 
 def chain_xml(scene: Scene, variant: ChainVariant, time_step: float) -> str:
@@ -84,11 +80,9 @@ def chain_xml(scene: Scene, variant: ChainVariant, time_step: float) -> str:
     Raises
     ------
     OptionError
-        If the variant needs a fluid that the scene does not have, or a box has lumped links.
+        If the variant needs a fluid that the scene does not have.
     """
     beam, fluid = scene.beam, scene.fluid
-    if variant[1:] == ("box", "lumped"):
-        raise OptionError("fluid box needs links rod: the box of lumped links has no length")
     density = 0.0
     if variant.fluid != "none":
         if fluid is None or fluid.density is None:
@@ -97,13 +91,11 @@ def chain_xml(scene: Scene, variant: ChainVariant, time_step: float) -> str:
     length = beam.element_length
     mass = beam.line_density * length
     # Squared half sides of the box that has the link's inertia, half a metre of the unit depth. In
-    # the plane only the sum of the first two acts; only the drag of the box distinguishes them,
-    # and equal ones keep MuJoCo from refusing the inertia of a flat body for a rounding error.
+    # the plane only the sum of the first two acts; equal ones keep MuJoCo from refusing the
+    # inertia of a flat body for a rounding error.
     along = 0.25 * length**2 if variant.links == "rod" else 0.0
-    across, deep = 3.0 * beam.rotary_inertia / beam.line_density, 0.25
-    if variant.fluid != "box":
-        along = across = 0.5 * (along + across)
-    inertia = [mass * float(sides) / 3.0 for sides in (across + deep, along + deep, along + across)]
+    side, deep = 0.5 * (along + 3.0 * beam.rotary_inertia / beam.line_density), 0.25
+    inertia = [mass * float(sides) / 3.0 for sides in (side + deep, side + deep, side + side)]
     link = (
         f'<inertial pos="{0.5 * length!r} 0 0" mass="{mass!r}" '
         f'diaginertia="{" ".join(map(repr, inertia))}"/>'
@@ -179,20 +171,9 @@ class MuJoCoChain:
         return angles
 
     def calls(self, count: int) -> dict[Way, Callable[[], object]]:
-        """Return a call for each of `WAYS` that runs `count` control intervals from the start."""
-        several: Any = load_peer("mujoco.rollout", "MuJoCo")
+        """Return a call for each way that runs `count` control intervals from the start."""
         mujoco, model, data = self._mujoco, self.model, self.data
         step, substeps, torques = mujoco.mj_step, self.substeps, self.controls(count)
-        everything = mujoco.mjtState.mjSTATE_FULLPHYSICS
-        mujoco.mj_resetData(model, data)
-        start = np.empty((1, mujoco.mj_stateSize(model, everything)))
-        mujoco.mj_getState(model, data, start[0], everything)
-        every_step = np.repeat(torques, substeps, axis=0)[None]
-        states = np.empty((1, count * substeps, start.shape[1]))
-        pool = several.Rollout(nthread=0)
-
-        def rollout() -> None:
-            pool.rollout(model, data, start, every_step, state=states)
 
         def held() -> None:
             mujoco.mj_resetData(model, data)
@@ -207,7 +188,7 @@ class MuJoCoChain:
                 for _ in range(substeps):
                     step(model, data)
 
-        return {"rollout": rollout, "held": held, "single": single}
+        return {"held": held, "single": single}
 
 
 @contextmanager

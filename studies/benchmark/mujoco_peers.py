@@ -48,8 +48,8 @@ def chain_workloads(
 ) -> dict[str, Workload]:
     """Prepare the chain at its largest stable steps; every call starts it anew.
 
-    Integrators that the installed MuJoCo does not have, and variants without a stable step, are left
-    out.
+    Integrators that the installed MuJoCo does not have, and variants without a stable step, are
+    left out.
 
     Parameters
     ----------
@@ -99,10 +99,10 @@ def swimmer_workloads(
 ) -> dict[str, Workload]:
     """Prepare Gymnasium's Swimmer-v5, alone and in a synchronous vector environment.
 
-    Actions are random and drawn beforehand. Episodes continue from call to call and start anew after
-    1000 steps, within the calls. `swimmer_v5` is as `gymnasium.make` makes it; the members of
+    Actions are random and drawn beforehand. Episodes continue from call to call and start anew
+    after 1000 steps, within the calls. `swimmer_v5` is as `gymnasium.make` makes it; the members of
     `swimmer_v5_sync_vector` have no environment checker around them, like those in batches of this
-    package. Facts: `members`, `integrator`, `time_step` (s, of the physics), `version` (of MuJoCo).
+    package. Facts: `members`, `integrator`, `time_step` (s, of the physics), `version`.
     """
     mujoco: Any = load_peer("mujoco", "MuJoCo")
 

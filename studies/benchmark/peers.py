@@ -40,7 +40,7 @@ def peer_workloads(
     scene : Scene or str
         The beam that chain and rod have, and the wave that drives them.
     variants, ways, softenings, members, single_steps, batch_steps
-        Of the functions that prepare the chain, the rod and Swimmer-v5, which name the workloads too.
+        Of the functions that prepare chain, rod and Swimmer-v5, which name the workloads too.
     progress : callable, optional
         Called with the number of preparations made: one, and one for each variant and softening.
     """

@@ -7,26 +7,7 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from swim_env.plots.style import (
-    AMBER,
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    LINE,
-    ORANGE,
-    PINK,
-    SILVER,
-    SKY,
-    SMALL,
-    SMALLER,
-    WIDTH,
-    YELLOW,
-    name_panel,
-    new_figure,
-    require_matplotlib,
-    style_axes,
-)
+from swim_env.plots import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,7 +18,16 @@ __all__ = ["draw_benchmark"]
 Record = Mapping[str, Any]
 
 #: Neighbours differ in lightness as well.
-_COLOURS = (BLUE, SKY, GREEN, YELLOW, AMBER, ORANGE, PINK, SILVER)
+_COLOURS = (
+    style.BLUE,
+    style.SKY,
+    style.GREEN,
+    style.YELLOW,
+    style.AMBER,
+    style.ORANGE,
+    style.PINK,
+    style.SILVER,
+)
 #: What the picture shows of the fluid models and panels, where it was measured.
 _SHOWN = ("panels", 4)
 
@@ -54,8 +44,8 @@ def draw_benchmark(record: Record) -> Figure:
     SwimError
         If matplotlib is not installed.
     """
-    require_matplotlib()
-    figure = new_figure(WIDTH, 6.0)
+    style.require_matplotlib()
+    figure = style.new_figure(style.WIDTH, 6.0)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1.0), height_ratios=(1.0, 1.15))
     cells = _shown_cells(record.get("kernel", []))
     growth, parts = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
@@ -75,8 +65,8 @@ def draw_benchmark(record: Record) -> Figure:
         figure.suptitle(
             f"{machine['processor']}, {machine['cores']} cores, commit "
             f"{(record.get('commit') or 'unknown')[:10]}, {record.get('date')}",
-            fontsize=SMALL,
-            color=GREY,
+            fontsize=style.SMALL,
+            color=style.GREY,
         )
     return figure
 
@@ -127,8 +117,8 @@ def _say_empty(axes: Axes, what: str) -> None:
         f"{what}: not measured",
         ha="center",
         va="center",
-        fontsize=SMALL,
-        color=GREY,
+        fontsize=style.SMALL,
+        color=style.GREY,
         transform=axes.transAxes,
     )
 
@@ -143,22 +133,22 @@ def _draw_growth(axes: Axes, cells: Sequence[Record], fit: Record | None) -> Non
         medians,
         yerr=_bars(steps),
         fmt="o-",
-        color=BLUE,
+        color=style.BLUE,
         markersize=4,
-        linewidth=LINE,
+        linewidth=style.LINE,
         capsize=2,
         label="step (median, quartiles)",
     )
     floor = [(cell["elements"], cell["floor"]["median"]) for cell in cells if cell.get("floor")]
-    _mark_floor(axes, floor, ORANGE, 4)
+    _mark_floor(axes, floor, style.ORANGE, 4)
     if fit is not None:
         ends = [fit["elements_from"], fit["elements_to"]]
         axes.plot(
             ends,
             [fit["microseconds_of_one"] * n ** fit["exponent"] for n in ends],
             ":",
-            color=GREY,
-            linewidth=LINE,
+            color=style.GREY,
+            linewidth=style.LINE,
             label=f"fit, N to the power {fit['exponent']:.2f}",
             zorder=1,
         )
@@ -168,17 +158,16 @@ def _draw_growth(axes: Axes, cells: Sequence[Record], fit: Record | None) -> Non
     axes.minorticks_off()
     # Room for the legend.
     axes.set_ylim(top=6.0 * max(medians))
-    axes.legend(fontsize=SMALLER, frameon=False, loc="upper left")
+    axes.legend(fontsize=style.SMALLER, frameon=False, loc="upper left")
     model, panels = _kind(cells[0])
-    name_panel(axes, f"a physics step ({model}, {panels} panels per element)")
-    style_axes(axes, "elements N", "time of a step (\u00b5s)")
+    style.name_panel(axes, f"a physics step ({model}, {panels} panels per element)")
+    style.style_axes(axes, "elements N", "time of a step (\u00b5s)")
 
 
 def _mark_floor(axes: Axes, points: Sequence[tuple[int, float]], colour: str, size: int) -> None:
     if points:
         x, y = zip(*points, strict=True)
-        style = {"color": colour, "markersize": size, "markerfacecolor": "white"}
-        axes.plot(x, y, "D", label="floor", **style)
+        axes.plot(x, y, "D", color=colour, markersize=size, markerfacecolor="white", label="floor")
 
 
 def _draw_parts(axes: Axes, cells: Sequence[Record]) -> None:
@@ -207,21 +196,21 @@ def _draw_parts(axes: Axes, cells: Sequence[Record]) -> None:
     floor = []
     for place, cell in enumerate(cells):
         step = cell["step"]["median"]
-        axes.text(place, 101.5, _time(step), ha="center", va="bottom", fontsize=SMALLER)
+        axes.text(place, 101.5, _time(step), ha="center", va="bottom", fontsize=style.SMALLER)
         if cell.get("floor"):
             floor.append((place, 100.0 * cell["floor"]["median"] / step))
-    _mark_floor(axes, floor, BLACK, 5)
+    _mark_floor(axes, floor, style.BLACK, 5)
     axes.set_xticks(places, [str(cell["elements"]) for cell in cells])
     # A floor may lie above a step that is faster than it: keep it in sight.
     axes.set_ylim(0.0, max([112.0, *(1.06 * share for _, share in floor)]))
     axes.set_yticks(range(0, 101, 25))
     _legend_below(axes, (0.45, -0.22), ncols=3, columnspacing=1.0)
-    style_axes(axes, "elements N", "share of a step (%)")
+    style.style_axes(axes, "elements N", "share of a step (%)")
 
 
 def _legend_below(axes: Axes, place: tuple[float, float], **how: Any) -> None:
     axes.legend(
-        fontsize=SMALLER,
+        fontsize=style.SMALLER,
         frameon=False,
         loc="upper center",
         bbox_to_anchor=place,
@@ -244,13 +233,13 @@ def _draw_speeds(axes: Axes, speeds: Sequence[Record]) -> None:
     places = range(len(speeds))
     rates = [speed["simulated_seconds_per_second"] for speed in speeds]
     medians = [rate["median"] for rate in rates]
-    for peer, colour, label in ((False, BLUE, "this package"), (True, ORANGE, "peers")):
+    for peer, colour, label in ((False, style.BLUE, "this package"), (True, style.ORANGE, "peers")):
         some = [place for place in places if bool(speeds[place].get("peer")) is peer]
         if some:
             lengths = [medians[place] for place in some]
             axes.barh(some, lengths, height=0.6, color=colour, label=label)
     axes.errorbar(
-        medians, places, xerr=_bars(rates), fmt="none", ecolor=BLACK, capsize=2, linewidth=1
+        medians, places, xerr=_bars(rates), fmt="none", ecolor=style.BLACK, capsize=2, linewidth=1
     )
     axes.set_xscale("log")
     # Whole decades, so that there are labels at both ends.
@@ -259,10 +248,10 @@ def _draw_speeds(axes: Axes, speeds: Sequence[Record]) -> None:
     axes.xaxis.set_minor_formatter(NullFormatter())
     for place, rate in enumerate(rates):
         number = f"{rate['median']:,.0f}" if rate["median"] >= 100.0 else f"{rate['median']:.3g}"
-        axes.text(1.2 * rate["high"], place, number, va="center", fontsize=SMALLER)
+        axes.text(1.2 * rate["high"], place, number, va="center", fontsize=style.SMALLER)
     axes.set_yticks(places, [textwrap.fill(speed["label"], 24) for speed in speeds])
     axes.invert_yaxis()
     _legend_below(axes, (0.4, -0.09), ncols=2)
-    name_panel(axes, "speed (batches: all members)")
-    style_axes(axes, "simulated time per wall time (s/s)", "")
-    axes.tick_params(axis="y", labelsize=SMALLER)
+    style.name_panel(axes, "speed (batches: all members)")
+    style.style_axes(axes, "simulated time per wall time (s/s)", "")
+    axes.tick_params(axis="y", labelsize=style.SMALLER)

@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,8 +14,6 @@ from typing import NamedTuple
 from swim_env.errors import SwimError
 
 __all__ = ["Finished", "run_python"]
-
-_TIME_LIMIT = 600.0
 
 
 class Finished(NamedTuple):
@@ -40,11 +37,10 @@ def run_python(
     Raises
     ------
     SwimError
-        If it fails or takes longer than ten minutes.
+        If it fails.
     """
     paths = [str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])]
     variables = {**os.environ, **(environment or {}), "PYTHONPATH": os.pathsep.join(paths)}
-    messages: list[tuple[float, str]] = []
     with tempfile.TemporaryFile("w+", encoding="utf-8") as output:
         start = time.perf_counter()
         with subprocess.Popen(
@@ -55,18 +51,8 @@ def run_python(
             text=True,
             env=variables,
         ) as process:
-            limit = threading.Timer(_TIME_LIMIT, process.kill)
-            limit.start()
-            try:
-                assert process.stderr is not None
-                for line in process.stderr:
-                    messages.append((time.perf_counter() - start, line.rstrip("\n")))
-                process.wait()
-            except BaseException:
-                process.kill()
-                raise
-            finally:
-                limit.cancel()
+            assert process.stderr is not None
+            messages = [(time.perf_counter() - start, line.rstrip("\n")) for line in process.stderr]
         seconds = time.perf_counter() - start
         output.seek(0)
         text = output.read()
