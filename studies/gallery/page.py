@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from swim_agents.comparison.performance import measure_gait
 
+from studies.gallery.pictures import draw_learning, draw_pareto
 from studies.gallery.runs import (
     FULL,
     PAPER_SCENES,
@@ -192,11 +193,11 @@ def _draw(runs: Runs) -> dict[str, Figure]:
         "torques.png": plots.draw_torques(full),
         "gaits.png": plots.draw_gaits(full, gaits),
         "energy.png": plots.draw_energy(budgets, starts),
-        "pareto.png": plots.draw_pareto(
+        "pareto.png": draw_pareto(
             {name: [one.trajectory for one in some] for name, some in runs.strengths.items()},
             {name: [bool(one.verified) for one in some] for name, some in runs.strengths.items()},
         ),
-        "training.png": plots.draw_learning(
+        "training.png": draw_learning(
             forward, aiming, ("tuned_wave", episodes["tuned_wave"].rollout.net_displacement)
         ),
     }
@@ -240,9 +241,10 @@ def _page(record: Mapping[str, Any], folder: str) -> str:
         f"```sh\n{record['command']}\n```",
         settings,
         "Colours are the same for a policy in every picture; blue and orange are below and above "
-        "zero, white is zero. BL: body length. The functions are those of `swim_env.plots`; they "
-        "take trajectories and return matplotlib figures. What accuracy costs is drawn in "
-        "docs/accuracy.md, speed in docs/speed.md, the paper's figures in docs/paper.md.",
+        "zero, white is zero. BL: body length. The functions are those of `swim_env.plots`, and "
+        "`draw_pareto` and `draw_learning` of `studies.gallery.pictures`; they take trajectories "
+        "and return matplotlib figures. What accuracy costs is drawn in docs/accuracy.md, speed in "
+        "docs/speed.md, the paper's figures in docs/paper.md.",
         markdown_table(
             (
                 "policy at full strength",
