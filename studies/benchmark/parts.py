@@ -16,6 +16,7 @@ from swim_env.physics.fluid.added_mass import SMALLEST_PIVOT, added_mass, shape_
 from swim_env.physics.fluid.outline import build_outline, outline_status, panel_count
 from swim_env.physics.fluid.panels import influence, normal_influence
 from swim_env.physics.planar.lagrangian import (
+    ADDED_ANGLES,
     DIRECTION,
     MOTION,
     PREPARED,
@@ -83,7 +84,9 @@ def _repeat(
     h = solver.time_step
     for _ in range(times):
         if part == _POSE:
+            # It remembers its pose and, where the model depends on the shape, the joint angles.
             unknowns[PREPARED, 0] = 0.0
+            unknowns[ADDED_ANGLES, 1] = np.nan
             prepare(m.q, m.p, beam, fluid, work, m.step)
         elif part == _WHOLE_STEP:
             evaluate_step(m.p, torques, m.history[0], h, beam, fluid, work, m.step)

@@ -69,8 +69,10 @@ def test_the_parts_of_a_scene(model: str) -> None:
 
 
 @pytest.mark.release
-def test_a_step_takes_longer_than_its_floor() -> None:
-    assert measure_parts(load_scene("paper_i"), 3)["step_to_floor"]["median"] > 1.0
+def test_a_step_takes_longer_than_its_floor_and_a_pose_than_its_added_mass() -> None:
+    cell = measure_parts(load_scene("paper_i"), 5)
+    assert cell["step_to_floor"]["median"] > 1.0
+    assert cell["parts"]["mass matrix"]["median"] > 0.0
 
 
 def test_a_step_takes_few_evaluations_of_the_shape_force() -> None:
