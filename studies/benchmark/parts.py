@@ -15,20 +15,14 @@ from studies.benchmark.timing import Spread, ratio, spread_of, time_in_turn
 from swim_env.physics.fluid.added_mass import SMALLEST_PIVOT, added_mass, shape_force
 from swim_env.physics.fluid.outline import build_outline, outline_status, panel_count
 from swim_env.physics.fluid.panels import influence, normal_influence
-from swim_env.physics.planar.lagrangian import (
-    ADDED_ANGLES,
-    DIRECTION,
-    MOTION,
-    PREPARED,
-    RESIDUAL,
-    SHAPE,
-    evaluate_held_step,
-    evaluate_step,
-    step_jacobian,
-)
+from swim_env.physics.planar.equations import evaluate_held_step, evaluate_step
+from swim_env.physics.planar.layout import ADDED, TOTAL
+from swim_env.physics.planar.matrix import step_jacobian
 from swim_env.physics.runtime.compile import entry_kernel
 from swim_env.physics.runtime.dense import copy, invert_in_order, lu_factor, lu_solve
-from swim_env.physics.solve.integrator import RECORD_NAMES, member_views, prepare, unpack_constants
+from swim_env.physics.solve.constants import unpack_constants
+from swim_env.physics.solve.prepare import prepare
+from swim_env.physics.solve.state import RECORD_NAMES, member_views
 from swim_env.scene import Scene
 from swim_env.sim.batch import Bodies, minimal_start
 from swim_env.sim.simulator import Simulator
@@ -67,38 +61,38 @@ _STEPS_BEFORE = 40
 def _repeat(
     part: int,
     times: int,
-    state: Array,
+    state_vector: Array,
     torques: Array,
-    reals: Array,
-    sizes: NDArray[np.int64],
+    scalars: NDArray[np.void],
+    vectors: Array,
     floats: Array,
     integers: NDArray[np.int64],
 ) -> None:
     """Evaluate one part of a step a number of times, at the pose of a state."""
-    beam, fluid, solver = unpack_constants(reals, sizes)
-    m = member_views(state, beam, fluid, floats, integers)
-    work = m.fluid_work
+    beam, fluid, solver = unpack_constants(scalars, vectors)
+    state, body, work, newton, step, _ = member_views(state_vector, beam, fluid, floats, integers)
+    q, p, z = state.q, state.p, state.history[0]
     panels = work.outline.panels
     count = panel_count(fluid.geometry)
-    unknowns = m.step.unknowns
     h = solver.time_step
+    at_start = bool(0)
     for _ in range(times):
         if part == _POSE:
-            # It remembers its pose and, where the model depends on the shape, the joint angles.
-            unknowns[PREPARED, 0] = 0.0
-            unknowns[ADDED_ANGLES, 1] = np.nan
-            prepare(m.q, m.p, beam, fluid, work, m.step)
+            # It remembers its pose and the joint angles of its added mass.
+            body.mass.known[TOTAL] = 0
+            body.mass.known[ADDED] = 0
+            prepare(q, p, beam, fluid, solver, body, work, newton, step.effort)
         elif part == _WHOLE_STEP:
-            evaluate_step(m.p, torques, m.history[0], h, beam, fluid, work, m.step)
+            evaluate_step(p, torques, z, h, beam, fluid, body, work)
         elif part == _JACOBIAN:
-            step_jacobian(h, beam, fluid, work, 0.0, m.step)
-            lu_factor(m.step.jacobian, m.permutation)
+            step_jacobian(h, at_start, 0.0, beam, fluid, body, work, newton)
+            lu_factor(newton.jacobian, newton.permutation)
         elif part == _HELD_STEP:
-            evaluate_held_step(m.p, torques, m.history[0], h, beam, fluid, m.step)
-            copy(unknowns[RESIDUAL], unknowns[DIRECTION])
-            lu_solve(m.step.jacobian, m.permutation, unknowns[DIRECTION])
+            evaluate_held_step(p, torques, z, h, at_start, beam, fluid, body)
+            copy(body.balance.residual, newton.correction)
+            lu_solve(newton.jacobian, newton.permutation, newton.correction)
         elif part == _OUTLINE:
-            build_outline(m.q[3:], fluid.geometry, work.outline)
+            build_outline(q[3:], fluid.geometry, work.outline)
             outline_status(fluid.geometry, work.outline)
         elif part == _INFLUENCE:
             influence(panels, count, 1.0, work.half_log, work.layers)
@@ -106,9 +100,9 @@ def _repeat(
             normal_influence(panels, count, work.layers, work.inverse)
             invert_in_order(work.inverse, SMALLEST_PIVOT)
         elif part == _ADDED_MASS:
-            added_mass(m.q[3:], fluid, work, m.step.added_mass)
+            added_mass(q[3:], fluid, work, body.mass.added)
         elif part == _SHAPE_FORCE:
-            shape_force(m.step.motions[MOTION], fluid, work, m.step.elements[SHAPE])
+            shape_force(body.inc.motion, fluid, work, body.balance.shape)
 
 
 def _calibrated(call: Callable[[int], object]) -> tuple[Callable[[], object], int]:

@@ -71,9 +71,9 @@ def with_halved_turning(scene: Scene) -> Simulator:
     scaled = np.outer(factors, factors)[np.tril_indices(2 * n)]
     # The kernels' constants end with the lower triangle of A, row by row.
     bodies = simulator._bodies
-    bodies._constants[0][-scaled.size :] *= scaled
+    bodies._constants[1][-scaled.size :] *= scaled
     # The work space keeps the mass, which does not depend on the shape here: clear it.
-    bodies._floats[:] = 0.0
+    bodies._integers[:] = 0
     simulator.reset()
     return simulator
 

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from swim_env.errors import SimulationEndedError
 from swim_env.physics.invariants import momentum_map
-from swim_env.physics.solve.integrator import LARGEST_TURN, RECORD_NAMES, energy_drift_of
+from swim_env.physics.solve.outer_step import LARGEST_TURN
+from swim_env.physics.solve.state import RECORD_NAMES, energy_drift_of
 from swim_env.physics.status import TERMINATION_REASONS
 from swim_env.scene import Scene
 from swim_env.sim.batch import Bodies, minimal_start, scene_constants
@@ -211,7 +212,7 @@ class _Watch:
         # Of the steps so far: the impulses from outside, the energy that is to be expected, the
         # largest energy and momentum terms, the parts that were solved.
         self._outside = np.zeros(3)
-        self._balance = self._largest = bodies.weigh(0)[0]
+        self._balance = self._largest = bodies.energy_and_velocity(0)[0]
         self._unexplained = self._terms = self._solved = 0.0
         self._quarters: tuple[list[float], list[float]] = ([], [])
         self._not_finite = ""
@@ -313,7 +314,7 @@ class _Watch:
         _check_reason(verdict)
         self._check_budget()
         # The state that is left is one to continue from, or at least to look at.
-        left, velocity, status = self._bodies.weigh(0)
+        left, velocity, status = self._bodies.energy_and_velocity(0)
         if status or not (math.isfinite(left) and np.isfinite(velocity).all()):
             verdict.failures.append("the last state has no finite energy and velocity")
 

@@ -20,20 +20,14 @@ from swim_env.physics.fluid.added_mass import (
 from swim_env.physics.fluid.outline import LATERAL, LENGTH, ROTARY, FluidGeometry
 from swim_env.physics.fluid.panels import POTENTIAL, normal_influence
 from swim_env.physics.loading import load_kernels
-from swim_env.physics.planar.beam import BeamConstants
-from swim_env.physics.planar.lagrangian import (
-    CHANGE,
-    RESIDUAL,
-    carve_step_arrays,
-    evaluate_step,
-    mass_matrix,
-    pose_jacobian,
-    step_array_size,
-    step_jacobian,
-)
+from swim_env.physics.planar.chain import BeamConstants
+from swim_env.physics.planar.equations import evaluate_held_step, evaluate_step
+from swim_env.physics.planar.matrix import mass_matrix, pose_jacobian, step_jacobian
 from swim_env.physics.runtime.compile import entry_kernel
 from swim_env.physics.runtime.dense import copy
-from swim_env.physics.solve.integrator import prepare, work_sizes
+from swim_env.physics.solve.constants import SolverConstants
+from swim_env.physics.solve.prepare import prepare
+from swim_env.physics.solve.state import member_views, state_size, work_sizes
 from swim_env.sim.batch import Bodies
 from tests.support import Array
 
@@ -95,34 +89,39 @@ def _step_probe(
     ends: Array,
     beam: BeamConstants,
     fluid: FluidConstants,
+    solver: SolverConstants,
+    state: Array,
     floats: Array,
     integers: Integers,
     out: StepProbe,
 ) -> int:
-    used = fluid_work_sizes(fluid)[0]
-    step = floats[used : used + step_array_size(beam.elements, motion_count(fluid))]
-    w = carve_step_arrays(step, beam.elements, motion_count(fluid))
-    work = carve_fluid_work(floats[:used], integers, fluid)
-    status = prepare(q, p, beam, fluid, work, w)
+    m = member_views(state, beam, fluid, floats, integers)
+    body, work, newton = m.body, m.fluid_work, m.newton
+    status = prepare(q, p, beam, fluid, solver, body, work, newton, m.step.effort)
     if status != 0:
         return status
-    pose_jacobian(h, beam, w)
+    pose_jacobian(h, beam, body.pose, body.mass, newton.jacobian)
     for i in range(out.pose.shape[0]):
-        copy(w.jacobian[i], out.pose[i])
-    mass_matrix(beam, fluid, work, w)  # prepare has left its factor
+        copy(newton.jacobian[i], out.pose[i])
+    mass_matrix(beam, fluid, body, work, newton)  # prepare has left its factor
     for i in range(out.mass.shape[0]):
-        copy(w.mass[i], out.mass[i])
-    if ends.size > 0:
-        w.adjoint[0] = 1.0
-        status = added_mass(ends, fluid, work, w.added_mass)
+        copy(body.mass.total[i], out.mass[i])
+    at_end = ends.size > 0
+    if at_end:
+        status = added_mass(ends, fluid, work, body.mass.added)
         if status != 0:
             return status
-    evaluate_step(p, torques, z, h, beam, fluid, work, w)
-    copy(w.unknowns[RESIDUAL], out.residual)
-    copy(w.unknowns[CHANGE], out.change)
-    step_jacobian(h, beam, fluid, work, difference, w)
+        # The motion, then the shape force that belongs to it, then all of the balance.
+        evaluate_held_step(p, torques, z, h, at_end, beam, fluid, body)
+        shape_force(body.inc.motion, fluid, work, body.balance.shape)
+        evaluate_held_step(p, torques, z, h, at_end, beam, fluid, body)
+    else:
+        evaluate_step(p, torques, z, h, beam, fluid, body, work)
+    copy(body.balance.residual, out.residual)
+    copy(body.balance.change, out.change)
+    step_jacobian(h, at_end, difference, beam, fluid, body, work, newton)
     for i in range(out.jacobian.shape[0]):
-        copy(w.jacobian[i], out.jacobian[i])
+        copy(newton.jacobian[i], out.jacobian[i])
     return status
 
 
@@ -205,9 +204,11 @@ def probe_step(
     floats, integers = work_sizes(beam, fluid)
     square = np.zeros((3, n, n))
     out = StepProbe(np.zeros(n), np.zeros(n), *square)
-    work = (np.zeros(floats), np.zeros(integers, dtype=np.int64))
+    state = np.zeros(state_size(beam.elements))
+    work = (state, np.zeros(floats), np.zeros(integers, dtype=np.int64))
+    scene = (beam, fluid, SolverConstants(h, 1e-10))
     ends = q[3:] + z[3:] if adjoint else np.zeros(0)
-    status = _step_probe(q, p, torques, z, h, difference, ends, beam, fluid, *work, out)
+    status = _step_probe(q, p, torques, z, h, difference, ends, *scene, *work, out)
     assert status == 0, f"the step cannot be evaluated, status {status}"
     return out
 
