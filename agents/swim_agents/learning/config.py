@@ -21,7 +21,7 @@ from swim_env.envs.task import TASKS, Task
 from swim_env.errors import SceneError, SettingsError, SwimError
 from swim_env.files.atomic import write_atomically
 from swim_env.scene import Scene, load_scene
-from swim_env.scene.block import Block, block, integer, one_of, plain, real, text
+from swim_env.scene.block import Block, Check, block, integer, one_of, plain, real, text
 from swim_env.scene.checks import check_fields, check_real, check_text, got, nearest
 from swim_env.scene.yaml import dump_yaml, parse_overrides, parse_yaml, read_text
 
@@ -32,17 +32,12 @@ __all__ = [
     "load_config",
 ]
 
+_FORWARD_OPTIONS = ("effort_weight", "heading_weight")
+#: Arguments of each task that `TrainingConfig.environment` may hold.
 _TASK_OPTIONS = {
-    "forward": ("effort_weight", "heading_weight"),
-    "target": (
-        "effort_weight",
-        "heading_weight",
-        "target_bearing",
-        "target_distance",
-        "target_radius",
-    ),
+    "forward": _FORWARD_OPTIONS,
+    "target": (*_FORWARD_OPTIONS, "target_bearing", "target_distance", "target_radius"),
 }
-
 
 _BLOCKS = ("network", "ppo", "sac", "evaluation")
 
@@ -67,16 +62,15 @@ def _name(value: object, field: str) -> str:
     return name
 
 
-def _flag(value: object, field: str) -> bool:
-    if not isinstance(value, bool):
-        raise ConfigError(f"{field} must be true or false, got {got(value)}")
-    return value
+def _is_a(kind: type, what: str) -> Check:
+    """Return a check for an instance of a type."""
 
+    def check(value: object, field: str) -> object:
+        if not isinstance(value, kind):
+            raise ConfigError(f"{field} must be {what}, got {got(value)}")
+        return value
 
-def _is_scene(value: object, field: str) -> Scene:
-    if not isinstance(value, Scene):
-        raise ConfigError(f"{field} must be a Scene, got {got(value)}")
-    return value
+    return check
 
 
 def _discount(value: object, field: str) -> float:
@@ -138,7 +132,9 @@ class TrainingConfig(Block):
     description: Annotated[str, text] = ""
     algorithm: Annotated[str, one_of(ALGORITHMS)] = "PPO"
     task: Annotated[str, one_of(tuple(TASKS))] = "forward"
-    scene: Annotated[Scene, _is_scene] = field(default_factory=lambda: load_scene("swimmer"))
+    scene: Annotated[Scene, _is_a(Scene, "a Scene")] = field(
+        default_factory=lambda: load_scene("swimmer")
+    )
     environment: dict[str, Any] = field(default_factory=dict)
     members: Annotated[int, integer(1, 100_000)] = 64
     steps: Annotated[int, integer(1, MOST)] = 1_000_000
@@ -146,7 +142,7 @@ class TrainingConfig(Block):
     learning_rate: Annotated[float, real(above=0.0, at_most=1.0)] = 3e-4
     final_learning_rate: Annotated[float | None, real(at_least=0.0, at_most=1.0)] = None
     reward_scale: Annotated[float | None, real(above=0.0)] = None
-    state_dependent_noise: Annotated[bool, _flag] = True
+    state_dependent_noise: Annotated[bool, _is_a(bool, "true or false")] = True
     noise_hold: Annotated[int, integer(1, 1_000_000)] = 4
     network: Annotated[Network, block(Network)] = field(default_factory=Network)
     ppo: Annotated[PPOSettings | None, block(PPOSettings)] = None
@@ -159,10 +155,6 @@ class TrainingConfig(Block):
         """Check every field, and that they fit together."""
         with _located():
             super().__post_init__()
-        self._check_algorithm()
-        self._check_task()
-
-    def _check_algorithm(self) -> None:
         own, other = ("ppo", "sac") if self.algorithm == "PPO" else ("sac", "ppo")
         if getattr(self, other) is not None:
             raise ConfigError(f"a block {other} has no meaning with algorithm {self.algorithm}")
@@ -173,19 +165,15 @@ class TrainingConfig(Block):
                 "reward_scale must be a number with algorithm SAC, whose buffer keeps rewards for "
                 "long, got null"
             )
-        if self.ppo is not None:
-            samples = self.members * self.ppo.rollout
-            if samples % self.ppo.minibatch:
-                raise ConfigError(
-                    f"ppo.minibatch must divide members * ppo.rollout = {samples}, "
-                    f"got {self.ppo.minibatch}"
-                )
+        if self.ppo is not None and self.round_steps % self.ppo.minibatch:
+            raise ConfigError(
+                f"ppo.minibatch must divide members * ppo.rollout = {self.round_steps}, "
+                f"got {self.ppo.minibatch}"
+            )
         if self.sac is not None and self.sac.buffer < self.members:
             raise ConfigError(
                 f"sac.buffer must be at least members = {self.members}, got {self.sac.buffer}"
             )
-
-    def _check_task(self) -> None:
         known = _TASK_OPTIONS[self.task]
         if not isinstance(self.environment, Mapping):
             raise ConfigError(
@@ -239,20 +227,10 @@ class TrainingConfig(Block):
                 data[spec.name] = dict(value) if isinstance(value, dict) else plain(value)
         return data
 
-    def to_yaml(self) -> str:
-        """Return the resolved configuration as YAML."""
-        return dump_yaml(self.to_dict())
-
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the resolved configuration as YAML, whole or not at all.
-
-        Raises
-        ------
-        OSError
-            If the file cannot be written.
-        """
-        text = self.to_yaml().encode("utf-8")
-        write_atomically(path, lambda file: file.write(text))
+        """Write the resolved configuration as YAML, whole or not at all (else OSError)."""
+        content = dump_yaml(self.to_dict()).encode("utf-8")
+        write_atomically(path, lambda file: file.write(content))
 
     @classmethod
     def from_dict(cls, mapping: Mapping[str, Any], source: str | None = None) -> TrainingConfig:
@@ -285,18 +263,10 @@ class TrainingConfig(Block):
             return cls(**{name: value for name, value in given.items() if name not in absent})
 
     def change(self, changes: Mapping[str, Any]) -> TrainingConfig:
-        """Return a configuration with fields changed.
+        """Return a configuration with fields changed, or raise ConfigError.
 
-        Parameters
-        ----------
-        changes : mapping
-            New values by name or dotted path: ``steps``, ``ppo.epochs``,
-            ``scene.beam.elements``.
-
-        Raises
-        ------
-        ConfigError
-            If a path is unknown or the changed configuration is not valid.
+        New values are given by name or dotted path: ``steps``, ``ppo.epochs``,
+        ``scene.beam.elements``.
         """
         data = self.to_dict()
         scene: dict[str, Any] = {}
