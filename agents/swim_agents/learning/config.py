@@ -227,9 +227,13 @@ class TrainingConfig(Block):
                 data[spec.name] = dict(value) if isinstance(value, dict) else plain(value)
         return data
 
+    def to_yaml(self) -> str:
+        """Return the resolved configuration as YAML."""
+        return dump_yaml(self.to_dict())
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the resolved configuration as YAML, whole or not at all (else OSError)."""
-        content = dump_yaml(self.to_dict()).encode("utf-8")
+        content = self.to_yaml().encode("utf-8")
         write_atomically(path, lambda file: file.write(content))
 
     @classmethod

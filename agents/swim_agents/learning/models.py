@@ -162,7 +162,7 @@ def model_state(model: BaseAlgorithm) -> dict[str, Any]:
         "successes": [float(x) for x in model.ep_success_buffer],
         "random": {
             "torch": torch.get_rng_state(),
-            "numpy": [name, keys.tolist(), *rest],
+            "numpy": [name, np.asarray(keys).tolist(), *rest],
             "python": [version, list(words), gauss],
             "actions": model.action_space.np_random.bit_generator.state,
         },
