@@ -48,59 +48,40 @@ class Column:
 
 @dataclass(frozen=True, eq=False)
 class RecordedSwimmer:
-    """A swimmer of a recording.
+    """A swimmer of a recording."""
 
-    Attributes
-    ----------
-    label, name : str
-        Its name in entity paths, and the one that it was given.
-    scene : Scene
-        What was run.
-    termination_reason : str
-        Why its run ended early, empty where it did not.
-    time : (F,) array
-        Instants of nodes, path and series (s).
-    nodes : (F, N + 1, 2) array
-        Nodes of the centre line from head to tail (m), in single precision.
-    path : (F, 2) array
-        Mean element centre (m), in single precision.
-    series : dict of str to (F, n) array
-        By group, see `swim_env.recording.schema.GROUPS` and DETAILS; energy and rewards at
-        their own times.
-    names : dict of str to list of str
-        Names of the groups' columns, with their units.
-    energy_time : (E,) array
-        Instants of the energy (s).
-    reward_time : (A,) array
-        Ends of the actions (s), empty without rewards.
-    flow_time : (W,) array
-        Instants of the flow (s), empty without one.
-    pressures : (W, R, C) array
-        Pressure on the grid (Pa), rows upwards, in steps of the scale's 127th part; not a number
-        inside of the body.
-    velocities : (W, A, 2) array
-        Velocities (m/s).
-    grid : (W, 2) array
-        Left lower corner of the grid (m).
-    cell : float
-        Size of the grid's cells (m); 0 without flow.
-    """
-
+    #: Its name in entity paths, and the one that it was given.
     label: str
     name: str
+    #: What was run.
     scene: Scene
+    #: Why its run ended early, empty where it did not.
     termination_reason: str
+    #: Instants of nodes, path and series (s), (F,).
     time: Array
+    #: Nodes of the centre line from head to tail (m), in single precision, (F, N + 1, 2).
     nodes: Array
+    #: Mean element centre (m), in single precision, (F, 2).
     path: Array
+    #: By group, see `swim_env.recording.schema.GROUPS` and DETAILS; energy and rewards at their own
+    #: times.
     series: dict[str, Array]
+    #: Names of the groups' columns, with their units.
     names: dict[str, list[str]]
+    #: Instants of the energy (s), (E,).
     energy_time: Array
+    #: Ends of the actions (s), empty without rewards, (A,).
     reward_time: Array
+    #: Instants of the flow (s), empty without one, (W,).
     flow_time: Array
+    #: Pressure on the grid (Pa), rows upwards, in steps of the scale's 127th part; not a number
+    #: inside of the body, (W, R, C).
     pressures: Array
+    #: Velocities (m/s), (W, A, 2).
     velocities: Array
+    #: Left lower corner of the grid (m), (W, 2).
     grid: Array
+    #: Size of the grid's cells (m); 0 without flow.
     cell: float
 
 

@@ -82,55 +82,34 @@ _WAVE_FIGURES = ("amplitude", "frequency", "wave_number", "phase", "explained")
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """One policy in a contest.
+    """One policy in a contest."""
 
-    Attributes
-    ----------
-    name : str
-        Its name in the tables.
-    group : str
-        The same for agents that differ in nothing but their training seed.
-    policy : Policy
-        The policy itself.
-    about : dict
-        For an agent what ``agent.json`` says of its training, else empty.
-    source : str
-        The name or path that it was loaded from.
-    """
-
+    #: Its name in the tables.
     name: str
+    #: The same for agents that differ in nothing but their training seed.
     group: str
     policy: Policy
+    #: For an agent what ``agent.json`` says of its training, else empty.
     about: dict[str, Any]
+    #: The name or path that it was loaded from.
     source: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class Contest:
-    """The result of a contest.
-
-    Attributes
-    ----------
-    scene : Scene
-        The scene.
-    task : str
-        ``forward`` or ``target``.
-    seeds : tuple of int
-        Of the starts.
-    performances : dict of str to list of Performance
-        For each entry one for each seed.
-    rollouts, trajectories : dict of str to list
-        For each entry its first `keep` episodes.
-    record : dict
-        All figures as plain values; see `hold_contest`.
-    """
+    """The result of a contest."""
 
     scene: Scene
+    #: ``forward`` or ``target``.
     task: str
+    #: Of the starts.
     seeds: tuple[int, ...]
+    #: For each entry one for each seed.
     performances: dict[str, list[Performance]]
+    #: For each entry its first `keep` episodes.
     rollouts: dict[str, list[Rollout]]
     trajectories: dict[str, list[Trajectory]]
+    #: All figures as plain values; see `hold_contest`.
     record: dict[str, Any]
 
     def swimmers(self) -> list[Swimmer]:

@@ -82,73 +82,50 @@ def _discount(value: object, field: str) -> float:
 
 @dataclass(frozen=True)
 class TrainingConfig(Block):
-    """Everything that determines a training run but its seed.
+    """Everything that determines a training run but its seed."""
 
-    Attributes
-    ----------
-    name : str
-        Of the agent.
-    description : str
-        What it is for, and why the settings are what they are.
-    algorithm : str
-        One of ALGORITHMS.
-    task : str
-        A key of TASKS.
-    scene : Scene
-        The scene.
-    environment : dict
-        Arguments of the task, such as ``effort_weight`` or ``target_distance``.
-    members : int
-        Episodes that are played side by side.
-    steps : int
-        Environment steps (actions) in all.
-    discount : float
-        gamma, in (0, 1).
-    learning_rate, final_learning_rate : float
-        Of Adam, at the start and at the end, linear in between; constant where the final one is
-        not given.
-    reward_scale : float or None
-        What the learner sees is the reward times this. With PPO it may be None: the reward over the
-        running standard deviation of the discounted return.
-    state_dependent_noise, noise_hold : bool, int
-        Whether exploration is a random function of the state (gSDE, Raffin et al. 2022), drawn anew
-        every `noise_hold` actions, instead of independent noise at every joint and action.
-    network : Network
-        Of policy and critic.
-    ppo : PPOSettings or None
-        With algorithm PPO, and with it alone.
-    sac : SACSettings or None
-        With algorithm SAC, and with it alone.
-    evaluation : Evaluations
-        The periodic evaluation.
-    checkpoint_every : int
-        Environment steps between checkpoints.
-    torch_threads : int
-        Threads of PyTorch. One is fastest for networks of this size, and only a fixed number gives
-        the same run twice.
-    """
-
+    #: Of the agent.
     name: Annotated[str, _name] = "agent"
+    #: What it is for, and why the settings are what they are.
     description: Annotated[str, text] = ""
+    #: One of ALGORITHMS.
     algorithm: Annotated[str, one_of(ALGORITHMS)] = "PPO"
+    #: A key of TASKS.
     task: Annotated[str, one_of(tuple(TASKS))] = "forward"
     scene: Annotated[Scene, _is_a(Scene, "a Scene")] = field(
         default_factory=lambda: load_scene("swimmer")
     )
+    #: Arguments of the task, such as ``effort_weight`` or ``target_distance``.
     environment: dict[str, Any] = field(default_factory=dict)
+    #: Episodes that are played side by side.
     members: Annotated[int, integer(1, 100_000)] = 64
+    #: Environment steps (actions) in all.
     steps: Annotated[int, integer(1, MOST)] = 1_000_000
+    #: gamma, in (0, 1).
     discount: Annotated[float, _discount] = 0.998
+    #: Of Adam, at the start and at the end, linear in between; constant where the final one is not
+    #: given.
     learning_rate: Annotated[float, real(above=0.0, at_most=1.0)] = 3e-4
     final_learning_rate: Annotated[float | None, real(at_least=0.0, at_most=1.0)] = None
+    #: What the learner sees is the reward times this. With PPO it may be None: the reward over the
+    #: running standard deviation of the discounted return.
     reward_scale: Annotated[float | None, real(above=0.0)] = None
+    #: Whether exploration is a random function of the state (gSDE, Raffin et al. 2022), drawn anew
+    #: every `noise_hold` actions, instead of independent noise at every joint and action.
     state_dependent_noise: Annotated[bool, _is_a(bool, "true or false")] = True
     noise_hold: Annotated[int, integer(1, 1_000_000)] = 4
+    #: Of policy and critic.
     network: Annotated[Network, block(Network)] = field(default_factory=Network)
+    #: With algorithm PPO, and with it alone.
     ppo: Annotated[PPOSettings | None, block(PPOSettings)] = None
+    #: With algorithm SAC, and with it alone.
     sac: Annotated[SACSettings | None, block(SACSettings)] = None
+    #: The periodic evaluation.
     evaluation: Annotated[Evaluations, block(Evaluations)] = field(default_factory=Evaluations)
+    #: Environment steps between checkpoints.
     checkpoint_every: Annotated[int, integer(1, MOST)] = 250_000
+    #: Threads of PyTorch. One is fastest for networks of this size, and only a fixed number gives
+    #: the same run twice.
     torch_threads: Annotated[int, integer(1, 1024)] = 1
 
     def __post_init__(self) -> None:
