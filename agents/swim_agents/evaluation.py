@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from swim_agents.baselines import Policy
-from swim_agents.rollout import Rollout
+from swim_agents.rollout import EpisodeLog, Rollout
 from swim_env.envs.vector import SwimVectorEnv
 from swim_env.errors import OptionError
 
@@ -33,7 +33,7 @@ def play_episodes(
     Parameters
     ----------
     env : SwimVectorEnv
-        A batch of as many members, in autoreset mode NEXT_STEP.
+        A batch of as many members, in autoreset mode NEXT_STEP; else it is an OptionError.
     policy, options, deterministic
         As for `play_episode`, the same for all.
     seeds : sequence of int
@@ -45,11 +45,6 @@ def play_episodes(
     -------
     list of Rollout
         One for each seed.
-
-    Raises
-    ------
-    OptionError
-        If the batch has another size or mode.
     """
     count = len(seeds)
     if env.num_envs != count or env.autoreset_mode is not AutoresetMode.NEXT_STEP:
@@ -61,41 +56,24 @@ def play_episodes(
         seed=list(seeds), options=None if options is None else dict(options)
     )
     episodes = env.episodes
-    coordinates, velocities = episodes.bodies.coordinates, episodes.bodies.velocities
-    coordinates, velocities = coordinates.copy(), velocities.copy()
-    goals = episodes.goals.copy()
-    torques: list[list[Any]] = [[] for _ in seeds]
-    rewards: list[list[float]] = [[] for _ in seeds]
-    paths: list[list[Any]] = [[place.copy()] for place in infos["position"]]
+    logs = [
+        EpisodeLog(episodes, member, int(seed), infos["position"][member])
+        for member, seed in enumerate(seeds)
+    ]
     ended: dict[int, Rollout] = {}
     state: Any = None
     start = np.ones(count, dtype=np.bool_)
     while len(ended) < count:
         actions, state = policy.predict(observations, state, start, deterministic)
-        observations, gains, terminated, truncated, infos = env.step(actions)
+        observations, rewards, terminated, truncated, infos = env.step(actions)
         start = np.zeros(count, dtype=np.bool_)
-        for member in range(count):
+        for member, log in enumerate(logs):
             if member in ended:
                 continue
-            torques[member].append(episodes.torques[member, 0].copy())
-            rewards[member].append(float(gains[member]))
-            paths[member].append(infos["position"][member].copy())
-            if terminated[member] or truncated[member]:
-                ended[member] = Rollout(
-                    scene=env.scene,
-                    seed=int(seeds[member]),
-                    coordinates=coordinates[member],
-                    velocity=velocities[member],
-                    goal=goals[member],
-                    goal_is_point=env.task.goal_is_point,
-                    torques=np.array(torques[member]),
-                    steps=int(episodes.bodies.steps_taken[member]),
-                    rewards=np.array(rewards[member]),
-                    path=np.array(paths[member]),
-                    info=episodes.info(member),
-                    terminated=bool(terminated[member]),
-                    truncated=bool(truncated[member]),
-                )
+            log.add(rewards[member], infos["position"][member])
+            ends = terminated[member], truncated[member]
+            if any(ends):
+                ended[member] = log.rollout(episodes.info(member), *ends)
         if progress is not None:
             progress(1)
     return [ended[member] for member in range(count)]

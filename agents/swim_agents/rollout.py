@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_agents.baselines import Policy
+from swim_env.envs.episodes import Episodes
 from swim_env.envs.single import SwimEnv
 from swim_env.envs.task import TARGET_RADIUS
 from swim_env.errors import OptionError
@@ -21,7 +22,7 @@ from swim_env.sim.trajectory import Trajectory
 if TYPE_CHECKING:
     from swim_env.recording import Swimmer
 
-__all__ = ["Rollout", "play_episode", "score"]
+__all__ = ["EpisodeLog", "Rollout", "play_episode", "score"]
 
 Array = NDArray[np.float64]
 
@@ -101,14 +102,8 @@ class Rollout:
     ) -> Swimmer:
         """Return the episode for a recording.
 
-        Parameters
-        ----------
-        name : str
-            The swimmer's name.
-        trajectory : Trajectory, optional
-            Its motion; its torques are played again unless given.
-        target_radius : float
-            How close a target had to be reached (BL), where the goal is one.
+        Its torques are played again unless its motion is given. The target's radius (BL) counts
+        where the goal is a point.
         """
         from swim_env.recording import Swimmer
 
@@ -131,6 +126,45 @@ def score(rollout: Rollout, position: Array) -> float:
     return float((position - start) @ rollout.goal) / length
 
 
+class EpisodeLog:
+    """What is kept of a member's episode while it is played, from its reset on."""
+
+    def __init__(self, episodes: Episodes, member: int, seed: int | None, position: Array) -> None:
+        self._episodes, self._member, self._seed = episodes, member, seed
+        bodies = episodes.bodies
+        self._coordinates = bodies.coordinates[member].copy()
+        self._velocity = bodies.velocities[member].copy()
+        self._goal = episodes.goals[member].copy()
+        self._torques: list[Array] = []
+        self._rewards: list[float] = []
+        self._path = [position.copy()]
+
+    def add(self, reward: Any, position: Array) -> None:
+        """Keep an action that was played, with its reward and the mean centre after it (m)."""
+        self._torques.append(self._episodes.torques[self._member, 0].copy())
+        self._rewards.append(float(reward))
+        self._path.append(position.copy())
+
+    def rollout(self, info: dict[str, Any], terminated: bool, truncated: bool) -> Rollout:
+        """Return the episode, which has just ended."""
+        task = self._episodes.task
+        return Rollout(
+            scene=task.scene,
+            seed=self._seed,
+            coordinates=self._coordinates,
+            velocity=self._velocity,
+            goal=self._goal,
+            goal_is_point=task.goal_is_point,
+            torques=np.array(self._torques),
+            steps=int(self._episodes.bodies.steps_taken[self._member]),
+            rewards=np.array(self._rewards),
+            path=np.array(self._path),
+            info=info,
+            terminated=bool(terminated),
+            truncated=bool(truncated),
+        )
+
+
 def play_episode(
     env: gymnasium.Env[Any, Any],
     policy: Policy,
@@ -144,7 +178,8 @@ def play_episode(
     Parameters
     ----------
     env : gymnasium.Env
-        A `SwimEnv`, with or without wrappers that leave observations and actions alone.
+        A `SwimEnv` (another one is an OptionError), with or without wrappers that leave
+        observations and actions alone.
     policy : Policy
         The policy.
     seed, options : optional
@@ -153,23 +188,12 @@ def play_episode(
         Whether to leave exploration out.
     progress : callable, optional
         Called with 1 after every action.
-
-    Returns
-    -------
-    Rollout
-        The episode.
-
-    Raises
-    ------
-    OptionError
-        If the environment is not one of this package.
     """
     swimmer = env.unwrapped
     if not isinstance(swimmer, SwimEnv):
         raise OptionError(f"play_episode needs a SwimEnv, got {type(swimmer).__name__}")
     observation, info = env.reset(seed=seed, options=None if options is None else dict(options))
-    coordinates, velocity = swimmer.coordinates, swimmer.velocity
-    torques, rewards, path = [], [], [info["position"]]
+    log = EpisodeLog(swimmer.episodes, 0, seed, info["position"])
     state: Any = None
     terminated = truncated = False
     start = np.ones(1, dtype=np.bool_)
@@ -177,23 +201,7 @@ def play_episode(
         action, state = policy.predict(observation, state, start, deterministic)
         observation, reward, terminated, truncated, info = env.step(action)
         start = np.zeros(1, dtype=np.bool_)
-        torques.append(swimmer.torques)
-        rewards.append(float(reward))
-        path.append(info["position"])
+        log.add(reward, info["position"])
         if progress is not None:
             progress(1)
-    return Rollout(
-        scene=swimmer.scene,
-        seed=seed,
-        coordinates=coordinates,
-        velocity=velocity,
-        goal=swimmer.goal,
-        goal_is_point=swimmer.task.goal_is_point,
-        torques=np.array(torques),
-        steps=swimmer.steps,
-        rewards=np.array(rewards),
-        path=np.array(path),
-        info=info,
-        terminated=terminated,
-        truncated=truncated,
-    )
+    return log.rollout(info, terminated, truncated)

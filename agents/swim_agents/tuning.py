@@ -70,7 +70,7 @@ def net_displacements(
 
 
 def _wave(scene: Scene, numbers: Sequence[float]) -> Actuation:
-    share, hertz, wave_number, phase = (float(x) for x in numbers)
+    share, hertz, wave_number, phase = numbers
     return wave_on(scene, share * scene.torque_limit, 2.0 * math.pi * hertz, wave_number, phase)
 
 
@@ -87,15 +87,11 @@ def search_wave(
 
     Parameters
     ----------
-    scene : Scene
-        The scene.
     frequencies, wave_numbers : int
         Size of the grid.
-    generations, population : int
+    generations, population, seed : int
         Of the differential evolution (Storn & Price 1997). Half of its first population is the best
         of the grid, at full amplitude and phase 0; the other half is drawn within the bounds.
-    seed : int
-        Of the differential evolution.
     progress : callable, optional
         Called with the number of waves played since the last call.
 
@@ -158,10 +154,7 @@ def search_wave(
         },
         "evaluations": len(seen),
         "candidates": [
-            {
-                **dict(zip(_CANDIDATE, point, strict=True)),
-                "net_displacement": seen[point],
-            }
+            {**dict(zip(_CANDIDATE, point, strict=True)), "net_displacement": seen[point]}
             for point in ranked[:20]
         ],
     }

@@ -89,14 +89,8 @@ def verify_rollout(
 ) -> Verification:
     """Replay a recorded torque history at a quarter of the time step and 12 panels per element.
 
-    Parameters
-    ----------
-    rollout : Rollout
-        The episode, from `play_episode`.
-    tolerance : float
-        Largest difference of the net displacements, as a share of the score.
-    progress : callable, optional
-        Called with the number of fine time steps taken since the last call.
+    The net displacements may differ by `tolerance` as a share of the score; `progress` is called
+    with the number of fine time steps taken since its last call.
     """
     scene = fine_scene(rollout.scene)
     fine = rollout.simulate(scene, progress)

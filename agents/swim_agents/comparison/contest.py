@@ -6,7 +6,7 @@ import math
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from swim_agents.baselines import Policy
+from swim_agents.comparison.gait import Gait
 from swim_agents.comparison.performance import Performance, measure_performance
 from swim_agents.evaluation import play_episodes
 from swim_agents.policies import load_policy, policy_names
@@ -59,14 +60,7 @@ _FIGURES = (
     "heading_change",
     "energy_drift",
 )
-_GAIT_FIGURES = (
-    "frequency",
-    "torque_frequency",
-    "wave_number",
-    "travelling_share",
-    "mode_share",
-    "torque_travelling_share",
-)
+_GAIT_FIGURES = tuple(spec.name for spec in fields(Gait) if spec.type == "float")
 #: Figures whose spread over training seeds is given; of displacements it is that of the medians.
 _SPREADS = (
     "net_displacement",
@@ -77,7 +71,6 @@ _SPREADS = (
     "success_rate",
     "verified_success_rate",
 )
-_WAVE_FIGURES = ("amplitude", "frequency", "wave_number", "phase", "explained")
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,9 +136,11 @@ def entries_of(
     """
     found: list[Entry] = []
     for name in dict.fromkeys([*REFERENCES, *names]):
-        runs = [] if name in policy_names() else _runs_in(Path(name))
-        places: list[Path | None] = [*runs] if runs else [None]
-        for path in places:
+        runs: list[Path | None] = []
+        if name not in policy_names():
+            runs += [path for path in Path(name).glob("seed_*") if (path / "agent").is_dir()]
+            runs.sort(key=lambda path: (len(str(path)), str(path)))
+        for path in runs or [None]:
             policy = load_policy(name if path is None else path, scene, 0, task, trust)
             about = dict(getattr(policy, "description", {}))
             label, group = _labels(name, path, policy)
@@ -153,12 +148,6 @@ def entries_of(
                 label, group = label.replace(group, f"{group}'", 1), f"{group}'"
             found.append(Entry(label, group, policy, dict(about.get("training", {})), name))
     return found
-
-
-def _runs_in(folder: Path) -> list[Path]:
-    """Return the runs seed_0, seed_1 ... of a folder that have an agent, in that order."""
-    found = (path for path in folder.glob("seed_*") if (path / "agent").is_dir())
-    return sorted(found, key=lambda path: (len(path.name), path.name))
 
 
 def _labels(name: str, run: Path | None, policy: Policy) -> tuple[str, str]:
@@ -197,7 +186,7 @@ def hold_contest(
     entries : sequence of Entry
         The policies; in the forward task the REFERENCES must be among them.
     seeds : sequence of int
-        Of the starts and, in the target task, of the targets.
+        Of the starts and, in the target task, of the targets; all different.
     task : str
         ``forward`` or ``target``.
     noise : float
@@ -226,8 +215,7 @@ def hold_contest(
     Raises
     ------
     OptionError
-        If there are no seeds, or some are equal or negative; if there is no such task, or one of
-        the REFERENCES does not take part in the forward task.
+        If the seeds or the task cannot be used, or a reference is missing.
     """
     count = len(seeds)
     if not seeds or len(set(seeds)) < count or min(seeds) < 0:
@@ -312,7 +300,8 @@ def _record(
         "task": task,
         "duration": scene.episode.duration,
         **settings,
-        "tuned_on": _tuned_on(scene),
+        # Where the tuned wave comes from, whatever scene it plays here.
+        "tuned_on": str(load_tuned_wave()["scene"]),
         "seeds": list(seeds),
         "tolerance": TOLERANCE,
         "net_displacement": {name: one["net_displacement"] for name, one in policies.items()},
@@ -343,29 +332,21 @@ def _median(values: Sequence[float | None], missing: float | None = None) -> flo
     return median if math.isfinite(median) else None
 
 
-def _tuned_on(scene: Scene) -> str | None:
-    """Return the name of the scene that the tuned wave was tuned on, None where it is this one."""
-    record = load_tuned_wave()
-    kept, here = record["scene_fields"], scene.to_dict()
-    same = all(kept.get(block) == here.get(block) for block in ("beam", "fluid", "damping"))
-    return None if same else str(record["scene"])
-
-
 def _summary(performances: Sequence[Performance], radius: float | None) -> dict[str, Any]:
     """Return lists over seeds, and their medians."""
     rows = [performance.to_dict() for performance in performances]
-    gaits = [row.pop("gait") for row in rows]
     data: dict[str, Any] = {name: [row[name] for row in rows] for name in rows[0]}
-    data["gait"] = gaits
     # A start that gets nowhere has an infinite cost, which counts.
     missing = {"cost_of_transport": math.inf}
     data["median"] = {name: _median(data[name], missing.get(name)) for name in _FIGURES}
-    known = [gait for gait in gaits if gait is not None]
+    swimming = [row for row in rows if row["gait"] is not None]
     data["median"]["gait"] = {
-        name: _median([gait[name] for gait in known]) for name in _GAIT_FIGURES
+        name: _median([row["gait"][name] for row in swimming]) for name in _GAIT_FIGURES
     }
-    # Medians of phases mean nothing; the wave is that of the episode in the middle.
-    data["median"]["wave"] = _middle_wave(rows, gaits)
+    # Medians of phases mean nothing; the wave is that of the episode in the (lower) middle.
+    swimming.sort(key=lambda row: row["net_displacement"])
+    middle = swimming[(len(swimming) - 1) // 2]["gait"]["wave"] if swimming else None
+    data["median"]["wave"] = middle
     data["verified_share"] = float(np.mean(data["verified"]))
     successes = [row["success"] for row in rows]
     data["success_rate"] = None if successes[0] is None else float(np.mean(successes))
@@ -377,21 +358,6 @@ def _summary(performances: Sequence[Performance], radius: float | None) -> dict[
         ]
         data["verified_success_rate"] = float(np.mean(sure))
     return data
-
-
-def _middle_wave(
-    rows: Sequence[dict[str, Any]], gaits: Sequence[dict[str, Any] | None]
-) -> dict[str, float] | None:
-    """Return the wave of the episode whose net displacement is the (lower) median."""
-    known = sorted(
-        (i for i, gait in enumerate(gaits) if gait is not None),
-        key=lambda i: rows[i]["net_displacement"],
-    )
-    if not known:
-        return None
-    gait = gaits[known[(len(known) - 1) // 2]]
-    assert gait is not None
-    return {name: gait["wave"][name] for name in _WAVE_FIGURES}
 
 
 def _groups(entries: Sequence[Entry], policies: dict[str, dict[str, Any]]) -> dict[str, Any]:

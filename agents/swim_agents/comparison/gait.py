@@ -126,11 +126,7 @@ def analyse_gait(
 def dominant_frequency(times: ArrayLike, signals: ArrayLike) -> float:
     """Return the frequency (Hz) with the largest power, summed over signals without their means.
 
-    Returns
-    -------
-    float
-        The maximum of a cosine sum that is evaluated between the lines of the discrete spectrum
-        too; 0 where the signals are constant.
+    It may lie between the lines of the discrete spectrum; 0 where the signals are constant.
     """
     moments, values, _ = _checked(times, signals)
     values = _swing(values)
@@ -155,13 +151,9 @@ def dominant_frequency(times: ArrayLike, signals: ArrayLike) -> float:
 def phase_lags(times: ArrayLike, signals: ArrayLike, frequency: float) -> tuple[Array, Array]:
     """Return the lags of signals behind the first one at a frequency (Hz), and their amplitudes.
 
-    Returns
-    -------
-    lags : (J,) array
-        rad, unwrapped from signal to signal; 0 for the first one that moves, and for those that
-        hardly do.
-    amplitudes : (J,) array
-        Of the least-squares cosine of each signal.
+    The lags, (J,) (rad), are unwrapped from signal to signal; they are 0 for the first one that
+    moves, and for those that hardly do. The amplitudes, (J,), are those of the least-squares cosine
+    of each signal.
     """
     moments, values, _ = _checked(times, signals)
     angle = 2.0 * math.pi * frequency * moments
@@ -256,16 +248,12 @@ def _peaks(power: Array) -> list[tuple[int, int]]:
 
     Between the grid's points a peak may be higher than another one that looks higher.
     """
-    rim = np.pad(power, 1)
-    peak = power >= 0.6 * power.max()
-    for i in range(3):
-        for j in range(3):
-            peak &= power >= rim[i : i + power.shape[0], j : j + power.shape[1]]
-    rows, columns = np.nonzero(peak)
-    order = np.argsort(-power[rows, columns])[:_MOST_PEAKS]
-    return [
-        (int(row), int(column)) for row, column in zip(rows[order], columns[order], strict=True)
-    ]
+    from scipy.ndimage import maximum_filter
+
+    peak = power >= np.maximum(0.6 * power.max(), maximum_filter(power, 3, mode="constant"))
+    places = np.argwhere(peak)
+    order = np.argsort(-power[peak])[:_MOST_PEAKS]
+    return [(int(row), int(column)) for row, column in places[order]]
 
 
 def _wave_at(
