@@ -1,20 +1,22 @@
-"""Reading and writing the files of runs and agents: every fault is one clear line."""
+"""Reading and writing the files of runs and agents; what fails is said in one line."""
 
 from __future__ import annotations
 
 import contextlib
+import csv
+import io
 import json
 import os
 import pickle
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from swim_env.errors import SwimError
 
-__all__ = ["DAMAGED", "INTACT", "as_json", "read_json", "writing"]
+__all__ = ["DAMAGED", "INTACT", "as_csv", "as_json", "read_json", "writing"]
 
 #: What PyTorch, zip files and unpickling raise for a file that is damaged or something else.
 DAMAGED = (
@@ -50,6 +52,13 @@ def writing(
 def as_json(content: Any) -> bytes:
     """Return a JSON file's content."""
     return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()
+
+
+def as_csv(rows: Iterable[Iterable[object]]) -> str:
+    """Return a CSV file's text."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
 
 
 def read_json(path: Path, complaint: str, error: type[SwimError] = SwimError) -> Any:

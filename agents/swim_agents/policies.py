@@ -103,13 +103,12 @@ def _load_agent(path: Path, scene: Scene | None, task: str | None, trust: bool =
 
     if path.name == "model.zip" and (path.parent / "agent.json").is_file():
         path = path.parent
-    is_file = path.suffix == ".zip" or path.is_file()
-    if is_file and not path.exists():
+    if not path.exists():
         raise AgentError(f"no such model file: {path}")
-    if is_file:
+    if path.is_dir():
+        agent = load_agent(path)
+    else:
         scene = scene or load_scene("swimmer")
         agent = load_bare_model(path, scene, trust)
-    else:
-        agent = load_agent(path)
     agent.check(scene or agent.scene, task)
     return agent

@@ -1,19 +1,21 @@
-"""Playing an episode, and recording what is needed to replay it."""
+"""Playing episodes, one or many side by side, and what is needed to replay them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from swim_agents.baselines import Policy
 from swim_env.envs.episodes import Episodes
 from swim_env.envs.single import SwimEnv
 from swim_env.envs.task import TARGET_RADIUS
+from swim_env.envs.vector import SwimVectorEnv
 from swim_env.errors import OptionError
 from swim_env.scene import Scene
 from swim_env.sim.simulator import Simulator
@@ -22,7 +24,7 @@ from swim_env.sim.trajectory import Trajectory
 if TYPE_CHECKING:
     from swim_env.recording import Swimmer
 
-__all__ = ["EpisodeLog", "Rollout", "play_episode", "score"]
+__all__ = ["Rollout", "play_episode", "play_episodes", "score"]
 
 Array = NDArray[np.float64]
 
@@ -126,15 +128,19 @@ def score(rollout: Rollout, position: Array) -> float:
     return float((position - start) @ rollout.goal) / length
 
 
-class EpisodeLog:
+class _EpisodeLog:
     """What is kept of a member's episode while it is played, from its reset on."""
 
     def __init__(self, episodes: Episodes, member: int, seed: int | None, position: Array) -> None:
-        self._episodes, self._member, self._seed = episodes, member, seed
-        bodies = episodes.bodies
-        self._coordinates = bodies.coordinates[member].copy()
-        self._velocity = bodies.velocities[member].copy()
-        self._goal = episodes.goals[member].copy()
+        self._episodes, self._member = episodes, member
+        self._start: dict[str, Any] = {
+            "scene": episodes.task.scene,
+            "seed": seed,
+            "coordinates": episodes.bodies.coordinates[member].copy(),
+            "velocity": episodes.bodies.velocities[member].copy(),
+            "goal": episodes.goals[member].copy(),
+            "goal_is_point": episodes.task.goal_is_point,
+        }
         self._torques: list[Array] = []
         self._rewards: list[float] = []
         self._path = [position.copy()]
@@ -147,14 +153,8 @@ class EpisodeLog:
 
     def rollout(self, info: dict[str, Any], terminated: bool, truncated: bool) -> Rollout:
         """Return the episode, which has just ended."""
-        task = self._episodes.task
         return Rollout(
-            scene=task.scene,
-            seed=self._seed,
-            coordinates=self._coordinates,
-            velocity=self._velocity,
-            goal=self._goal,
-            goal_is_point=task.goal_is_point,
+            **self._start,
             torques=np.array(self._torques),
             steps=int(self._episodes.bodies.steps_taken[self._member]),
             rewards=np.array(self._rewards),
@@ -193,7 +193,7 @@ def play_episode(
     if not isinstance(swimmer, SwimEnv):
         raise OptionError(f"play_episode needs a SwimEnv, got {type(swimmer).__name__}")
     observation, info = env.reset(seed=seed, options=None if options is None else dict(options))
-    log = EpisodeLog(swimmer.episodes, 0, seed, info["position"])
+    log = _EpisodeLog(swimmer.episodes, 0, seed, info["position"])
     state: Any = None
     terminated = truncated = False
     start = np.ones(1, dtype=np.bool_)
@@ -205,3 +205,66 @@ def play_episode(
         if progress is not None:
             progress(1)
     return log.rollout(info, terminated, truncated)
+
+
+def play_episodes(
+    env: SwimVectorEnv,
+    policy: Policy,
+    seeds: Sequence[int],
+    options: Mapping[str, Any] | None = None,
+    deterministic: bool = True,
+    progress: Callable[[int], object] | None = None,
+) -> list[Rollout]:
+    """Play one episode for each seed.
+
+    With the same actions an episode is bit for bit the one that `play_episode` plays. The
+    actions of a network can differ from those in the last digit, since a product of matrices may
+    round otherwise for a batch.
+
+    Parameters
+    ----------
+    env : SwimVectorEnv
+        A batch of as many members, in autoreset mode NEXT_STEP; else it is an OptionError.
+    policy, options, deterministic
+        As for `play_episode`, the same for all.
+    seeds : sequence of int
+        Of the starts.
+    progress : callable, optional
+        Called with 1 after every action of the batch.
+
+    Returns
+    -------
+    list of Rollout
+        One for each seed.
+    """
+    count = len(seeds)
+    if env.num_envs != count or env.autoreset_mode is not AutoresetMode.NEXT_STEP:
+        raise OptionError(
+            f"play_episodes needs a batch of {count} members in mode NextStep, got "
+            f"{env.num_envs} in mode {env.autoreset_mode.value}"
+        )
+    observations, infos = env.reset(
+        seed=list(seeds), options=None if options is None else dict(options)
+    )
+    episodes = env.episodes
+    logs = [
+        _EpisodeLog(episodes, member, int(seed), infos["position"][member])
+        for member, seed in enumerate(seeds)
+    ]
+    ended: dict[int, Rollout] = {}
+    state: Any = None
+    start = np.ones(count, dtype=np.bool_)
+    while len(ended) < count:
+        actions, state = policy.predict(observations, state, start, deterministic)
+        observations, rewards, terminated, truncated, infos = env.step(actions)
+        start = np.zeros(count, dtype=np.bool_)
+        for member, log in enumerate(logs):
+            if member in ended:
+                continue
+            log.add(rewards[member], infos["position"][member])
+            ends = terminated[member], truncated[member]
+            if any(ends):
+                ended[member] = log.rollout(episodes.info(member), *ends)
+        if progress is not None:
+            progress(1)
+    return [ended[member] for member in range(count)]

@@ -27,17 +27,6 @@ if TYPE_CHECKING:
     from swim_env.recording.layout import Lane, Layout
     from swim_env.recording.water import Water
 
-__all__ = [
-    "COLOURS",
-    "FLOW_RATE",
-    "FRAME_RATE",
-    "WrittenRecording",
-    "has_flow",
-    "recording_file",
-    "require_rerun",
-    "write_recording",
-]
-
 #: Frames in a simulated second: of the body and all series, and of the flow.
 FRAME_RATE, FLOW_RATE = 50.0, 25.0
 

@@ -16,9 +16,8 @@ from gymnasium.vector import AutoresetMode
 from swim_agents.baselines import Policy
 from swim_agents.comparison.gait import Gait
 from swim_agents.comparison.performance import Performance, measure_performance
-from swim_agents.evaluation import play_episodes
 from swim_agents.policies import load_policy, policy_names
-from swim_agents.rollout import Rollout
+from swim_agents.rollout import Rollout, play_episodes
 from swim_agents.tuned_wave import load_tuned_wave
 from swim_agents.verification import TOLERANCE, fine_scene, verify_rollout
 from swim_env import __version__
@@ -30,16 +29,6 @@ from swim_env.physics.runtime.threads import usable_threads
 from swim_env.recording import Swimmer
 from swim_env.scene import Scene
 from swim_env.sim.trajectory import Trajectory
-
-__all__ = [
-    "FIRST_SEED",
-    "REFERENCES",
-    "Contest",
-    "Entry",
-    "entries_of",
-    "hold_contest",
-    "steps_to_play",
-]
 
 #: The policies that every score is compared with.
 REFERENCES = ("paper_wave", "tuned_wave")

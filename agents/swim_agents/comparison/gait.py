@@ -16,17 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from swim_env.errors import OptionError
 
-__all__ = [
-    "Gait",
-    "OrthogonalModes",
-    "WaveFit",
-    "analyse_gait",
-    "dominant_frequency",
-    "fit_wave",
-    "orthogonal_modes",
-    "phase_lags",
-]
-
 Array = NDArray[np.float64]
 
 #: Frequencies (Hz) that a gait is looked for in begin here, or at one period in the record.

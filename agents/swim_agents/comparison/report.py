@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from swim_agents import files
 from swim_agents.comparison.contest import Contest
 from swim_agents.comparison.performance import Performance
-from swim_agents.files import as_json
 from swim_env.files.folders import write_folder
 from swim_env.files.tables import markdown_table, text_table
 from swim_env.plots import draw_gaits, draw_paths, draw_scores, save_figure
@@ -144,14 +142,11 @@ def as_markdown(record: dict[str, Any]) -> str:
 def as_csv(record: dict[str, Any]) -> str:
     """Return a line for each policy and start, with all its figures."""
     names = [one.name for one in fields(Performance) if one.name not in ("seed", "gait")]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["policy", "seed", *names])
+    rows = [["policy", "seed", *names]]
     for policy, one in record["policies"].items():
         for i, seed in enumerate(record["seeds"]):
-            row = [one[name][i] for name in names]
-            writer.writerow([policy, seed, *("" if value is None else value for value in row)])
-    return text.getvalue()
+            rows.append([policy, seed, *(one[name][i] for name in names)])
+    return files.as_csv(rows)
 
 
 def write_contest(contest: Contest, folder: str | os.PathLike[str]) -> None:
@@ -167,7 +162,7 @@ def write_contest(contest: Contest, folder: str | os.PathLike[str]) -> None:
         goals = {name: rollouts[0].goal for name, rollouts in contest.rollouts.items()}
 
     def write(ready: Path) -> None:
-        (ready / "comparison.json").write_bytes(as_json(record))
+        (ready / "comparison.json").write_bytes(files.as_json(record))
         (ready / "comparison.csv").write_text(as_csv(record), encoding="utf-8")
         (ready / "comparison.md").write_text(as_markdown(record), encoding="utf-8")
         save_figure(draw_scores(record), ready / "scores.png")

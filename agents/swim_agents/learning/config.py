@@ -25,13 +25,6 @@ from swim_env.scene.block import Block, Check, block, integer, one_of, plain, re
 from swim_env.scene.checks import check_fields, check_real, check_text, got, nearest
 from swim_env.scene.yaml import dump_yaml, parse_overrides, parse_yaml, read_text
 
-__all__ = [
-    "ConfigError",
-    "TrainingConfig",
-    "config_names",
-    "load_config",
-]
-
 _FORWARD_OPTIONS = ("effort_weight", "heading_weight")
 #: Arguments of each task that `TrainingConfig.environment` may hold.
 _TASK_OPTIONS = {

@@ -8,7 +8,7 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from swim_agents.files import INTACT, writing
+from swim_agents.files import INTACT, as_csv, writing
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
 
@@ -38,7 +38,7 @@ class CsvLog:
         self.path = Path(path)
         self.columns = tuple(columns)
         kept = [row for row in self._rows() if steps and float(row[0]) <= steps]
-        text = _lines([self.columns, *kept]).encode("utf-8")
+        text = as_csv([self.columns, *kept]).encode("utf-8")
         with writing("the log", self.path, advice=INTACT):
             write_atomically(self.path, lambda file: file.write(text))
 
@@ -61,7 +61,7 @@ class CsvLog:
             writing("the log", self.path, advice=INTACT),
             open(self.path, "a", encoding="utf-8", newline="") as file,
         ):
-            file.write(_lines([row]))
+            file.write(as_csv([row]))
 
 
 class TensorBoardLog:
@@ -84,9 +84,3 @@ class TensorBoardLog:
     def close(self) -> None:
         """Close the event file."""
         self._writer.close()
-
-
-def _lines(rows: Sequence[Sequence[str]]) -> str:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue()

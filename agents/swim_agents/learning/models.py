@@ -22,15 +22,6 @@ import torch  # isort: skip
 from stable_baselines3.common.base_class import BaseAlgorithm  # isort: skip
 from stable_baselines3.common.policies import BasePolicy  # isort: skip
 
-__all__ = [
-    "checked_device",
-    "make_model",
-    "make_policy",
-    "model_state",
-    "set_model_state",
-    "torch_threads",
-]
-
 _ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
 
 

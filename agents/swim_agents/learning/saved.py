@@ -34,15 +34,6 @@ from swim_env.scene.block import build_block
 from swim_env.scene.blocks import plain
 from swim_env.scene.checks import check_name, check_text
 
-__all__ = [
-    "AGENT_FILES",
-    "AgentError",
-    "AgentPolicy",
-    "load_agent",
-    "load_bare_model",
-    "save_agent",
-]
-
 #: What an agent's folder holds, and what a training run may put beside it.
 AGENT_FILES = ("agent.json", "model.zip")
 FORMAT_VERSION = 1

@@ -9,16 +9,6 @@ from swim_env.errors import SceneError
 from swim_env.scene.block import Block, integer, one_of, real
 from swim_env.scene.checks import check_integer, got, listed
 
-__all__ = [
-    "ACTIVATIONS",
-    "ALGORITHMS",
-    "MOST",
-    "Evaluations",
-    "Network",
-    "PPOSettings",
-    "SACSettings",
-]
-
 ALGORITHMS = ("PPO", "SAC")
 ACTIVATIONS = ("tanh", "relu", "elu")
 

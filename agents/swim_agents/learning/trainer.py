@@ -35,7 +35,6 @@ try:
 except ImportError:  # no such locks on this system
     fcntl = None  # type: ignore[assignment]
 
-from swim_agents.evaluation import play_episodes
 from swim_agents.files import INTACT, as_json, read_json, writing
 from swim_agents.learning.checkpoints import load_checkpoint, save_checkpoint
 from swim_agents.learning.config import ConfigError, TrainingConfig, load_config
@@ -49,6 +48,7 @@ from swim_agents.learning.models import (
     torch_threads,
 )
 from swim_agents.learning.saved import save_agent
+from swim_agents.rollout import play_episodes
 from swim_env import __version__
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
