@@ -67,11 +67,6 @@ def replay_episode(
         ``seed``, ``noise``; ``actions`` and ``control_interval`` (s); ``return``, the sum of the
         rewards, and ``net_displacement`` (BL); ``terminated``, ``truncated`` and the last
         ``info``; ``video``, where one was made.
-
-    Raises
-    ------
-    SwimError
-        If an argument cannot be used or the video cannot be written.
     """
     check_task(task)
     if seed < 0:

@@ -84,13 +84,9 @@ class Rollout:
     ) -> Trajectory:
         """Play the torques again in the simulator, each for as long as it was held.
 
-        Parameters
-        ----------
-        scene : Scene, optional
-            Another scene with the same body in it, for example with a smaller time step; by
-            default the same one, and then the motion is the episode's to the bit.
-        progress : callable, optional
-            Called with the number of steps taken since the last call.
+        In the same scene, which is the default, the motion is the episode's to the bit; another one
+        with the same body may have a smaller time step, for example. `progress` is called with the
+        number of steps taken since its last call.
         """
         played = self.scene if scene is None else scene
         simulator = Simulator(played)
@@ -215,27 +211,12 @@ def play_episodes(
     deterministic: bool = True,
     progress: Callable[[int], object] | None = None,
 ) -> list[Rollout]:
-    """Play one episode for each seed.
+    """Play one episode for each seed, in a batch of as many members and mode NEXT_STEP.
 
-    With the same actions an episode is bit for bit the one that `play_episode` plays. The
-    actions of a network can differ from those in the last digit, since a product of matrices may
-    round otherwise for a batch.
-
-    Parameters
-    ----------
-    env : SwimVectorEnv
-        A batch of as many members, in autoreset mode NEXT_STEP; else it is an OptionError.
-    policy, options, deterministic
-        As for `play_episode`, the same for all.
-    seeds : sequence of int
-        Of the starts.
-    progress : callable, optional
-        Called with 1 after every action of the batch.
-
-    Returns
-    -------
-    list of Rollout
-        One for each seed.
+    Arguments and errors are those of `play_episode`; progress counts the batch's actions. With the
+    same actions an episode is bit for bit the one that `play_episode` plays. The actions of a
+    network can differ from those in the last digit, since a product of matrices may round otherwise
+    for a batch.
     """
     count = len(seeds)
     if env.num_envs != count or env.autoreset_mode is not AutoresetMode.NEXT_STEP:

@@ -45,11 +45,8 @@ def net_displacements(
 ) -> Array:
     """Play waves in the batched environment, without start noise.
 
-    Returns
-    -------
-    (len(waves),) array
-        Net displacement along the scene's heading over an episode (BL); NaN where the episode
-        ended early.
+    Returns the net displacements along the scene's heading over an episode, (len(waves),) (BL); NaN
+    where the episode ended early.
     """
     reached = np.full(len(waves), np.nan)
     times = np.arange(scene.actions_per_episode) * scene.episode.control_interval

@@ -144,27 +144,12 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Hold the actions over one control interval, and restart the members that ended.
 
-        Returns
-        -------
-        observations : (M, n) array of float32
-            Those of the new episodes where the old ones ended.
-        rewards : (M,) array of float32
-            Rewards.
-        dones : (M,) array of bool
-            Which members ended.
-        infos : list of dict
-            Each member's info of this action, as from `SwimEnv.step`, and
-            ``TimeLimit.truncated``: whether nothing but the time ended the episode. Where it
-            ended there is also ``terminal_observation``, (n,) float32.
-
-        Raises
-        ------
-        ActionError
-            If the actions are not finite numbers of that shape; no member has moved.
-        gymnasium.error.ResetNeeded
-            Before the first reset.
-        SwimError
-            If no actions wait.
+        Returns observations, (M, n), those of the new episodes where the old ones ended; rewards,
+        (M,); which members ended, (M,); and each member's info of this action, as from
+        `SwimEnv.step`, with ``TimeLimit.truncated``, whether nothing but the time ended the
+        episode, and ``terminal_observation``, (n,), where it ended. Before the first reset, without
+        actions, or with unusable ones no member moves: gymnasium's ResetNeeded, SwimError or
+        ActionError.
         """
         if self._actions is None:
             raise SwimError("no actions to wait for: call step, or step_async before step_wait")

@@ -108,20 +108,10 @@ class Contest:
 def entries_of(
     names: Sequence[str], scene: Scene, task: str = "forward", trust: bool = False
 ) -> list[Entry]:
-    """Load the policies of a contest.
+    """Load the policies of a contest, with the REFERENCES in front.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Names and paths for `load_policy`. A folder with runs ``seed_0``, ``seed_1`` ... stands for
-        all of them, which then form one group. The REFERENCES are added in front.
-    scene, task, trust
-        As for `load_policy`.
-
-    Raises
-    ------
-    OptionError, AgentError
-        If a policy cannot be found, read, or used on the scene.
+    Arguments and errors are those of `load_policy`. A folder with runs ``seed_0``, ``seed_1`` ...
+    stands for all of them, which then form one group.
     """
     found: list[Entry] = []
     for name in dict.fromkeys([*REFERENCES, *names]):

@@ -208,21 +208,10 @@ class TrainingConfig(Block):
 
     @classmethod
     def from_dict(cls, mapping: Mapping[str, Any], source: str | None = None) -> TrainingConfig:
-        """Make a configuration from plain values.
+        """Make a configuration from plain values, or raise ConfigError.
 
-        Parameters
-        ----------
-        mapping : mapping
-            The fields. ``scene`` is a shipped name, a path, or the scene's own fields; beside it
-            there may be ``overrides``, changes to the scene by dotted path.
-        source : str, optional
-            Where the mapping came from, for messages.
-
-        Raises
-        ------
-        ConfigError
-            If a field is unknown (the nearest known one is named), of the wrong type, out of range,
-            or if fields do not fit together.
+        ``scene`` is a shipped name, a path, or the scene's own fields; beside it there may be
+        ``overrides``, changes to the scene by dotted path. Messages name the source.
         """
         known = [spec.name for spec in fields(cls)]
         with _located(source):

@@ -108,15 +108,10 @@ class AgentPolicy:
         return actions, state
 
     def check(self, scene: Scene, task: str | None = None) -> None:
-        """Refuse a scene or a task that the agent was not trained for.
+        """Refuse a scene or a task that the agent was not trained for (AgentError).
 
         The body, its fluid, the torque limit and the control interval must be the same. The time
         step, the panels, damping, the start and its noise may differ.
-
-        Raises
-        ------
-        AgentError
-            If something differs; the message says what.
         """
         trained = self.description["task"]
         if task is not None and task != trained:
@@ -179,11 +174,8 @@ def save_agent(
 def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
     """Read an agent's folder. No code from it is run: see this module's first lines.
 
-    Raises
-    ------
-    AgentError
-        If a file is missing or damaged, if the two do not belong together, or if the agent observes
-        other quantities than this version of the environment gives.
+    It is an AgentError if a file is missing or damaged, if the two do not belong together, or if
+    the agent observes other quantities than this version of the environment gives.
     """
     where = os.fspath(folder)
     description = _description(Path(folder) / "agent.json")

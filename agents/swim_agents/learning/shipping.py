@@ -70,12 +70,7 @@ def ship_agent(
 ) -> None:
     """Write the folder of an agent that ships, whole or not at all.
 
-    It is the best agent of a finished training run; `scores` are those of `scores_of`.
-
-    Raises
-    ------
-    SwimError
-        If the run is not finished or a file cannot be read or written.
+    It is the best agent of a finished training run (else SwimError), with `scores_of` a contest.
     """
     place = Path(run)
     status = run_status(place)
