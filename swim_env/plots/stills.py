@@ -53,10 +53,8 @@ def draw_path(
         Number of shapes, the first and the last instant among them.
     name : str
         What swims, for the title.
-    target : (2,) array_like, optional
-        A point (m) that was to be reached, ...
-    radius : float
-        ... this close (m).
+    target, radius : (2,) array_like, float, optional
+        A point that was to be reached, and how close (m).
     """
     figure = style.new_figure(style.WIDTH, 1.0)
     instants = np.unique(np.linspace(0, trajectory.steps, shapes).round().astype(int))

@@ -66,11 +66,8 @@ class Look(TypedDict):
 def policy_looks(names: Iterable[str]) -> dict[str, Look]:
     """Return a colour for each policy, and a stroke for each of its training seeds.
 
-    Parameters
-    ----------
-    names : iterable of str
-        What policies are called; agents that differ in nothing but their training seed are called
-        ``NAME/seed_0``, ``NAME/seed_1`` ... and have the colour of NAME.
+    Agents that differ in nothing but their training seed are called ``NAME/seed_0``,
+    ``NAME/seed_1`` ... and have the colour of NAME.
     """
     looks: dict[str, Look] = {}
     colours = dict(_POLICY_COLOURS)
@@ -119,13 +116,7 @@ def require_steps(trajectories: Mapping[str, Trajectory]) -> None:
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write a picture as PNG, whole or not at all.
-
-    Raises
-    ------
-    SwimError
-        If the file cannot be written.
-    """
+    """Write a picture as PNG, whole or not at all (then it is a SwimError)."""
 
     def write(file: IO[bytes]) -> None:
         # Without the version of matplotlib, so that the same picture is the same file.
