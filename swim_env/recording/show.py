@@ -105,19 +105,9 @@ def take_picture(
 ) -> list[str]:
     """Open a recording in rerun's viewer without a window, and keep what it shows.
 
-    It takes a driver that draws, a graphics card's or Mesa's llvmpipe.
-
-    Parameters
-    ----------
-    recording, picture : str or os.PathLike
-        The recording, and the picture to be made of it: .png, .jpg or .jpeg.
-    time_shown : float
-        Simulated time to show (s), at least 0.
-
-    Returns
-    -------
-    list of str
-        What the viewer complains of in its views, empty where all is well.
+    It takes a driver that draws, a graphics card's or Mesa's llvmpipe. The picture is a .png, .jpg
+    or .jpeg file and shows some simulated time (s). Returns what the viewer complains of in its
+    views.
     """
     rerun_command()
     check_picture(picture)

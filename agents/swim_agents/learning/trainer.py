@@ -97,10 +97,7 @@ class RunExistsError(SwimError):
 
 
 def run_status(folder: str | os.PathLike[str]) -> dict[str, Any] | None:
-    """Return what ``run.json`` of a run's folder says, None where there is no run.
-
-    A file that cannot be read is a SwimError.
-    """
+    """Return what ``run.json`` of a run's folder says, None where there is no run."""
     path = Path(folder) / "run.json"
     try:
         found = read_json(path, "cannot read the run's record")
