@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from swim_env.errors import SimulationEndedError, SwimError, TorqueError
 from swim_env.physics.fluid.outline import LENGTH
-from swim_env.physics.fluid.panels import normal_influence
+from swim_env.physics.fluid.sources import normal_influence
 from swim_env.physics.invariants import momentum_map
 from swim_env.physics.planar.chain import centres
 from swim_env.physics.solve.state import RECORD_NAMES, energy_drift_of
