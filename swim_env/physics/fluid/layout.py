@@ -82,14 +82,12 @@ def motion_count(fluid: FluidConstants) -> int:
 
 @shared
 def axial_motion(element: int, fluid: FluidConstants) -> int:
-    """Return the place of an element's axial motion among the unit motions, -1 where it has none.
+    """Return the place of an end element's axial motion among the unit motions.
 
-    Only the end elements have panels that move along their normal when the element moves along d3.
+    Only end elements have one: they alone have panels that move along their normal when the element
+    moves along d3.
     """
-    elements = fluid.geometry.elements
-    if fluid.axial and (element == 0 or element == elements - 1):
-        return 2 * elements + (1 if element > 0 else 0)
-    return -1
+    return 2 * fluid.geometry.elements + (1 if element > 0 else 0)
 
 
 class FluidWork(NamedTuple):

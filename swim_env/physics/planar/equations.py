@@ -253,9 +253,8 @@ def _balance(
         if with_fluid:
             b.momentum[0, k] += inc.impulse[k] * normal[0, k]
             b.momentum[1, k] += inc.impulse[k] * normal[1, k]
-            along = axial_motion(k, fluid)
-            if along >= 0:
-                axial = inc.impulse[along]
+            if fluid.axial and (k == 0 or k == elements - 1):
+                axial = inc.impulse[axial_motion(k, fluid)]
                 b.momentum[0, k] += axial * normal[1, k]
                 b.momentum[1, k] -= axial * normal[0, k]
         total_x += b.momentum[0, k]
@@ -282,9 +281,8 @@ def _balance(
                 normal[1, j] * inc.shift[0, j] - normal[0, j] * inc.shift[1, j]
             )
             shape = inverse_h * b.shape[j]
-            along = axial_motion(j, fluid)
-            if along >= 0:
-                axial = inc.impulse[along]
+            if fluid.axial and (j == 0 or j == elements - 1):
+                axial = inc.impulse[axial_motion(j, fluid)]
                 munk += axial * (normal[0, j] * inc.shift[0, j] + normal[1, j] * inc.shift[1, j])
         arm = pose.d1[0, j] * b.lever[0, j] + pose.d1[1, j] * b.lever[1, j]
         new_arm = inc.new_d1[0, j] * b.lever[0, j] + inc.new_d1[1, j] * b.lever[1, j]

@@ -152,8 +152,8 @@ def _inertia_columns(
                     turning += inc.impulse[k] * (
                         pose.d3[0, k] * moving_x + pose.d3[1, k] * moving_y
                     )
-                along = axial_motion(k, fluid)
-                if along >= 0:
+                if fluid.axial and (k == 0 or k == elements - 1):
+                    along = axial_motion(k, fluid)
                     axial = inverse_h * impulses[along]
                     push_x += axial * normal[1, k]
                     push_y -= axial * normal[0, k]
