@@ -1,41 +1,52 @@
-"""The kernel cache as processes fill it that do not know of each other."""
+"""The kernel cache: what makes it another one, and processes that fill it at the same time."""
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
+import shutil
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
-LOAD = "from swim_env.envs.assessment import load_assessment; load_assessment()"
+from swim_env.physics.runtime.compile import fingerprint
+from tests.support import ROOT, Done, run_python
 
 
-def load(cache: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-c", LOAD],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(cache)},
-        timeout=280,
-    )
+def test_the_fingerprint_sees_every_file_with_kernels_in_folders_of_any_depth(
+    tmp_path: Path,
+) -> None:
+    package = tmp_path / "swim_env"
+    shutil.copytree(ROOT / "swim_env" / "physics", package / "physics")
+    (package / "envs").mkdir()
+    shutil.copy(ROOT / "swim_env" / "envs" / "assessment.py", package / "envs")
+    sources = sorted(package.rglob("*.py"))
+    assert len({path.parent for path in sources}) > 5
+    (package / "physics" / "spatial" / "rods").mkdir(parents=True)
+    seen = {fingerprint(package)}
+    for count, path in enumerate([*sources, package / "physics" / "spatial" / "rods" / "new.py"]):
+        with path.open("a") as file:
+            file.write("# changed\n")
+        seen.add(fingerprint(package))
+        assert len(seen) == 2 + count, f"a change of {path} would run old machine code"
+
+
+def load(cache: Path) -> Done:
+    code = "from swim_env.envs.assessment import load_assessment; load_assessment()"
+    return run_python("-c", code, timeout=280, NUMBA_CACHE_DIR=str(cache))
 
 
 @pytest.mark.slow
-def test_two_processes_fill_an_empty_cache_without_writing_to_the_same_place(tmp_path):
+def test_two_processes_fill_an_empty_cache_without_writing_to_the_same_place(
+    tmp_path: Path,
+) -> None:
     """A kernel with two signatures has two files that are numbered as they come.
 
     Processes that compile at the same time could then take the same number for different code.
     """
     first = load(tmp_path)
-    assert first.returncode == 0, first.stderr
-    assert "compiling the physics kernels" in first.stderr and "kept in" in first.stderr
+    assert first.code == 0, first.err
+    assert "compiling the physics kernels" in first.err and "kept in" in first.err
     kept = list(tmp_path.rglob("*.nbc"))
     assert len(kept) > 50
     assert [path.name for path in kept if not path.name.endswith(".1.nbc")] == []
-    second = load(tmp_path)
-    assert (second.returncode, second.stderr) == (0, "")
+    assert load(tmp_path) == Done(0, "", "")
     assert len(list(tmp_path.rglob("*.nbc"))) == len(kept)

@@ -9,18 +9,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from swim_env import SwimEnv, SwimVectorEnv, episodes
+from swim_env.envs import episodes
 from swim_env.sim.batch import Bodies
+from tests.support import make, make_batch
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.release
 
 ROUNDS, STEPS = 7, 60
 
 
-def beside_the_physics(
-    monkeypatch: pytest.MonkeyPatch, step: Callable[[np.ndarray], Any], shape: tuple[int, ...]
-) -> float:
-    """Return the time of a step less that of the kernels for physics and observations in it (us).
+@pytest.mark.parametrize(
+    ("members", "threads", "most"), [(None, None, 20.0), (64, 1, 3.0), (64, 2, 3.0)]
+)
+def test_a_step_costs_few_microseconds_a_member_beside_the_physics(
+    members: int | None, threads: int | None, most: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The time of a step less that of the kernels for physics and observations in it.
 
     The physics really runs, so that what comes after it finds the processor's caches as it leaves
     them. It is the median of a round, in the best of several rounds: other programs only ever add.
@@ -37,36 +41,19 @@ def beside_the_physics(
 
     monkeypatch.setattr(Bodies, "advance", timed(Bodies.advance))
     monkeypatch.setattr(episodes, "assess", timed(episodes.assess))
+    env: Any = make() if members is None else make_batch(num_envs=members, num_threads=threads)
+    env.reset(seed=0)
     random = np.random.default_rng(0)
     medians = []
     for _ in range(ROUNDS):
         costs = []
         for _ in range(STEPS):
-            actions = random.uniform(-1.0, 1.0, shape)
+            actions = random.uniform(-1.0, 1.0, env.action_space.shape)
             spent[0] = 0.0
             start = time.perf_counter()
-            step(actions)
+            env.step(actions)
             costs.append(time.perf_counter() - start - spent[0])
         medians.append(1e6 * float(np.median(costs)))
-    return min(medians)
-
-
-def test_a_single_step_costs_under_20_microseconds_beside_the_physics(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    env = SwimEnv()
-    env.reset(seed=0)
-    cost = beside_the_physics(monkeypatch, env.step, (8,))
-    print(f"single step beside the physics: {cost:.1f} us")
-    assert cost < 20.0
-
-
-@pytest.mark.parametrize("threads", [1, 2])
-def test_a_batched_step_costs_under_3_microseconds_a_member_beside_the_physics(
-    monkeypatch: pytest.MonkeyPatch, threads: int
-) -> None:
-    envs = SwimVectorEnv(64, num_threads=threads)
-    envs.reset(seed=0)
-    cost = beside_the_physics(monkeypatch, envs.step, (64, 8)) / 64
-    print(f"batched step beside the physics, {threads} threads: {cost:.2f} us a member")
-    assert cost < 3.0
+    cost = min(medians) / (members or 1)
+    print(f"{members or 1} members, {threads or 1} threads: {cost:.2f} us a member")
+    assert cost < most

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import copy
 import pickle
-import subprocess
-import sys
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import swim_env
 from swim_env import (
     EFFECTS,
     FLUID_MODELS,
     Initial,
-    Scene,
     SceneError,
     SimulationEndedError,
     Simulator,
@@ -26,6 +26,7 @@ from swim_env import (
     load_scene,
 )
 from swim_env.scene import EFFECT_NAMES, FLUID_MODEL_NAMES
+from tests.support import assert_same, full_disk, refuses, run_python, uniform
 
 
 @pytest.fixture
@@ -34,14 +35,15 @@ def simulator() -> Simulator:
     return Simulator("paper_i")
 
 
-def test_names_of_scene_and_kernels_agree():
-    """What a scene may name is what the kernels' table has."""
+def test_names_of_scene_and_kernels_agree() -> None:
     assert set(FLUID_MODELS) == set(FLUID_MODEL_NAMES)
     assert EFFECTS == EFFECT_NAMES
 
 
+# ---- start -------------------------------------------------------------------------------------
+
+
 def test_start_is_the_reference_pose(simulator):
-    """Straight along +x, head at the origin, at rest."""
     dl = 1 / 9
     expected = np.stack([(np.arange(9) + 0.5) * dl, np.zeros(9)], axis=1)
     np.testing.assert_allclose(simulator.centres, expected, atol=1e-15)
@@ -54,7 +56,6 @@ def test_start_is_the_reference_pose(simulator):
 
 
 def test_initial_pose_and_velocity_are_met():
-    """A bent, turned, moving start is what the simulator starts from."""
     bend = tuple(0.1 * np.sin(np.arange(8)))
     initial = Initial(position=(2.0, -1.0), heading=0.7, joint_angles=bend, velocity=(0.3, -0.2))
     scene = load_scene("paper_i").replace("initial", initial)
@@ -66,35 +67,57 @@ def test_initial_pose_and_velocity_are_met():
     assert simulator.energy() > 0.0
 
 
-def test_spin_about_the_head_is_met():
-    """A lateral velocity linear in x with the elements turning at its slope."""
+def test_a_velocity_slope_turns_all_elements():
     scene = load_scene("paper_x", ["initial.velocity_slope=0.4"])
     velocity = Simulator(scene).velocity()
     np.testing.assert_allclose(velocity, [0.1, 1e-4 + 0.2, 0.4, 0.4, 0.4], atol=1e-13)
 
 
-def test_reset_with_another_start(simulator):
-    """A reset takes another start for once and refuses one that does not fit."""
+def test_a_reset_takes_another_start_for_once_and_refuses_one_that_does_not_fit(simulator):
     first = simulator.rollout(simulator.prescribed_torques(5))
     simulator.reset(Initial(heading=1.0))
     assert simulator.angles == pytest.approx(np.ones(9))
-    with pytest.raises(SceneError, match="joint_angles must list one value per joint"):
+    with refuses(SceneError, "joint_angles must list one value per joint"):
         simulator.reset(Initial(joint_angles=(0.1, 0.2)))
-    with pytest.raises(SceneError, match="break inextensibility"):
+    with refuses(SceneError, "break inextensibility"):
         simulator.reset(Initial(turning_rate=1.0))
     simulator.reset()
-    again = simulator.rollout(simulator.prescribed_torques(5))
-    np.testing.assert_array_equal(again.centres, first.centres)
+    assert_same(simulator.rollout(simulator.prescribed_torques(5)), first)
+
+
+@pytest.mark.parametrize(
+    ("start", "reason"),
+    [
+        ({"joint_angles": 2.9}, "outline_degenerate"),  # folded onto itself
+        ({"joint_angles": 2 * np.pi / 9}, "under_resolved_gap"),  # a closed ring
+        ({"velocity": (1e200, 1e200)}, "state_not_finite"),  # its energy overflows
+    ],
+)
+def test_a_start_that_cannot_be_simulated_is_refused_by_name(start, reason):
+    scene = load_scene("paper_i", {f"initial.{name}": value for name, value in start.items()})
+    with refuses(SimulationEndedError, f"t = 0 s: {reason}") as caught:
+        Simulator(scene)
+    assert (caught.value.reason, caught.value.time) == (reason, 0.0)
+
+
+def test_a_scene_is_given_as_object_name_or_path(tmp_path):
+    scene = load_scene("paper_iv")
+    scene.save(tmp_path / "mine.yaml")
+    for given in (scene, "paper_iv", tmp_path / "mine.yaml", str(tmp_path / "mine.yaml")):
+        assert Simulator(given).scene == scene
+
+
+# ---- torques -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("torques", "part"),
     [
-        (np.zeros(7), r"must have shape \(8,\), got \(7,\)"),
-        (np.zeros((1, 8)), r"must have shape \(8,\), got \(1, 8\)"),
-        (0.0, r"must have shape \(8,\), got \(\)"),
-        ([0.0] * 7 + [np.nan], r"must be finite, got nan at joint 7"),
-        ([np.inf] + [0.0] * 7, r"must be finite, got inf at joint 0"),
+        (np.zeros(7), "must have shape (8,), got (7,)"),
+        (np.zeros((1, 8)), "must have shape (8,), got (1, 8)"),
+        (0.0, "must have shape (8,), got ()"),
+        ([0.0] * 7 + [np.nan], "must be finite, got nan at joint 7"),
+        ([np.inf] + [0.0] * 7, "must be finite, got inf at joint 0"),
         (["a"] * 8, "must be numbers of shape"),
         ([None] * 8, "must be numbers of shape"),
         ([[0.0], [0.0, 1.0]], "must be numbers of shape"),
@@ -102,56 +125,33 @@ def test_reset_with_another_start(simulator):
         (np.zeros(8, dtype=bool), "must be numbers of shape"),
     ],
 )
-def test_bad_torques_change_nothing(simulator, torques, part):
-    """Bad torques get a TorqueError with the time, and the run goes on as if nothing had been."""
+def test_bad_torques_are_refused_with_the_time_and_change_nothing(simulator, torques, part):
     twin = Simulator("paper_i")
     for each in (simulator, twin):
         each.step(each.prescribed_torques(1)[0])
-    with pytest.raises(TorqueError, match=part) as caught:
+    with refuses(TorqueError, part, "t = 0.01 s") as caught:
         simulator.step(torques)
-    assert "t = 0.01 s" in str(caught.value)
     assert isinstance(caught.value, ValueError)
     for each in (simulator, twin):
         each.step(each.prescribed_torques(1)[0])
     np.testing.assert_array_equal(simulator.centres, twin.centres)
 
 
-def test_bad_rollout_torques_name_their_step(simulator):
-    """NaN in the middle of a rollout is found before the first step."""
+def test_bad_torques_of_a_rollout_are_found_before_the_first_step(simulator):
     torques = np.zeros((10, 8))
     torques[4, 2] = np.nan
-    with pytest.raises(TorqueError, match=r"got nan at joint 2 for the step at t = 0.04 s"):
+    with refuses(TorqueError, "got nan at joint 2 for the step at t = 0.04 s"):
         simulator.rollout(torques)
     assert simulator.steps == 0
-    with pytest.raises(TorqueError, match=r"must have shape \(T, 8\), got \(8,\)"):
+    with refuses(TorqueError, "must have shape (T, 8), got (8,)"):
         simulator.rollout(np.zeros(8))
 
 
-def test_integer_and_strided_torques_are_taken(simulator):
-    """Integers and views that are not contiguous are ordinary torques."""
+def test_integers_views_and_no_torques_at_all_are_taken(simulator):
+    assert simulator.rollout(np.zeros((0, 8))).summary()["displacement"] == [0.0, 0.0]
     simulator.step([1, 0, 0, 0, 0, 0, 0, -1])
     wide = np.zeros((6, 16))
     assert simulator.rollout(wide[:, ::2]).steps == 6
-
-
-def test_empty_rollout(simulator):
-    """A rollout of no step is the present state."""
-    trajectory = simulator.rollout(np.zeros((0, 8)))
-    assert trajectory.steps == 0
-    summary = trajectory.summary()
-    assert summary["displacement"] == [0.0, 0.0]
-    assert summary["mean_speed"] == 0.0
-
-
-def test_folded_start_is_refused():
-    """A body folded onto itself cannot be simulated: the reason and the time."""
-    fold = load_scene("paper_i", ["initial.joint_angles=2.9"])
-    with pytest.raises(SimulationEndedError, match="t = 0 s: outline_degenerate") as caught:
-        Simulator(fold)
-    assert (caught.value.reason, caught.value.time) == ("outline_degenerate", 0.0)
-    ring = load_scene("paper_i", [f"initial.joint_angles={2 * np.pi / 9}"])
-    with pytest.raises(SimulationEndedError, match="under_resolved_gap"):
-        Simulator(ring)
 
 
 def test_prescribed_torques_follow_the_clock(simulator):
@@ -163,8 +163,10 @@ def test_prescribed_torques_follow_the_clock(simulator):
     np.testing.assert_array_equal(Simulator("paper_xi").prescribed_torques(2), np.zeros((2, 8)))
 
 
-def test_trajectory_shapes_and_units(simulator):
-    """Arrays of a rollout have the shapes that they claim, and agree with the simulator."""
+# ---- runs --------------------------------------------------------------------------------------
+
+
+def test_trajectories_have_the_documented_shapes_and_end_where_the_simulator_is(simulator):
     trajectory = simulator.rollout(simulator.prescribed_torques(20))
     assert trajectory.time.shape == (21,)
     assert trajectory.centres.shape == (21, 9, 2)
@@ -185,7 +187,6 @@ def test_trajectory_shapes_and_units(simulator):
 
 
 def test_work_is_torque_times_joint_turn(simulator):
-    """Work and its positive part, from the trajectory's own angles."""
     trajectory = simulator.rollout(simulator.prescribed_torques(50))
     turns = np.diff(np.diff(trajectory.angles, axis=1), axis=0)
     work = trajectory.torques * turns
@@ -195,8 +196,7 @@ def test_work_is_torque_times_joint_turn(simulator):
     )
 
 
-def test_progress_sees_every_step(simulator):
-    """The progress callback's counts add up, and watching changes nothing."""
+def test_progress_sees_every_step_and_watching_changes_nothing(simulator):
     counts: list[int] = []
     watched = simulator.rollout(simulator.prescribed_torques(450), progress=counts.append)
     assert sum(counts) == 450
@@ -206,7 +206,7 @@ def test_progress_sees_every_step(simulator):
     np.testing.assert_array_equal(watched.centres, alone.centres)
 
 
-def test_every_state_handed_out_can_be_weighed():
+def test_every_state_of_a_run_has_an_energy():
     """The step that would reach a pose beyond the panels' limits is the one that ends the run."""
     simulator = Simulator("paper_i")
     rng = np.random.default_rng(2)
@@ -221,14 +221,7 @@ def test_every_state_handed_out_can_be_weighed():
     assert np.isfinite(simulator.velocity()).all()
 
 
-def test_a_start_beyond_floating_point_is_refused():
-    """A velocity whose energy overflows is refused by name."""
-    scene = load_scene("paper_i").replace("initial.velocity", (1e200, 1e200))
-    with pytest.raises(SimulationEndedError, match="state_not_finite"):
-        Simulator(scene)
-
-
-def test_early_end_is_told(simulator):
+def test_an_early_end_is_reported(simulator):
     """A run that cannot go on keeps its last good state, and says why until it is reset."""
     torques = np.full((2000, 8), 40.0)
     trajectory = simulator.rollout(torques)
@@ -250,121 +243,9 @@ def test_early_end_is_told(simulator):
 
 
 def test_snapshot_of_another_scene_is_refused(simulator):
-    """Snapshots go back only into the very same scene."""
     snapshot = Simulator("swimmer").snapshot()
     with pytest.raises(SwimError, match=r"belongs to another scene \(swimmer\)"):
         simulator.restore(snapshot)
-
-
-@pytest.mark.parametrize("scene", ["paper_iv", "paper_vi", "swimmer"])
-def test_trajectory_file_round_trip(tmp_path, scene):
-    """What was saved is what is read, scene and all; the file has ordinary permissions."""
-    simulator = Simulator(scene)
-    trajectory = simulator.rollout(simulator.prescribed_torques(15))
-    file = tmp_path / "run.npz"
-    trajectory.save(file)
-    read = Trajectory.load(file)
-    assert read.scene == trajectory.scene
-    assert read.summary() == trajectory.summary()
-    for name in ("time", "centres", "angles", "torques", "energy", "momentum", "dissipated"):
-        np.testing.assert_array_equal(getattr(read, name), getattr(trajectory, name))
-    assert [entry.name for entry in tmp_path.iterdir()] == ["run.npz"]
-    with np.load(file, allow_pickle=False) as arrays:
-        assert {"time", "centres", "angles", "torques", "energy", "momentum", "scene"} <= set(
-            arrays.files
-        )
-
-
-def test_unreadable_trajectories(tmp_path, simulator):
-    """Missing, foreign, truncated and outdated files: one clear error each."""
-    good = tmp_path / "good.npz"
-    simulator.rollout(simulator.prescribed_torques(5)).save(good)
-    with pytest.raises(TrajectoryError, match="cannot read"):
-        Trajectory.load(tmp_path / "missing.npz")
-    text = tmp_path / "text.npz"
-    text.write_text("no arrays here")
-    with pytest.raises(TrajectoryError, match="not a trajectory file"):
-        Trajectory.load(text)
-    for share in (0.3, 0.9):
-        cut = tmp_path / "cut.npz"
-        cut.write_bytes(good.read_bytes()[: int(share * good.stat().st_size)])
-        with pytest.raises(TrajectoryError, match="not a trajectory file"):
-            Trajectory.load(cut)
-    foreign = tmp_path / "foreign.npz"
-    np.savez(foreign, x=np.zeros(3))
-    with pytest.raises(TrajectoryError, match="lacks format_version, scene"):
-        Trajectory.load(foreign)
-    single = tmp_path / "single.npy"
-    np.save(single, np.zeros(3))
-    with pytest.raises(TrajectoryError, match="not a trajectory file"):
-        Trajectory.load(single)
-    with np.load(good) as file:
-        content = dict(file)
-    for key, value, part in (
-        ("format_version", np.array(99), "format version 99"),
-        ("format_version", np.array("new"), "format version new"),
-        ("energy", np.array(["a"] * 6), "holds no numbers"),
-        ("work", np.zeros(3), r"work must have shape \(5,\)"),
-        ("termination_reason", np.array("bored"), "unknown termination_reason 'bored'"),
-        ("angles", np.zeros((2, 2)), r"angles must have shape \(6, 9\)"),
-        ("scene", np.array("beam: {elements: 1}"), "beam.elements must be at least 2"),
-    ):
-        np.savez(foreign, **{**content, key: value})
-        with pytest.raises(TrajectoryError, match=part):
-            Trajectory.load(foreign)
-
-
-def test_failed_save_leaves_the_old_file(tmp_path, simulator, monkeypatch):
-    """A write that breaks off keeps the older file and leaves nothing half-written."""
-    trajectory = simulator.rollout(simulator.prescribed_torques(5))
-    file = tmp_path / "run.npz"
-    trajectory.save(file)
-    before = file.read_bytes()
-
-    def full_disk(stream, **arrays):
-        stream.write(b"half")
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(np, "savez_compressed", full_disk)
-    with pytest.raises(TrajectoryError, match="No space left on device"):
-        trajectory.save(file)
-    assert file.read_bytes() == before
-    assert [entry.name for entry in tmp_path.iterdir()] == ["run.npz"]
-    with pytest.raises(TrajectoryError, match="cannot write"):
-        trajectory.save(f"{file}\0")
-    with pytest.raises(TrajectoryError, match="cannot write"):
-        trajectory.save(tmp_path / "no" / "such" / "folder.npz")
-
-
-def test_scene_can_be_given_as_object_name_or_path(tmp_path):
-    """All three ways lead to the same run."""
-    scene = load_scene("paper_iv")
-    scene.save(tmp_path / "mine.yaml")
-    runs = [
-        Simulator(given).rollout(np.zeros((3, 2)))
-        for given in (scene, "paper_iv", tmp_path / "mine.yaml")
-    ]
-    for run in runs[1:]:
-        np.testing.assert_array_equal(run.centres, runs[0].centres)
-    assert isinstance(Simulator(Scene()).scene, Scene)
-
-
-def test_import_is_light():
-    """Importing the package takes under 2 s and pulls in no learning or plotting library."""
-    code = (
-        "import time; start = time.perf_counter(); import swim_env, sys; "
-        "print(time.perf_counter() - start, sorted({'torch', 'matplotlib', 'rerun', "
-        "'stable_baselines3'} & set(sys.modules)))"
-    )
-    times = []
-    for _ in range(3):
-        out = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True
-        ).stdout
-        seconds, modules = out.split(" ", 1)
-        assert modules.strip() == "[]"
-        times.append(float(seconds))
-    assert min(times) < 2.0, f"import took {times} s"
 
 
 def test_a_copy_of_a_simulator_is_one_of_its_own():
@@ -376,3 +257,122 @@ def test_a_copy_of_a_simulator_is_one_of_its_own():
     assert (second.coordinates != Simulator("paper_iv").coordinates).any()
     second.step([0.5, 0.5])
     assert first.steps == 1
+
+
+@pytest.mark.release
+def test_importing_the_package_takes_under_two_seconds():
+    code = "import time; t = time.perf_counter(); import swim_env; print(time.perf_counter() - t)"
+    times = [float(run_python("-c", code).out) for _ in range(3)]
+    assert min(times) < 2.0, f"import took {times} s"
+
+
+# ---- files -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scene", ["paper_iv", "paper_vi", "swimmer", "internal forces"])
+def test_what_was_saved_is_what_is_read(tmp_path, scene):
+    forces = scene == "internal forces"
+    simulator = Simulator(load_scene("swimmer", {"internal_forces": {}}) if forces else scene)
+    run = simulator.rollout(simulator.prescribed_torques(15))
+    assert (run.internal_forces is not None) == forces
+    file = tmp_path / "run.npz"
+    run.save(file)
+    assert_same(Trajectory.load(file), run)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["run.npz"]
+    with np.load(file, allow_pickle=False) as arrays:
+        assert {"time", "centres", "angles", "torques", "energy", "momentum", "scene"} <= set(
+            arrays.files
+        )
+
+
+@pytest.fixture(scope="module")
+def run() -> Trajectory:
+    return Simulator(load_scene("swimmer", {"internal_forces": {}})).rollout(uniform(5, 8))
+
+
+@pytest.fixture
+def content(run: Trajectory, tmp_path: Path) -> dict[str, NDArray[Any]]:
+    """What the file good.npz of a run holds."""
+    run.save(tmp_path / "good.npz")
+    with np.load(tmp_path / "good.npz") as file:
+        return dict(file)
+
+
+def test_a_file_of_version_2_is_read(tmp_path):
+    """It knows nothing of impulses from outside, of which there were none."""
+    now = Simulator("swimmer").rollout(uniform(6, 8))
+    now.save(tmp_path / "old.npz")
+    with np.load(tmp_path / "old.npz") as file:
+        content = {**file, "format_version": np.array(2)}
+    content.pop("impulse")
+    np.savez(tmp_path / "old.npz", **content)
+    old = Trajectory.load(tmp_path / "old.npz")
+    assert old.impulse.shape == (6, 3) and not old.impulse.any()
+    assert_same(old, now)
+    assert old.summary() == now.summary()
+    old.save(tmp_path / "again.npz")
+    assert_same(Trajectory.load(tmp_path / "again.npz"), now)
+
+
+@pytest.mark.parametrize(
+    ("changes", "part"),
+    [
+        *(
+            (
+                {"format_version": version},
+                f"has format version {version}, this version of swim_env reads 2 and 3",
+            )
+            for version in (0, 1, 4, 99, -2, 2.5, "2", "new")
+        ),
+        ({"impulse": None}, "it lacks impulse "),
+        ({"impulse": None, "torques": None, "format_version": 2}, "it lacks torques"),
+        ({"format_version": None}, "it lacks format_version"),
+        ({"energy": ["a"] * 6}, "holds no numbers"),
+        ({"work": np.zeros(3)}, "work must have shape (5,)"),
+        ({"angles": np.zeros((2, 2))}, "angles must have shape (6, 9)"),
+        ({"internal_forces": np.zeros((5, 7, 2))}, "internal_forces must have shape (5, 8, 2)"),
+        ({"termination_reason": "bored"}, "unknown termination_reason 'bored'"),
+        ({"scene": "beam: {elements: 1}"}, "beam.elements must be at least 2"),
+    ],
+)
+def test_a_file_with_something_missing_or_wrong_says_what(tmp_path, content, changes, part):
+    for name, value in changes.items():
+        content.pop(name)
+        if value is not None:
+            content[name] = np.array(value)
+    np.savez(tmp_path / "odd.npz", **content)
+    with refuses(TrajectoryError, part, "odd.npz"):
+        Trajectory.load(tmp_path / "odd.npz")
+
+
+def test_what_is_no_trajectory_file_is_refused(tmp_path, content):
+    with refuses(TrajectoryError, "cannot read"):
+        Trajectory.load(tmp_path / "missing.npz")
+    np.savez(tmp_path / "foreign.npz", x=np.zeros(3))
+    with refuses(TrajectoryError, "lacks format_version, scene"):
+        Trajectory.load(tmp_path / "foreign.npz")
+    good = (tmp_path / "good.npz").read_bytes()
+    np.save(tmp_path / "single.npy", np.zeros(3))
+    for data in (
+        b"no arrays here",
+        good[: int(0.3 * len(good))],
+        good[: int(0.9 * len(good))],
+        (tmp_path / "single.npy").read_bytes(),
+    ):
+        (tmp_path / "odd.npz").write_bytes(data)
+        with refuses(TrajectoryError, "not a trajectory file"):
+            Trajectory.load(tmp_path / "odd.npz")
+
+
+def test_a_failed_save_leaves_the_old_file(tmp_path, run, monkeypatch):
+    file = tmp_path / "run.npz"
+    run.save(file)
+    before = file.read_bytes()
+    monkeypatch.setattr(np, "savez_compressed", full_disk)
+    with refuses(TrajectoryError, "No space left on device"):
+        run.save(file)
+    assert file.read_bytes() == before
+    assert [entry.name for entry in tmp_path.iterdir()] == ["run.npz"]
+    for nowhere in (f"{file}\0", tmp_path / "no" / "such" / "folder.npz"):
+        with pytest.raises(TrajectoryError, match="cannot write"):
+            run.save(nowhere)

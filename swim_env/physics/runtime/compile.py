@@ -32,9 +32,9 @@ __all__ = ["cache_folder", "entry_kernel", "inlined", "kernel", "shared", "vecto
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def _fingerprint() -> str:
+def fingerprint(package: Path) -> str:
+    """Return a hash of everything that the machine code of a package's kernels depends on."""
     digest = hashlib.sha256()
-    package = Path(__file__).parents[2]
     for source in (
         *sorted((package / "physics").rglob("*.py")),
         package / "envs" / "assessment.py",
@@ -43,7 +43,7 @@ def _fingerprint() -> str:
         digest.update(source.read_bytes())
     for part in (
         # numba files kernels under the path of their source, so every installation has its own.
-        Path(__file__).resolve().parents[2],
+        package.resolve(),
         numba.__version__,
         llvmlite.__version__,
         np.__version__,
@@ -89,7 +89,7 @@ def _writable(folder: Path) -> bool:
 
 
 def _find_cache_folder() -> Path:
-    name = f"kernels-{_fingerprint()}"
+    name = f"kernels-{fingerprint(Path(__file__).parents[2])}"
     try:
         folder = _base_folder() / name
     except RuntimeError:  # no home folder can be told
