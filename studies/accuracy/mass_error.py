@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import SimulationEndedError
-from swim_env.physics.planar.beam import centres
+from swim_env.physics.planar.chain import centres
 from swim_env.scene import Scene
 from swim_env.sim.batch import Bodies
 
@@ -74,7 +74,7 @@ def rigid_added_mass(scene: Scene, bend: float) -> Array:
         motions.append(np.concatenate([across, rate, ends]))
     basis = np.array(motions)
     size = int(basis.shape[1])
-    mass: Array = basis @ bodies.views(0).step.added_mass[:size, :size] @ basis.T
+    mass: Array = basis @ bodies.views(0).mass.added[:size, :size] @ basis.T
     return mass
 
 

@@ -9,12 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from studies.benchmark.floor import floor_calls
-from studies.benchmark.timing import Spread, ratio, spread_of, time_in_turn
-from swim_env.physics.fluid.added_mass import SMALLEST_PIVOT, added_mass, shape_force
-from swim_env.physics.fluid.outline import build_outline, outline_status, panel_count
-from swim_env.physics.fluid.panels import influence, normal_influence
 from swim_env.physics.planar.lagrangian import (
     DIRECTION,
     MOTION,
@@ -25,9 +19,15 @@ from swim_env.physics.planar.lagrangian import (
     evaluate_step,
     step_jacobian,
 )
+from swim_env.physics.solve.integrator import RECORD_NAMES, member_views, prepare, unpack_constants
+
+from studies.benchmark.floor import floor_calls
+from studies.benchmark.timing import Spread, ratio, spread_of, time_in_turn
+from swim_env.physics.fluid.added_mass import SMALLEST_PIVOT, added_mass, shape_force
+from swim_env.physics.fluid.outline import build_outline, outline_status, panel_count
+from swim_env.physics.fluid.panels import influence, normal_influence
 from swim_env.physics.runtime.compile import entry_kernel
 from swim_env.physics.runtime.dense import copy, invert_in_order, lu_factor, lu_solve
-from swim_env.physics.solve.integrator import RECORD_NAMES, member_views, prepare, unpack_constants
 from swim_env.scene import Scene
 from swim_env.sim.batch import Bodies, minimal_start
 from swim_env.sim.simulator import Simulator

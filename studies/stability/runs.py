@@ -15,10 +15,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from swim_env.physics.solve.integrator import LARGEST_TURN, RECORD_NAMES, energy_drift_of
 
 from swim_env.errors import SimulationEndedError
 from swim_env.physics.invariants import momentum_map
-from swim_env.physics.solve.integrator import LARGEST_TURN, RECORD_NAMES, energy_drift_of
 from swim_env.physics.status import TERMINATION_REASONS
 from swim_env.scene import Scene
 from swim_env.sim.batch import Bodies, minimal_start, scene_constants
@@ -251,7 +251,7 @@ class _Watch:
         self._unknowns = bodies.unknowns
         self._tolerance = bodies.scene.integrator.tolerance
         self._start = bodies.states[0, : 2 * self._unknowns].copy()
-        self._energy, _, _ = bodies.weigh(0)
+        self._energy, _, _ = bodies.energy_and_velocity(0)
         self._bodies = bodies
         self._momentum = self._maps(self._start[None])[0]
         self._outside = np.zeros(3)
@@ -373,6 +373,6 @@ class _Watch:
             verdict.failures.append(f"unknown reason {verdict.reason!r}")
         self._check_budget()
         # The state that is left is one to go on from, or at least to look at.
-        left, velocity, status = self._bodies.weigh(0)
+        left, velocity, status = self._bodies.energy_and_velocity(0)
         if status or not (math.isfinite(left) and np.isfinite(velocity).all()):
             verdict.failures.append("the last state cannot be weighed")

@@ -9,7 +9,7 @@ With L = T - W, T the kinetic energy of body and fluid in the frame of the strea
         + \tfrac{1}{2} V^T \frac{\partial A}{\partial\theta_j} V
         - \frac{\partial W}{\partial\theta_j} + F_j,
 
-with the names of `swim_env.physics.planar.lagrangian`, of whose step this is the limit. These
+with the names of `swim_env.physics.planar.equations`, of whose step this is the limit. These
 solvers know nothing of momentum and energy, and resolve the fastest mode or damp it.
 """
 
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from swim_env.errors import SimulationEndedError, SwimError
 from swim_env.physics.fluid.added_mass import NO_FLUID, motion_count, shape_force
-from swim_env.physics.planar.beam import chain_levers
+from swim_env.physics.planar.chain import chain_levers
 from swim_env.physics.status import TERMINATION_REASONS, describe
 from swim_env.scene import Scene
 from swim_env.sim.batch import Bodies, minimal_start, scene_constants
@@ -95,13 +95,13 @@ class _Equations:
         n = self.bodies.unknowns
         return self.bodies.states[0, : 2 * n].copy()
 
-    def weigh(self, time: float, state: Array) -> tuple[float, Array]:
+    def energy_and_velocity(self, time: float, state: Array) -> tuple[float, Array]:
         """Return the energy (J) and the velocities, in the frame of the ground."""
         self.bodies.states[0, : state.size] = state
         # The place does not matter, and implicit solvers try remote ones for that very reason: as
         # nothing changes, they look for a derivative by ever larger differences.
         self.bodies.states[0, :2] = 0.0
-        energy, velocity, status = self.bodies.weigh(0)
+        energy, velocity, status = self.bodies.energy_and_velocity(0)
         if status:
             reason = TERMINATION_REASONS[status]
             raise SimulationEndedError(reason, time, describe(reason))
@@ -111,7 +111,7 @@ class _Equations:
         self.evaluations += 1
         n = self.bodies.unknowns
         q, p = state[:n], state[n:]
-        _, ground = self.weigh(time, state)
+        _, ground = self.energy_and_velocity(time, state)
         rates = ground.copy()
         rates[3:] = np.diff(ground[2:])
         stream = np.array([self._fluid.stream_x, self._fluid.stream_y])
@@ -127,13 +127,13 @@ class _Equations:
         rates = np.zeros_like(p)
         if fluid.model != NO_FLUID:
             elements = beam.elements
-            motion = self._views.step.motions[0]
+            motion = self._views.inc.motion
             motion[:elements] = (normal * moving).sum(axis=1)
             motion[elements : 2 * elements] = turning
             along = (tangent * moving).sum(axis=1)
             if fluid.axial:
                 motion[2 * elements : 2 * elements + 2] = along[[0, -1]]
-            impulse = self._views.step.added_mass[: self._motions] @ motion
+            impulse = self._views.mass.added[: self._motions] @ motion
             shape = np.empty(elements)
             shape_force(motion, fluid, self._views.fluid_work, shape)
             rates[2:] += shape - impulse[:elements] * along
@@ -239,7 +239,9 @@ def integrate(
             progress(until - begin)
     found = np.array(states)
     n = found.shape[1] // 2
-    energy: Array = np.array([equations.weigh(t, y)[0] for t, y in zip(times, found, strict=True)])
+    energy: Array = np.array(
+        [equations.energy_and_velocity(t, y)[0] for t, y in zip(times, found, strict=True)]
+    )
     return ContinuousRun(times, found[:, :n], found[:, n:], energy, equations.evaluations, seconds)
 
 

@@ -2,7 +2,7 @@
 
 The single and the batched environment call these same two kernels, so a formula stands here once
 and both give the same bits. They work on rows of a batch, as
-`swim_env.physics.solve.integrator.advance` does, and share no code with it.
+`swim_env.physics.solve.advance.advance` does, and share no code with it.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from swim_env.physics.loading import load_kernels
 from swim_env.physics.runtime.compile import entry_kernel, kernel
-from swim_env.physics.solve.integrator import (
+from swim_env.physics.solve.state import (
     POSITIVE_WORK,
     RECORD_NAMES,
-    STATE_ROWS,
     STEPS,
     WORK,
     state_size,
+    state_views,
     unexplained_share,
 )
 
@@ -170,7 +170,7 @@ def assess(
     start : bool
         Whether they were just put at a start: then nothing has been gained.
     states, velocities : (M, S), (M, N + 2) arrays
-        As `swim_env.physics.solve.integrator.advance` leaves them.
+        As `swim_env.physics.solve.advance.advance` leaves them.
     torques : (M, 1, N - 1) array
         Torques that were held (N m).
     torque_of_one : (N - 1,) array
@@ -238,14 +238,14 @@ def assess(
         if to_point:
             seen[at + 5] = _observed(distance / length)
 
-        figure[_TIME] = time_step * q[STATE_ROWS * unknowns + STEPS]
+        budget = state_views(q, unknowns - 2)[0].counters
+        figure[_TIME] = time_step * budget[STEPS]
         figure[_X] = q[0]
         figure[_Y] = q[1]
         figure[_HEADING_ERROR] = np.arctan2(sine, cosine)
         figure[_DISTANCE] = distance / length
         figure[_WORK] = 0.0
         figure[_POSITIVE_WORK] = 0.0
-        budget = q[STATE_ROWS * unknowns :]
         figure[_ENERGY_DRIFT] = unexplained_share(budget)
         if start:
             figure[_COORDINATE] = coordinate

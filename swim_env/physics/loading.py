@@ -24,18 +24,18 @@ from numpy.typing import NDArray
 from swim_env.physics.fluid.added_mass import FLUID_MODELS, FluidConstants
 from swim_env.physics.fluid.outline import LANES, FluidGeometry
 from swim_env.physics.fluid.panels import LAYERS, influence, normal_influence
-from swim_env.physics.planar.beam import BeamConstants, centres, centres_of_trajectory
-from swim_env.physics.planar.lagrangian import evaluate_held_step, evaluate_step, step_jacobian
+from swim_env.physics.planar.chain import BeamConstants, centres, centres_of_trajectory
+from swim_env.physics.planar.equations import evaluate_held_step, evaluate_step
+from swim_env.physics.planar.matrix import step_jacobian
 from swim_env.physics.runtime.compile import cache_folder
-from swim_env.physics.solve.integrator import (
+from swim_env.physics.solve.advance import advance, energy_and_velocity, momentum_of_velocity
+from swim_env.physics.solve.constants import Constants, SolverConstants, pack_constants
+from swim_env.physics.solve.prepare import prepare
+from swim_env.physics.solve.state import (
     RECORD_NAMES,
-    SolverConstants,
-    advance,
+    Member,
     member_views,
-    pack_constants,
-    prepare,
     state_size,
-    weigh,
     work_sizes,
 )
 
@@ -109,7 +109,8 @@ class _Sample(NamedTuple):
 
     beam: BeamConstants
     fluid: FluidConstants
-    constants: tuple[Array, NDArray[np.int64]]
+    solver: SolverConstants
+    constants: Constants
     states: Array
     floats: Array
     integers: NDArray[np.int64]
@@ -120,11 +121,13 @@ def _sample() -> _Sample:
     beam = BeamConstants(elements, 0.5, 0.1, 1e-3, np.ones(1), np.zeros(1))
     geometry = FluidGeometry(elements, 0.5, 0.01, 1, 1)
     fluid = FluidConstants(FLUID_MODELS["panels"], geometry, 1.0, False, np.zeros(0))
-    constants = pack_constants(beam, fluid, SolverConstants(0.01, 1e-10))
+    solver = SolverConstants(0.01, 1e-10)
+    constants = pack_constants(beam, fluid, solver)
     floats, integers = work_sizes(beam, fluid)
     return _Sample(
         beam,
         fluid,
+        solver,
         constants,
         np.zeros((1, state_size(elements))),
         np.zeros((1, floats)),
@@ -137,21 +140,28 @@ def _compile(kernel: Any, *arguments: object) -> None:
     kernel.compile(tuple(numba.typeof(argument) for argument in arguments))
 
 
+def _views(one: _Sample) -> Member:
+    return member_views(one.states[0], one.beam, one.fluid, one.floats[0], one.integers[0])
+
+
 def _compile_pose() -> None:
-    """Compile what weighs a pose."""
+    """Compile what evaluates a pose."""
     one = _sample()
-    m = member_views(one.states[0], one.beam, one.fluid, one.floats[0], one.integers[0])
-    _compile(prepare, m.q, m.p, one.beam, one.fluid, m.fluid_work, m.step)
+    m = _views(one)
+    state = (m.state.q, m.state.p, one.beam, one.fluid, one.solver, m.fluid_work)
+    _compile(prepare, *state, m.mass, m.pose, m.inc, m.balance, m.newton, m.step.effort)
 
 
 def _compile_motion() -> None:
     """Compile what evaluates the equations of a step and their Jacobian."""
     one = _sample()
-    m = member_views(one.states[0], one.beam, one.fluid, one.floats[0], one.integers[0])
+    m = _views(one)
     beam, fluid, work = one.beam, one.fluid, m.fluid_work
-    _compile(evaluate_step, m.p, m.p, m.p, 0.01, beam, fluid, work, m.step)
-    _compile(evaluate_held_step, m.p, m.p, m.p, 0.01, beam, fluid, m.step)
-    _compile(step_jacobian, 0.01, beam, fluid, work, 0.0, m.step)
+    body = (m.mass.added, m.pose, m.inc, m.balance, m.drag)
+    step = (m.state.p, m.state.p, m.state.p, 0.01, False, beam, fluid)
+    _compile(evaluate_step, *step, work, *body)
+    _compile(evaluate_held_step, *step, *body)
+    _compile(step_jacobian, 0.01, False, beam, fluid, work, 0.0, *body, m.newton)
 
 
 def _call_all() -> None:
@@ -183,7 +193,8 @@ def _call_others() -> None:
     elements = one.beam.elements
     unknowns = elements + 2
     state = one.states[0]
-    weigh(state, np.zeros(unknowns), False, *one.constants, one.floats[0], one.integers[0])
+    for call in (energy_and_velocity, momentum_of_velocity):
+        call(state, np.zeros(unknowns), *one.constants, one.floats[0], one.integers[0])
     centres(state[:unknowns], 0.5, np.zeros((elements, 2)))
     centres_of_trajectory(np.zeros((1, unknowns)), 0.5, np.zeros((1, elements, 2)))
     corners = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])

@@ -140,7 +140,7 @@ class Tape:
         self._begun[member] = self._recorder.begun[member]
         self._goals[member] = self._episodes.goals[member].copy()
         if self._split_energy:
-            self._velocities[member] = self._episodes.bodies.weigh(member)[1]
+            self._velocities[member] = self._episodes.bodies.energy_and_velocity(member)[1]
         self.running[member] = name, f"{name}-episode-{episode}"
 
     def drop(self, member: int) -> None:

@@ -20,19 +20,20 @@ from swim_env.physics.fluid.fluid_terms import (
 )
 from swim_env.physics.fluid.outline import FluidGeometry
 from swim_env.physics.loading import load_kernels
-from swim_env.physics.planar.beam import BeamConstants
+from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.runtime.threads import share
-from swim_env.physics.solve.integrator import (
-    RECORD_NAMES,
-    MemberViews,
+from swim_env.physics.solve.advance import advance, energy_and_velocity, momentum_of_velocity
+from swim_env.physics.solve.constants import (
     SolverConstants,
-    advance,
-    member_views,
     pack_constants,
+    unpack_constants,
+)
+from swim_env.physics.solve.state import (
+    RECORD_NAMES,
+    Member,
+    member_views,
     state_size,
     steps_column,
-    unpack_constants,
-    weigh,
     work_sizes,
 )
 from swim_env.physics.status import TERMINATION_REASONS, describe
@@ -130,7 +131,7 @@ class Bodies:
         """
         state = np.zeros(self.states.shape[1])
         state[: self.unknowns] = coordinates
-        _, status = self._weigh(member, state, velocity, True)
+        _, status = momentum_of_velocity(state, velocity, *self.member(member))
         if status:
             reason = TERMINATION_REASONS[status]
             raise SimulationEndedError(reason, 0.0, describe(reason))
@@ -144,33 +145,25 @@ class Bodies:
         if self.recorder is not None:
             steps = int(self.steps_taken[member])
             state = self.states[member, : 2 * self.unknowns]
-            self.recorder.begin(member, steps, self.weigh(member)[0], state)
+            self.recorder.begin(member, steps, self.energy_and_velocity(member)[0], state)
 
-    def weigh(self, member: int) -> tuple[float, Array, int]:
+    def energy_and_velocity(self, member: int) -> tuple[float, Array, int]:
         """Return a member's energy (J), its velocity M^-1 p (N + 2,), and a code that is 0.
 
-        Every state that is handed out has been weighed before, so this does not fail.
+        Every state that is handed out has been prepared before, so this does not fail.
         """
         velocity = np.zeros(self.unknowns)
-        energy, status = self._weigh(member, self.states[member], velocity, False)
+        energy, status = energy_and_velocity(self.states[member], velocity, *self.member(member))
         return energy, velocity, status
 
-    def _weigh(self, member: int, state: Array, velocity: Array, start: bool) -> tuple[float, int]:
-        return weigh(
-            state,
-            velocity,
-            start,
-            *self.member(member),
-        )
-
-    def member(self, index: int) -> tuple[Array, Indices, Array, Indices]:
+    def member(self, index: int) -> tuple[NDArray[np.void], Array, Array, Indices]:
         """Return what kernels take of one member: the scene's constants and its work space."""
         return (*self._constants, self._floats[index], self._integers[index])
 
-    def views(self, index: int) -> MemberViews:
+    def views(self, index: int) -> Member:
         """Return the names of one member's state and work space, views of both."""
-        reals, sizes, floats, integers = self.member(index)
-        beam, fluid, _ = unpack_constants(reals, sizes)
+        scalars, vectors, floats, integers = self.member(index)
+        beam, fluid, _ = unpack_constants(scalars, vectors)
         return member_views(self.states[index], beam, fluid, floats, integers)
 
     def new_record(self, steps: int) -> Array:
@@ -195,7 +188,7 @@ class Bodies:
         hold : int
             Steps over which each row is held.
         record : (M, R hold, 12) array
-            Overwritten for these members; see `swim_env.physics.solve.integrator.advance`.
+            Overwritten for these members; see `swim_env.physics.solve.advance.advance`.
         members : (K,) array of int, optional
             Which ones; all of them unless given.
         threads : int

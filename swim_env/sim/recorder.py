@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from swim_env.errors import OptionError
 from swim_env.physics.invariants import momentum_map
-from swim_env.physics.planar.beam import centres_of_trajectory
-from swim_env.physics.solve.integrator import RECORD_NAMES
+from swim_env.physics.planar.chain import centres_of_trajectory
+from swim_env.physics.solve.state import RECORD_NAMES
 from swim_env.scene import Scene
 from swim_env.sim.trajectory import Trajectory
 

@@ -13,8 +13,8 @@ from swim_env.errors import SimulationEndedError, SwimError, TorqueError
 from swim_env.physics.fluid.outline import LENGTH
 from swim_env.physics.fluid.panels import normal_influence
 from swim_env.physics.invariants import momentum_map
-from swim_env.physics.planar.beam import centres
-from swim_env.physics.solve.integrator import RECORD_NAMES, energy_drift_of
+from swim_env.physics.planar.chain import centres
+from swim_env.physics.solve.state import RECORD_NAMES, energy_drift_of
 from swim_env.physics.status import TERMINATION_REASONS, describe
 from swim_env.scene import Initial, Scene, load_scene
 from swim_env.sim.batch import Bodies, minimal_start
@@ -148,9 +148,9 @@ class Simulator:
     def energy(self) -> float:
         """Return H(q_n, p_n) = p_n M(q_n)^-1 p_n/2 + W(q_n) of body and fluid (J).
 
-        Every state that the simulator hands out has been weighed, so this does not fail.
+        Every state that the simulator hands out has been prepared, so this does not fail.
         """
-        return self._weigh()[0]
+        return self._energy_and_velocity()[0]
 
     def velocity(self) -> Array:
         """Return M(q_n)^-1 p_n, (N + 2,).
@@ -160,7 +160,7 @@ class Simulator:
         (N + 2,) array
             Velocity of the mean centre (m/s) and turning rate of every element (rad/s).
         """
-        return self._weigh()[1]
+        return self._energy_and_velocity()[1]
 
     def energy_drift(self) -> float:
         """Return how much energy nothing explains, the largest of all steps since the start.
@@ -185,7 +185,7 @@ class Simulator:
             thinner and as it bends. Where G can be eliminated only by exchanging rows, as that of
             very thin bodies, a run ends beyond 1e10 with ``influence_singular``.
         """
-        self._weigh()
+        self._energy_and_velocity()
         work = self._bodies.views(0).fluid_work
         if not work.inverse.size:
             return 0.0
@@ -195,8 +195,8 @@ class Simulator:
         inverse = work.inverse[:count, :count]
         return float(np.linalg.norm(normal[:count, :count], 1) * np.linalg.norm(inverse, 1))
 
-    def _weigh(self) -> tuple[float, Array]:
-        energy, velocity, status = self._bodies.weigh(0)
+    def _energy_and_velocity(self) -> tuple[float, Array]:
+        energy, velocity, status = self._bodies.energy_and_velocity(0)
         if status:
             raise self._ended(TERMINATION_REASONS[status])
         return energy, velocity

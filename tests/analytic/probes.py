@@ -6,6 +6,19 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from swim_env.physics.planar.beam import BeamConstants
+from swim_env.physics.planar.lagrangian import (
+    CHANGE,
+    RESIDUAL,
+    carve_step_arrays,
+    evaluate_step,
+    mass_matrix,
+    pose_jacobian,
+    set_pose,
+    step_array_size,
+    step_jacobian,
+)
+from swim_env.physics.solve.integrator import prepare, work_sizes
 
 from swim_env import Simulator
 from swim_env.physics.fluid.added_mass import (
@@ -19,21 +32,8 @@ from swim_env.physics.fluid.added_mass import (
 )
 from swim_env.physics.fluid.outline import FluidGeometry
 from swim_env.physics.loading import load_kernels
-from swim_env.physics.planar.beam import BeamConstants
-from swim_env.physics.planar.lagrangian import (
-    CHANGE,
-    RESIDUAL,
-    carve_step_arrays,
-    evaluate_step,
-    mass_matrix,
-    pose_jacobian,
-    set_pose,
-    step_array_size,
-    step_jacobian,
-)
 from swim_env.physics.runtime.compile import entry_kernel
 from swim_env.physics.runtime.dense import copy
-from swim_env.physics.solve.integrator import prepare, work_sizes
 from swim_env.sim.batch import Bodies
 
 Array = NDArray[np.float64]

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from swim_env.physics.planar.beam import BeamConstants
 
 from swim_env.physics.fluid.added_mass import FluidConstants
-from swim_env.physics.planar.beam import BeamConstants
 from tests.analytic.probes import fluid_constants, probe_fluid, probe_step
 from tests.reference import independent
 

@@ -152,7 +152,7 @@ def test_the_place_does_not_matter() -> None:
     remote = state.copy()
     remote[:2] = 1e12, np.inf
     assert (equations(0.1, remote) == equations(0.1, state)).all()
-    assert equations.weigh(0.1, remote)[0] == equations.weigh(0.1, state)[0] > 0.0
+    assert equations.energy_and_velocity(0.1, remote)[0] == equations.energy_and_velocity(0.1, state)[0] > 0.0
 
 
 @pytest.mark.parametrize("method", ["LSODA", "Radau"])
@@ -262,7 +262,7 @@ def _rates(scene: Scene, run: ContinuousRun) -> Array:
     rates = []
     for q, p in zip(run.coordinates, run.momenta, strict=True):
         bodies.states[0, : 2 * n] = np.concatenate([q, p])
-        rates.append(np.diff(bodies.weigh(0)[1][2:]))
+        rates.append(np.diff(bodies.energy_and_velocity(0)[1][2:]))
     return np.array(rates)
 
 

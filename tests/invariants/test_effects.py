@@ -8,10 +8,10 @@ from dataclasses import fields
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from swim_env.physics.planar.beam import BeamConstants
 
 from swim_env import Scene, SimulationEndedError, Simulator, Trajectory, load_scene
 from swim_env.physics.fluid.added_mass import FluidConstants
-from swim_env.physics.planar.beam import BeamConstants
 from tests.analytic.probes import StepProbe, fluid_constants, probe_step, rigid_mass
 from tests.reference import before_effects, independent
 

@@ -7,10 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-
-from swim_env.errors import SceneError, SimulationEndedError, TorqueError
-from swim_env.physics.fluid.added_mass import FLUID_MODELS, FluidConstants
-from swim_env.physics.fluid.outline import FluidGeometry
 from swim_env.physics.planar.beam import BeamConstants, centres_of_trajectory
 from swim_env.physics.solve.integrator import (
     RECORD_NAMES,
@@ -21,6 +17,10 @@ from swim_env.physics.solve.integrator import (
     weigh,
     work_sizes,
 )
+
+from swim_env.errors import SceneError, SimulationEndedError, TorqueError
+from swim_env.physics.fluid.added_mass import FLUID_MODELS, FluidConstants
+from swim_env.physics.fluid.outline import FluidGeometry
 from tests.reference.multipliers import (
     D1,
     D3,

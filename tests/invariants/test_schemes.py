@@ -9,9 +9,9 @@ import gymnasium
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from swim_env.physics.planar.beam import BeamConstants
 
 from swim_env import Scene, SimulationEndedError, Simulator, SwimVectorEnv, Trajectory, load_scene
-from swim_env.physics.planar.beam import BeamConstants
 from tests.analytic.probes import probe_pose, probe_step
 from tests.analytic.test_derivatives import STEPS, Step, reference_derivatives
 

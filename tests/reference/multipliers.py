@@ -35,6 +35,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from swim_env.physics.planar.beam import BeamConstants
+from swim_env.physics.solve.integrator import LARGEST_TURN
 
 from swim_env.errors import SceneError, SimulationEndedError, TorqueError
 from swim_env.physics.fluid.added_mass import (
@@ -46,8 +48,6 @@ from swim_env.physics.fluid.added_mass import (
     motion_count,
     shape_force,
 )
-from swim_env.physics.planar.beam import BeamConstants
-from swim_env.physics.solve.integrator import LARGEST_TURN
 from swim_env.physics.status import (
     FINE,
     STEP_NOT_SOLVED,

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from swim_env.physics.solve.integrator import RECORD_NAMES
 
 from studies.stability import runs as runs_module
 from studies.stability.cases import CASES
@@ -21,7 +22,6 @@ from studies.stability.runs import LONGEST_STEP, HardRun, Verdict, _Watch, play
 from studies.stability.suite import ONSETS, drawn_runs, measure_stability, work_of
 from studies.stability.torques import Ramp, SquareWave, WhiteNoise
 from swim_env import TERMINATION_REASONS, SimulationEndedError, Simulator, load_scene
-from swim_env.physics.solve.integrator import RECORD_NAMES
 from swim_env.scene import Scene
 from swim_env.sim.batch import Bodies
 

@@ -65,7 +65,7 @@ __all__ = [
     "added_mass",
     "carve_fluid_work",
     "fluid_work_sizes",
-    "hangs_on_shape",
+    "depends_on_shape",
     "motion_count",
     "shape_force",
 ]
@@ -193,7 +193,7 @@ _SCRATCH = _SHAPE + SHAPE_SCRATCH
 
 
 @shared
-def hangs_on_shape(fluid: FluidConstants) -> bool:
+def depends_on_shape(fluid: FluidConstants) -> bool:
     """Tell whether the model's added mass changes with the joint angles."""
     return fluid.model != NO_FLUID and fluid.model != CONSTANT
 

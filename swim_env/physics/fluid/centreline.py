@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from swim_env.physics.fluid.contact import touches_itself
 from swim_env.physics.fluid.outline import (
     ANGLE,
     ARM,
@@ -32,7 +33,6 @@ from swim_env.physics.fluid.outline import (
     X,
     Y,
 )
-from swim_env.physics.planar.beam import touches_itself
 from swim_env.physics.runtime.compile import kernel, shared
 from swim_env.physics.status import FINE, UNDER_RESOLVED_GAP
 
@@ -102,8 +102,7 @@ def build_chain(
         scratch[1, k] = st
         out.nodes[NODE_X, k + 1] = out.nodes[NODE_X, k] + dl * ct
         out.nodes[NODE_Y, k + 1] = out.nodes[NODE_Y, k] + dl * st
-    ends = scratch[:, :elements]
-    if touches_itself(ends[0], ends[1], 0.25 * panel, dl, ends[2], ends[3]):
+    if touches_itself(elements, scratch[0:2], 0.25 * panel, dl, scratch[2:4]):
         return UNDER_RESOLVED_GAP
     last = elements * side
     for i in range(out.element.size):

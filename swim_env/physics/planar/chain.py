@@ -1,4 +1,4 @@
-r"""Geometry, strain energy and body inertia of the chain of rigid elements.
+r"""Geometry and constants of the chain of rigid elements.
 
 The minimal coordinates are q = (c, theta_1, a_2 ... a_N): the mean c of the element centres, the
 angle of element 1 and the joint angles a_k = theta_k - theta_{k-1}. Joint angles are carried
@@ -9,7 +9,6 @@ and the angular momentum are plain sums.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +21,9 @@ __all__ = [
     "centres",
     "centres_of_trajectory",
     "chain_levers",
-    "touches_itself",
+    "chain_weight",
+    "sum_from_centres",
+    "sum_to_centres",
 ]
 
 Array = NDArray[np.float64]
@@ -121,95 +122,46 @@ def centres_of_trajectory(q: Array, element_length: float, out: Array) -> None:
 
 
 @kernel
-def _distance_from_segment(
-    x: float, y: float, start_x: float, start_y: float, along_x: float, along_y: float, dl: float
-) -> float:
-    """Return the distance (m) of a point from a segment of length dl with the given direction."""
-    dx = x - start_x
-    dy = y - start_y
-    along = min(max(dx * along_x + dy * along_y, 0.0), dl)
-    dx -= along * along_x
-    dy -= along * along_y
-    distance: float = np.sqrt(dx * dx + dy * dy)
-    return distance
-
-
-@kernel
-def touches_itself(
-    d3x: Array, d3y: Array, radius: float, dl: float, node_x: Array, node_y: Array
-) -> bool:
-    """Tell whether the body touches itself.
-
-    Every element counts as a stadium, all points within the radius of its centre line. Two of them
-    touch where they overlap, and are further apart along the body than half a turn around the
-    radius: what is nearer is bent, not touching. Neighbours, which overlap at their node whatever
-    they do, touch where the joint folds so far that their other ends do. Exact; elements that are
-    far apart cost one comparison.
+def sum_to_centres(change: Array, shift_x: float, shift_y: float, dl: float, out: Array) -> None:
+    """Apply E to changes of d3 and add a shift: out_k = shift + sum_j E_kj change_j.
 
     Parameters
     ----------
-    d3x, d3y : (N,) arrays
-        Tangents of the elements.
-    radius : float
-        Half the thickness (m).
+    change : (2, N) array
+        Changes of the tangents.
+    shift_x, shift_y : float
+        Shift of the mean centre (m).
     dl : float
         Length of an element (m).
-    node_x, node_y : (N,) arrays
-        Scratch: the node in front of every element.
+    out : (2, N) array
+        Overwritten: changes of the centres (m).
     """
-    elements = d3x.size
-    width = 2.0 * radius
-    x = 0.0
-    y = 0.0
+    elements = change.shape[1]
+    mean_x = 0.0
+    mean_y = 0.0
+    for j in range(elements):
+        weight = chain_weight(j, elements)
+        mean_x += weight * change[0, j]
+        mean_y += weight * change[1, j]
+    front_x = -mean_x
+    front_y = -mean_y
     for k in range(elements):
-        node_x[k] = x
-        node_y[k] = y
-        x += dl * d3x[k]
-        y += dl * d3y[k]
-    far = dl + width
-    half_turn = math.pi * radius
-    for k in range(elements):
-        ax = d3x[k]
-        ay = d3y[k]
-        for m in range(k + 1, elements):
-            if max(m - k - 1, 1) * dl < half_turn:
-                continue
-            bx = d3x[m]
-            by = d3y[m]
-            # From centre to centre.
-            dx = node_x[m] - node_x[k] + 0.5 * dl * (bx - ax)
-            dy = node_y[m] - node_y[k] + 0.5 * dl * (by - ay)
-            if dx * dx + dy * dy > far * far:
-                continue
-            end_x = node_x[m] + dl * bx
-            end_y = node_y[m] + dl * by
-            if m == k + 1:
-                gap = min(
-                    _distance_from_segment(end_x, end_y, node_x[k], node_y[k], ax, ay, dl),
-                    _distance_from_segment(node_x[k], node_y[k], node_x[m], node_y[m], bx, by, dl),
-                )
-                if gap < width:
-                    return True
-                continue
-            # Sides of one segment's ends from the other's line, for segments that cross.
-            first = ax * (node_y[m] - node_y[k]) - ay * (node_x[m] - node_x[k])
-            second = ax * (end_y - node_y[k]) - ay * (end_x - node_x[k])
-            third = bx * (node_y[k] - node_y[m]) - by * (node_x[k] - node_x[m])
-            tip_x = node_x[k] + dl * ax
-            tip_y = node_y[k] + dl * ay
-            fourth = bx * (tip_y - node_y[m]) - by * (tip_x - node_x[m])
-            if first * second < 0.0 and third * fourth < 0.0:
-                return True
-            gap = min(
-                min(
-                    _distance_from_segment(node_x[m], node_y[m], node_x[k], node_y[k], ax, ay, dl),
-                    _distance_from_segment(end_x, end_y, node_x[k], node_y[k], ax, ay, dl),
-                ),
-                min(
-                    _distance_from_segment(node_x[k], node_y[k], node_x[m], node_y[m], bx, by, dl),
-                    _distance_from_segment(tip_x, tip_y, node_x[m], node_y[m], bx, by, dl),
-                ),
-            )
-            if gap < width:
-                return True
-    return False
+        out[0, k] = shift_x + dl * (front_x + 0.5 * change[0, k])
+        out[1, k] = shift_y + dl * (front_y + 0.5 * change[1, k])
+        front_x += change[0, k]
+        front_y += change[1, k]
+
+
+@kernel
+def sum_from_centres(push: Array, total_x: float, total_y: float, dl: float, out: Array) -> None:
+    """Apply the transpose of E: out_j = sum_k E_kj push_k; both (2, N), total the sum of push."""
+    elements = push.shape[1]
+    behind_x = 0.0
+    behind_y = 0.0
+    for back in range(elements):
+        j = elements - 1 - back
+        weight = chain_weight(j, elements)
+        out[0, j] = dl * (behind_x + 0.5 * push[0, j] - weight * total_x)
+        out[1, j] = dl * (behind_y + 0.5 * push[1, j] - weight * total_y)
+        behind_x += push[0, j]
+        behind_y += push[1, j]

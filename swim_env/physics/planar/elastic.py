@@ -1,0 +1,216 @@
+r"""The elastic law: strain (16), energy (17), their derivatives in a step, torques and damping.
+
+The moment of a joint follows from its strain at the middle of a step. In the paper's scheme the
+*directors* are averaged: with delta the turns of the elements in front and behind and a the mean
+joint angle,
+
+.. math:: K\, dl = \cos(\delta_{front}/2) \cos(\delta_{back}/2) \sin a.
+
+The other strains leave the cosines of the turns out, and the linear one is a itself.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.physics.planar.chain import BeamConstants
+from swim_env.physics.planar.layout import Balance, Increment, Pose
+from swim_env.physics.runtime.compile import inlined, kernel
+
+__all__ = [
+    "add_joint_columns",
+    "add_pose_softening",
+    "add_pose_springs",
+    "add_turn_columns",
+    "elastic_terms",
+    "impulses_of_torques",
+    "linearise_joints",
+    "linearise_mean_joints",
+    "with_elastic_energy",
+]
+
+Array = NDArray[np.float64]
+
+
+@kernel
+def linearise_joints(q: Array, pose: Pose) -> None:
+    """Put the joint angle and its slope, 1, in the place of its sine and cosine."""
+    for j in range(q.size - 3):
+        pose.joint_sine[j] = q[3 + j]
+        pose.joint_cosine[j] = 1.0
+
+
+@kernel
+def linearise_mean_joints(z: Array, pose: Pose, inc: Increment) -> None:
+    """Do the same for the mean joint angles of a step with increment z (N + 2,)."""
+    for j in range(z.size - 3):
+        inc.mean_sine[j] = pose.joint_sine[j] + 0.5 * z[3 + j]
+        inc.mean_cosine[j] = 1.0
+
+
+@kernel
+def with_elastic_energy(energy: float, beam: BeamConstants, pose: Pose) -> float:
+    """Return an energy and W = dl/2 sum EI K^2 (17), (33) of a pose with it (J)."""
+    for j in range(beam.joint_stiffness.size):
+        sine = pose.joint_sine[j]
+        energy += 0.5 * beam.joint_stiffness[j] * sine * sine
+    return energy
+
+
+@kernel
+def _shortening(j: int, beam: BeamConstants, inc: Increment) -> tuple[float, float, float, float]:
+    """Return cosines of half the turns in front of and behind a joint, and their sines.
+
+    Averages of directors that turn are shorter than 1 by these cosines. The strains of angles do
+    not know of turns.
+    """
+    if beam.strain_of_angles:
+        return 1.0, 1.0, 0.0, 0.0
+    return inc.half_cosine[j], inc.half_cosine[j + 1], inc.half_sine[j], inc.half_sine[j + 1]
+
+
+@kernel
+def elastic_terms(h: float, beam: BeamConstants, inc: Increment, balance: Balance) -> None:
+    """Differentiate h W(K(q_{n+1/2})) with respect to q_n, and sum that with that to q_{n+1}."""
+    b = balance
+    b.elastic[:] = 0.0
+    b.elastic_sum[:] = 0.0
+    b.elastic_size[:] = 0.0
+    if not beam.elastic:
+        return
+    for j in range(beam.joint_stiffness.size):
+        sine = inc.mean_sine[j]
+        cosine = inc.mean_cosine[j]
+        front, back, front_sine, back_sine = _shortening(j, beam, inc)
+        moment = h * beam.joint_stiffness[j] * front * back * sine
+        straight = 0.5 * front * back * cosine
+        b.elastic[j] += moment * (-straight + 0.5 * front_sine * back * sine)
+        b.elastic[j + 1] += moment * (straight + 0.5 * back_sine * front * sine)
+        b.elastic_sum[j] -= 2.0 * moment * straight
+        b.elastic_sum[j + 1] += 2.0 * moment * straight
+        b.elastic_size[j] += abs(moment)
+        b.elastic_size[j + 1] += abs(moment)
+
+
+@kernel
+def impulses_of_torques(
+    torques: Array, z: Array, h: float, beam: BeamConstants, balance: Balance
+) -> None:
+    """Collect the impulses of held joint torques and of Kelvin-Voigt damping over the step."""
+    b = balance
+    b.torque[:] = 0.0
+    b.torque_size[:] = 0.0
+    for j in range(torques.size):
+        impulse = h * torques[j] - beam.joint_damping[j] * z[3 + j]
+        b.torque[j] -= impulse
+        b.torque[j + 1] += impulse
+        size = h * abs(torques[j]) + beam.joint_damping[j] * abs(z[3 + j])
+        b.torque_size[j] += size
+        b.torque_size[j + 1] += size
+
+
+@inlined
+def add_turn_columns(h: float, beam: BeamConstants, inc: Increment, transposed: Array) -> None:
+    """Add the derivatives by the elements' turns: those of the factors cos(delta/2) of the strain.
+
+    `transposed` has a row for every unknown, the elements' turns from row 2 on.
+    """
+    if beam.strain_of_angles:
+        return
+    for j in range(beam.joint_stiffness.size):
+        sine = inc.mean_sine[j]
+        cosine = inc.mean_cosine[j]
+        front = inc.half_cosine[j]
+        back = inc.half_cosine[j + 1]
+        front_sine = inc.half_sine[j]
+        back_sine = inc.half_sine[j + 1]
+        stiffness = h * beam.joint_stiffness[j]
+        strain = front * back * sine
+        row_front = 0.5 * (-front * back * cosine + front_sine * back * sine)
+        row_back = 0.5 * (front * back * cosine + back_sine * front * sine)
+        # By the turn of the element in front.
+        strain_change = -0.5 * front_sine * back * sine
+        transposed[2 + j, 2 + j] += stiffness * (
+            strain_change * row_front
+            + strain * 0.25 * (front_sine * back * cosine + front * back * sine)
+        )
+        transposed[2 + j, 3 + j] += stiffness * (
+            strain_change * row_back
+            - strain * 0.25 * (front_sine * back * cosine + front_sine * back_sine * sine)
+        )
+        # By the turn of the element behind.
+        strain_change = -0.5 * back_sine * front * sine
+        transposed[3 + j, 2 + j] += stiffness * (
+            strain_change * row_front
+            + strain * 0.25 * (front * back_sine * cosine - front_sine * back_sine * sine)
+        )
+        transposed[3 + j, 3 + j] += stiffness * (
+            strain_change * row_back
+            + strain * 0.25 * (-front * back_sine * cosine + front * back * sine)
+        )
+
+
+@inlined
+def add_joint_columns(h: float, beam: BeamConstants, inc: Increment, jacobian: Array) -> None:
+    """Add the derivatives of moments and damping by the joint angles to Newton's matrix."""
+    for j in range(beam.joint_stiffness.size):
+        sine = inc.mean_sine[j]
+        cosine = inc.mean_cosine[j]
+        front, back, front_sine, back_sine = _shortening(j, beam, inc)
+        stiffness = h * beam.joint_stiffness[j]
+        strain = front * back * sine
+        slope = front * back * cosine
+        row_front = 0.5 * (-slope + front_sine * back * sine)
+        row_back = 0.5 * (slope + back_sine * front * sine)
+        front_change = 0.5 * (strain + front_sine * back * cosine)
+        back_change = 0.5 * (-strain + back_sine * front * cosine)
+        damping = 0.5 * beam.joint_damping[j]
+        jacobian[2 + j, 3 + j] += (
+            0.5 * stiffness * (slope * row_front + strain * front_change) - damping
+        )
+        jacobian[3 + j, 3 + j] += (
+            0.5 * stiffness * (slope * row_back + strain * back_change) + damping
+        )
+    if beam.linear_strain:
+        _straighten_columns(0.25 * h, beam, inc.mean_sine, jacobian)
+
+
+@kernel
+def _straighten_columns(
+    quarter: float, beam: BeamConstants, strain: Array, jacobian: Array
+) -> None:
+    """Take the curvature of the sine, which a strain linear in the angle lacks, from the matrix.
+
+    `quarter` is a quarter of the step (s), `strain` (N - 1,) that of the joints.
+    """
+    for j in range(beam.joint_stiffness.size):
+        change = quarter * beam.joint_stiffness[j] * strain[j] * strain[j]
+        jacobian[2 + j, 3 + j] -= change
+        jacobian[3 + j, 3 + j] += change
+
+
+@inlined
+def add_pose_softening(h: float, beam: BeamConstants, pose: Pose, jacobian: Array) -> None:
+    """Add what averaged directors take off the strain when either element turns."""
+    if beam.strain_of_angles:
+        return
+    for j in range(beam.joint_stiffness.size):
+        sine = pose.joint_sine[j]
+        softening = 0.25 * h * beam.joint_stiffness[j] * sine * sine
+        jacobian[2 + j, 2 + j] += softening
+        jacobian[3 + j, 3 + j] += softening
+
+
+@inlined
+def add_pose_springs(h: float, beam: BeamConstants, pose: Pose, jacobian: Array) -> None:
+    """Add the springs and dampers of the joints at a vanishing increment."""
+    for j in range(beam.joint_stiffness.size):
+        sine = pose.joint_sine[j]
+        cosine = pose.joint_cosine[j]
+        spring = 0.25 * h * beam.joint_stiffness[j] * (cosine * cosine - sine * sine)
+        spring += 0.5 * beam.joint_damping[j]
+        jacobian[2 + j, 3 + j] -= spring
+        jacobian[3 + j, 3 + j] += spring
+    if beam.linear_strain:
+        _straighten_columns(0.25 * h, beam, pose.joint_sine, jacobian)

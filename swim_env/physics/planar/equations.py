@@ -1,0 +1,338 @@
+r"""The step equations: derivatives of the discrete Lagrangian in minimal coordinates.
+
+In redundant coordinates (r, d1, d3) of every element
+
+.. math::
+    L_d(q_n, q_{n+1}) = \frac{1}{2 h} \Delta q \cdot (M_b + M_f(q_n)) \Delta q
+        - h\, W(K(q_{n+1/2})).
+
+Everything here is the pull-back of its derivatives to the minimal coordinates (the discrete null
+space method of Leyendecker, Marsden & Ortiz), written in increments z = (dc, d theta_1, da_2 ...
+da_N) from q_n. Positions never enter, so the result does not depend on where the beam is.
+With delta_k the turn of element k in the step, E the map from directors to centres and P^k the
+momentum of element k, the derivatives are
+
+.. math::
+    D_1 L_d \cdot \delta c &= -\sum_k P^k, \\
+    D_1 L_d \cdot \delta\theta_j &= -J \sin\delta_j / h - f_{w,j} \cos\delta_j
+        - f_{v,j}\, d_3^j \cdot \Delta r^j + f_{a,j}\, d_1^j \cdot \Delta r^j \\
+        &\quad - d_1^j \cdot \sum_k E_{kj} P^k - h\, \partial W / \partial\theta_j(n)
+        + \frac{1}{2 h} V^T \frac{\partial A}{\partial\theta_j} V,
+
+with f = A V/h the impulse of the fluid per unit motion.
+
+Here the inertia is that of the start of the step, M_f(q_n). The adjoint of this map has that of its
+end, L_d*(q_n, q_{n+1}) = -L_d(q_{n+1}, q_n) with -h for h: V is measured with the directors at
+q_{n+1}; D_1 L_d* has no shape force and no term in f_v d3 . dr, and D_2 L_d* has them. Composing
+both halves of a step is of second order.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.physics.fluid.added_mass import (
+    NO_FLUID,
+    FluidConstants,
+    FluidWork,
+    motion_count,
+    shape_force,
+)
+from swim_env.physics.planar.chain import BeamConstants, sum_from_centres, sum_to_centres
+from swim_env.physics.planar.drag import add_drag
+from swim_env.physics.planar.elastic import (
+    elastic_terms,
+    impulses_of_torques,
+    linearise_joints,
+    linearise_mean_joints,
+)
+from swim_env.physics.planar.layout import Balance, Drag, Increment, Pose
+from swim_env.physics.runtime.compile import kernel
+from swim_env.physics.runtime.dense import mat_vec
+from swim_env.physics.runtime.elementary import SMALL_ANGLE, cos_small, sin_small
+
+__all__ = [
+    "evaluate_held_step",
+    "evaluate_step",
+    "residual_norm",
+    "round_off_floor",
+    "set_pose",
+]
+
+Array = NDArray[np.float64]
+
+
+@kernel
+def set_pose(q: Array, beam: BeamConstants, pose: Pose) -> None:
+    """Compute directors and joints at q_n from the minimal coordinates q (N + 2,)."""
+    angle = 0.0
+    for k in range(beam.elements):
+        angle += q[2 + k]
+        pose.d3[0, k] = np.cos(angle)
+        pose.d3[1, k] = np.sin(angle)
+        pose.d1[0, k] = -pose.d3[1, k]
+        pose.d1[1, k] = pose.d3[0, k]
+    for j in range(q.size - 3):
+        pose.joint_sine[j] = np.sin(q[3 + j])
+        pose.joint_cosine[j] = np.cos(q[3 + j])
+    if beam.linear_strain:
+        linearise_joints(q, pose)
+
+
+@kernel
+def _set_increment(z: Array, pose: Pose, inc: Increment) -> None:
+    """Compute turns, first directors and mean joints from the increment z (N + 2,)."""
+    elements = inc.turn_sine.size
+    half = 0.0
+    small = True
+    for k in range(elements):
+        half += 0.5 * z[2 + k]
+        inc.half_sine[k] = half
+        small = small and abs(half) <= SMALL_ANGLE
+        if k > 0:
+            inc.mean_sine[k - 1] = 0.5 * z[2 + k]
+            small = small and abs(z[2 + k]) <= 2.0 * SMALL_ANGLE
+    # Newton's iterates stay small; the library's functions serve the rest.
+    if small:
+        for k in range(elements):
+            inc.half_cosine[k] = cos_small(inc.half_sine[k])
+            inc.half_sine[k] = sin_small(inc.half_sine[k])
+        for j in range(elements - 1):
+            s = sin_small(inc.mean_sine[j])
+            c = cos_small(inc.mean_sine[j])
+            inc.mean_sine[j] = pose.joint_sine[j] * c + pose.joint_cosine[j] * s
+            inc.mean_cosine[j] = pose.joint_cosine[j] * c - pose.joint_sine[j] * s
+    else:
+        for k in range(elements):
+            inc.half_cosine[k] = np.cos(inc.half_sine[k])
+            inc.half_sine[k] = np.sin(inc.half_sine[k])
+        for j in range(elements - 1):
+            s = np.sin(inc.mean_sine[j])
+            c = np.cos(inc.mean_sine[j])
+            inc.mean_sine[j] = pose.joint_sine[j] * c + pose.joint_cosine[j] * s
+            inc.mean_cosine[j] = pose.joint_cosine[j] * c - pose.joint_sine[j] * s
+    for k in range(elements):
+        s = inc.half_sine[k]
+        inc.turn_sine[k] = 2.0 * s * inc.half_cosine[k]
+        inc.turn_cosine[k] = 1.0 - 2.0 * s * s
+        inc.new_d1[0, k] = pose.d1[0, k] * inc.turn_cosine[k] - pose.d3[0, k] * inc.turn_sine[k]
+        inc.new_d1[1, k] = pose.d1[1, k] * inc.turn_cosine[k] - pose.d3[1, k] * inc.turn_sine[k]
+
+
+@kernel
+def _move(
+    z: Array,
+    h: float,
+    beam: BeamConstants,
+    fluid: FluidConstants,
+    normal: Array,
+    added: Array,
+    pose: Pose,
+    inc: Increment,
+    change: Array,
+) -> None:
+    """Compute how elements and centres move in an increment z, and the fluid's impulse A V/h.
+
+    V is measured with the normals (2, N); `change` (2, N) is scratch.
+    """
+    elements = beam.elements
+    _set_increment(z, pose, inc)
+    if beam.linear_strain:
+        linearise_mean_joints(z, pose, inc)
+    for k in range(elements):
+        # d3(n+1) - d3(n) without cancellation.
+        versine = -2.0 * inc.half_sine[k] * inc.half_sine[k]
+        change[0, k] = versine * pose.d3[0, k] + inc.turn_sine[k] * pose.d1[0, k]
+        change[1, k] = versine * pose.d3[1, k] + inc.turn_sine[k] * pose.d1[1, k]
+    sum_to_centres(change, z[0], z[1], beam.element_length, inc.shift)
+    if fluid.model != NO_FLUID:
+        for k in range(elements):
+            inc.motion[k] = normal[0, k] * inc.shift[0, k] + normal[1, k] * inc.shift[1, k]
+            inc.motion[elements + k] = inc.turn_sine[k]
+        if fluid.axial:
+            # d3 = (d1_y, -d1_x).
+            for end in range(2):
+                k = 0 if end == 0 else elements - 1
+                inc.motion[2 * elements + end] = (
+                    normal[1, k] * inc.shift[0, k] - normal[0, k] * inc.shift[1, k]
+                )
+        mat_vec(added[: motion_count(fluid)], inc.motion, inc.impulse)
+        for i in range(inc.impulse.size):
+            inc.impulse[i] /= h
+
+
+@kernel
+def evaluate_held_step(
+    p: Array,
+    torques: Array,
+    z: Array,
+    h: float,
+    at_end: bool,
+    beam: BeamConstants,
+    fluid: FluidConstants,
+    added: Array,
+    pose: Pose,
+    inc: Increment,
+    balance: Balance,
+    drag: Drag,
+) -> float:
+    """Evaluate the residual like `evaluate_step`, the shape force taken as `balance` has it.
+
+    The shape force is what an evaluation spends most of its time on, and changes little with z.
+    """
+    normal = inc.new_d1 if at_end else pose.d1
+    _move(z, h, beam, fluid, normal, added, pose, inc, balance.sums)
+    return _balance(p, torques, z, h, at_end, normal, beam, fluid, pose, inc, balance, drag)
+
+
+@kernel
+def evaluate_step(
+    p: Array,
+    torques: Array,
+    z: Array,
+    h: float,
+    at_end: bool,
+    beam: BeamConstants,
+    fluid: FluidConstants,
+    fluid_work: FluidWork,
+    added: Array,
+    pose: Pose,
+    inc: Increment,
+    balance: Balance,
+    drag: Drag,
+) -> float:
+    """Evaluate the residual of p_n + D1 L_d(q_n, q_{n+1}) + h F/2 = 0.
+
+    Parameters
+    ----------
+    p : (N + 2,) array
+        Momentum at the beginning of the step.
+    torques : (N - 1,) array
+        Joint torques held over the step (N m).
+    z : (N + 2,) array
+        Increment (dc, d theta_1, da_2 ... da_N).
+    h : float
+        Length of the step (s).
+    at_end : bool
+        Whether the inertia is that of the end of the step: the adjoint.
+    beam, fluid, fluid_work : BeamConstants, FluidConstants, FluidWork
+        The body, with the added mass evaluated at q_n, or in the adjoint at q_{n+1}.
+    added : (K', K') array
+        That added mass.
+    pose : Pose
+        The pose q_n.
+    inc, balance, drag : Increment, Balance, Drag
+        Overwritten, among it residual, scale, size and change.
+
+    Returns
+    -------
+    float
+        max_i |r_i|/s_i with s_i = max(smallest scale, |p_i|, impulses); not finite where z is not.
+    """
+    normal = inc.new_d1 if at_end else pose.d1
+    _move(z, h, beam, fluid, normal, added, pose, inc, balance.sums)
+    if fluid.model != NO_FLUID:
+        shape_force(inc.motion, fluid, fluid_work, balance.shape)
+    return _balance(p, torques, z, h, at_end, normal, beam, fluid, pose, inc, balance, drag)
+
+
+@kernel
+def _balance(
+    p: Array,
+    torques: Array,
+    z: Array,
+    h: float,
+    at_end: bool,
+    normal: Array,
+    beam: BeamConstants,
+    fluid: FluidConstants,
+    pose: Pose,
+    inc: Increment,
+    balance: Balance,
+    drag: Drag,
+) -> float:
+    """Sum up residual, its scale, and the change of the momentum; return the residual's norm."""
+    b = balance
+    elements = beam.elements
+    dl = beam.element_length
+    mass_rate = beam.element_mass / h
+    inertia_rate = beam.element_inertia / h
+    inverse_h = 1.0 / h
+    with_fluid = fluid.model != NO_FLUID
+    total_x = 0.0
+    total_y = 0.0
+    size = 0.0
+    for k in range(elements):
+        b.momentum[0, k] = mass_rate * inc.shift[0, k]
+        b.momentum[1, k] = mass_rate * inc.shift[1, k]
+        if with_fluid:
+            b.momentum[0, k] += inc.impulse[k] * normal[0, k]
+            b.momentum[1, k] += inc.impulse[k] * normal[1, k]
+            if fluid.axial and (k == 0 or k == elements - 1):
+                axial = inc.impulse[2 * elements + (1 if k > 0 else 0)]
+                b.momentum[0, k] += axial * normal[1, k]
+                b.momentum[1, k] -= axial * normal[0, k]
+        total_x += b.momentum[0, k]
+        total_y += b.momentum[1, k]
+        size += abs(b.momentum[0, k]) + abs(b.momentum[1, k])
+    sum_from_centres(b.momentum, total_x, total_y, dl, b.lever)
+    elastic_terms(h, beam, inc, b)
+    impulses_of_torques(torques, z, h, beam, b)
+
+    b.residual[0] = p[0] - total_x
+    b.residual[1] = p[1] - total_y
+    b.change[0] = 0.0
+    b.change[1] = 0.0
+    for i in range(2):
+        b.scale[i] = max(beam.smallest_momentum, abs(p[i]))
+        b.size[i] = size + abs(p[i])
+    for j in range(elements):
+        turning = inertia_rate * inc.turn_sine[j]
+        munk = 0.0
+        shape = 0.0
+        if with_fluid:
+            turning += inc.impulse[elements + j] * inc.turn_cosine[j]
+            munk = -inc.impulse[j] * (
+                normal[1, j] * inc.shift[0, j] - normal[0, j] * inc.shift[1, j]
+            )
+            shape = inverse_h * b.shape[j]
+            if fluid.axial and (j == 0 or j == elements - 1):
+                axial = inc.impulse[2 * elements + (1 if j > 0 else 0)]
+                munk += axial * (normal[0, j] * inc.shift[0, j] + normal[1, j] * inc.shift[1, j])
+        arm = pose.d1[0, j] * b.lever[0, j] + pose.d1[1, j] * b.lever[1, j]
+        new_arm = inc.new_d1[0, j] * b.lever[0, j] + inc.new_d1[1, j] * b.lever[1, j]
+        b.change[2 + j] = munk + (new_arm - arm) - b.elastic_sum[j] + shape + b.torque[j]
+        if at_end:
+            # They belong to D2 L_d.
+            munk = 0.0
+            shape = 0.0
+        b.residual[2 + j] = (
+            p[2 + j] - turning + munk - arm - b.elastic[j] + shape + 0.5 * b.torque[j]
+        )
+        forces = b.elastic_size[j] + abs(shape) + abs(munk) + b.torque_size[j]
+        b.scale[2 + j] = max(beam.smallest_spin, max(abs(p[2 + j]), forces))
+        b.size[2 + j] = abs(p[2 + j]) + abs(turning) + abs(arm) + forces + dl * size
+    if fluid.drag > 0.0:
+        add_drag(z, h, beam, fluid.drag, pose, inc, b, drag)
+    return residual_norm(b)
+
+
+@kernel
+def residual_norm(balance: Balance) -> float:
+    """Return max_i |r_i|/s_i; a residual that is not a number counts as infinite."""
+    largest = 0.0
+    for i in range(balance.residual.size):
+        ratio = abs(balance.residual[i]) / balance.scale[i]
+        if not ratio <= largest:
+            largest = ratio if ratio >= 0.0 else np.inf
+    return largest
+
+
+@kernel
+def round_off_floor(balance: Balance) -> float:
+    """Estimate the scaled residual that rounding alone leaves."""
+    largest = 0.0
+    for i in range(balance.residual.size):
+        largest = max(largest, balance.size[i] / balance.scale[i])
+    return 2.220446049250313e-16 * largest

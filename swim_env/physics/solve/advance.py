@@ -1,0 +1,207 @@
+"""What Python calls of the integrator: steps of members, and the energy and momentum of a state."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.physics.runtime.compile import entry_kernel
+from swim_env.physics.runtime.dense import cholesky_product, copy
+from swim_env.physics.solve.budget import begin_budget
+from swim_env.physics.solve.constants import unpack_constants
+from swim_env.physics.solve.forces import write_forces
+from swim_env.physics.solve.outer_step import outer_step
+from swim_env.physics.solve.prepare import energy_of_pose, prepare
+from swim_env.physics.solve.state import LARGEST, UNEXPLAINED, member_views
+from swim_env.physics.status import ENERGY_UNEXPLAINED, FINE, STATE_NOT_FINITE
+
+__all__ = ["advance", "energy_and_velocity", "momentum_of_velocity"]
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@entry_kernel
+def advance(
+    members: Integers,
+    states: Array,
+    torques: Array,
+    hold: int,
+    scalars: NDArray[np.void],
+    vectors: Array,
+    floats: Array,
+    integers: Integers,
+    trace: Array,
+    record: Array,
+    velocities: Array,
+    outcome: Integers,
+) -> None:
+    """Advance some members of a batch, each by all its rows of torques.
+
+    Members do not know of each other: the results of one depend on its own rows alone, whichever
+    members are advanced in the same call or, by other threads, at the same time.
+
+    Parameters
+    ----------
+    members : (K,) array
+        The members to advance, rows of all arrays that begin with M.
+    states : (M, S) array
+        Their states, see `swim_env.physics.solve.state`; changed in place. At an early end a state
+        is the last one that was reached, at the beginning of the step that failed.
+    torques : (M, R, N - 1) array
+        Joint torques (N m).
+    hold : int
+        Number of steps over which each row of torques is held.
+    scalars, vectors : (1,), (V,) arrays
+        The scene, from `swim_env.physics.solve.constants.pack_constants`.
+    floats, integers : (M, F), (M, I) arrays
+        Work space of `swim_env.physics.solve.state.work_sizes`.
+    trace : (M, T, 2 (N + 2)) array
+        Overwritten: coordinates and momenta after each of the first T steps; T may be 0. Where the
+        solver finds internal forces, 2 (N - 1) further columns: x and y of the force (N) with which
+        what is behind a joint pulls at what is in front of it, at the step's beginning, a mean over
+        this step and the one before; not numbers in the first step after a start.
+    record : (M, R hold, 12) array
+        Overwritten: a row of RECORD_NAMES per step; the energy is that at the step's end.
+    velocities : (M, N + 2) array
+        Overwritten: M^-1 p at the last state: velocity of the mean centre (m/s) and turning rate
+        of every element (rad/s).
+    outcome : (M, 2) array
+        Overwritten: steps taken and 0, or the code of the reason for an early end.
+    """
+    beam, fluid, solver = unpack_constants(scalars, vectors)
+    for member in members:
+        m = member_views(states[member], beam, fluid, floats[member], integers[member])
+        q = m.state.q
+        p = m.state.p
+        steps = torques.shape[1] * hold
+        taken = 0
+        status = FINE
+        while taken < steps and status == FINE:
+            held = torques[member, taken // hold]
+            status = outer_step(m, held, beam, fluid, solver, record[member, taken])
+            if status == FINE:
+                if taken < trace.shape[1]:
+                    row = trace[member, taken]
+                    copy(q, row[: q.size])
+                    copy(p, row[q.size : 2 * q.size])
+                    if solver.forces:
+                        write_forces(m.forces, row[2 * q.size :])
+                taken += 1
+                # Not more than it should be; infinity times no energy is not a number.
+                counters = m.state.counters
+                if counters[UNEXPLAINED] > solver.energy_tolerance * counters[LARGEST]:
+                    status = ENERGY_UNEXPLAINED
+        outcome[member, 0] = taken
+        outcome[member, 1] = status
+        # A state that is handed out has been prepared before, so this does not fail.
+        prepare(
+            q,
+            p,
+            beam,
+            fluid,
+            solver,
+            m.fluid_work,
+            m.mass,
+            m.pose,
+            m.inc,
+            m.balance,
+            m.newton,
+            m.step.effort,
+        )
+        copy(m.mass.velocity, velocities[member])
+        velocities[member, 0] += fluid.stream_x
+        velocities[member, 1] += fluid.stream_y
+
+
+@entry_kernel
+def energy_and_velocity(
+    state: Array,
+    velocity: Array,
+    scalars: NDArray[np.void],
+    vectors: Array,
+    floats: Array,
+    integers: Integers,
+) -> tuple[float, int]:
+    """Find a member's energy, and its velocity M^-1 p.
+
+    Parameters
+    ----------
+    state : (S,) array
+        The member's state.
+    velocity : (N + 2,) array
+        Overwritten: velocity of the mean centre (m/s) and turning rate of every element (rad/s).
+    scalars, vectors
+        As in `advance`.
+    floats, integers : (F,), (I,) arrays
+        The member's work space.
+
+    Returns
+    -------
+    energy, status : float, int
+        H = p M^-1 p/2 + W (J) and 0, or NaN and the code of the reason why there is none.
+    """
+    beam, fluid, solver = unpack_constants(scalars, vectors)
+    m = member_views(state, beam, fluid, floats, integers)
+    status = prepare(
+        m.state.q,
+        m.state.p,
+        beam,
+        fluid,
+        solver,
+        m.fluid_work,
+        m.mass,
+        m.pose,
+        m.inc,
+        m.balance,
+        m.newton,
+        m.step.effort,
+    )
+    if status != FINE:
+        return np.nan, status
+    copy(m.mass.velocity, velocity)
+    velocity[0] += fluid.stream_x
+    velocity[1] += fluid.stream_y
+    energy = energy_of_pose(m.state.p, beam, m.pose, m.mass)
+    return energy, FINE if np.isfinite(energy) else STATE_NOT_FINITE
+
+
+@entry_kernel
+def momentum_of_velocity(
+    state: Array,
+    velocity: Array,
+    scalars: NDArray[np.void],
+    vectors: Array,
+    floats: Array,
+    integers: Integers,
+) -> tuple[float, int]:
+    """Start a member by momentum: write p_0 = dL/dq'(q_0, v_0) = M v_0 to its state.
+
+    Parameters and return values as for `energy_and_velocity`, whose `velocity` is read here.
+    """
+    beam, fluid, solver = unpack_constants(scalars, vectors)
+    m = member_views(state, beam, fluid, floats, integers)
+    status = prepare(
+        m.state.q,
+        m.state.p,
+        beam,
+        fluid,
+        solver,
+        m.fluid_work,
+        m.mass,
+        m.pose,
+        m.inc,
+        m.balance,
+        m.newton,
+        m.step.effort,
+    )
+    if status != FINE:
+        return np.nan, status
+    copy(velocity, m.mass.velocity)
+    m.mass.velocity[0] -= fluid.stream_x
+    m.mass.velocity[1] -= fluid.stream_y
+    m.mass.momentum[:] = np.nan
+    cholesky_product(m.mass.total, m.mass.velocity, m.state.p)
+    energy = energy_of_pose(m.state.p, beam, m.pose, m.mass)
+    begin_budget(energy, m.state.counters)
+    return energy, FINE if np.isfinite(energy) else STATE_NOT_FINITE

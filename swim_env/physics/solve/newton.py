@@ -1,0 +1,391 @@
+"""Newton's method for the increment of a step.
+
+It works in passes: corrections with one matrix while the shape force, the costly part of the
+residual, is held, then one evaluation of the whole. Where passes fail, every correction is followed
+by a whole evaluation and shortened where need be.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.physics.fluid.added_mass import FluidConstants, depends_on_shape
+from swim_env.physics.planar.chain import BeamConstants
+from swim_env.physics.planar.equations import evaluate_held_step, evaluate_step, round_off_floor
+from swim_env.physics.planar.matrix import SHAPE_DIFFERENCE, pose_jacobian, step_jacobian
+from swim_env.physics.runtime.compile import inlined, kernel
+from swim_env.physics.runtime.dense import copy, lu_factor, lu_solve
+from swim_env.physics.solve.constants import SolverConstants
+from swim_env.physics.solve.prepare import find_added_mass
+from swim_env.physics.solve.state import CORRECTIONS, EVALUATED, SHAPE_FAILURE, Member
+from swim_env.physics.status import FINE
+
+__all__ = ["newton", "newton_in_passes", "turns_beyond"]
+
+Array = NDArray[np.float64]
+
+#: Newton's iterates keep within this turn (rad): the strain softens beyond, and wrong roots wait.
+TRUSTED_TURN = 1.0
+_MOST_ITERATIONS = 20
+_MOST_SHORTENINGS = 8
+#: A residual within this multiple of the rounding of its terms counts as met.
+ROUND_OFF_MARGIN = 32.0
+#: But not one that is larger than this and than the tolerance.
+_LARGEST_ROUND_OFF = 1e-6
+
+# Passes of corrections with one matrix and the shape force held, and corrections in one of them.
+# Each at least halves the correction. The first pass ends where the residual has fallen by this
+# factor, later ones at this part of the tolerance.
+_MOST_PASSES = 4
+_MOST_IN_PASS = 8
+_MOST_LAST = 3
+#: Where an element turns by more than this in the guess of a step (rad), Newton's matrix is that of
+#: the guess; else that of the pose serves, which costs a tenth.
+_SMALL_TURN = 0.1
+_FIRST_PASS = 1e-4
+_PASS_TOLERANCE = 0.1
+
+
+@kernel
+def _correction_size(z: Array, dl: float) -> float:
+    """Return the largest turn of an element (rad) or shift (element lengths) in an increment."""
+    largest: float = max(abs(z[0]), abs(z[1])) / dl
+    turn = 0.0
+    for k in range(2, z.size):
+        turn += z[k]
+        if not abs(turn) <= largest:
+            largest = abs(turn) if turn == turn else math.inf
+    return largest
+
+
+@kernel
+def turns_beyond(z: Array, limit: float) -> bool:
+    """Tell whether an element or a joint turns by more than a limit (rad), or by no number."""
+    turn = 0.0
+    for k in range(2, z.size):
+        turn += z[k]
+        if not (abs(turn) <= limit):
+            return True
+        if k > 2 and not (abs(z[k]) <= limit):
+            return True
+    return False
+
+
+@inlined
+def _evaluate(
+    m: Member,
+    torques: Array,
+    z: Array,
+    h: float,
+    at_end: bool,
+    beam: BeamConstants,
+    fluid: FluidConstants,
+    solver: SolverConstants,
+) -> float:
+    """Evaluate the residual at an increment z with all that depends on z; infinite where none is.
+
+    That is the shape force, or in the adjoint the added mass of the shape at the end.
+    """
+    m.step.effort[0] += solver.evaluation_cost
+    m.step.tally[EVALUATED] += 1
+    if not at_end:
+        return _evaluate_whole(m, torques, z, h, beam, fluid)
+    shape = m.mass.trial_shape
+    for j in range(torques.size):
+        shape[j] = m.state.q[3 + j] + z[3 + j]
+    status = find_added_mass(shape, fluid, solver, m.fluid_work, m.mass, m.step.effort)
+    if status != FINE:
+        m.step.tally[SHAPE_FAILURE] = status
+        return np.inf
+    return _evaluate_held(m, torques, z, h, True, beam, fluid)
+
+
+@inlined
+def _evaluate_whole(
+    m: Member, torques: Array, z: Array, h: float, beam: BeamConstants, fluid: FluidConstants
+) -> float:
+    return evaluate_step(
+        m.state.p,
+        torques,
+        z,
+        h,
+        False,
+        beam,
+        fluid,
+        m.fluid_work,
+        m.mass.added,
+        m.pose,
+        m.inc,
+        m.balance,
+        m.drag,
+    )
+
+
+@inlined
+def _evaluate_held(
+    m: Member,
+    torques: Array,
+    z: Array,
+    h: float,
+    at_end: bool,
+    beam: BeamConstants,
+    fluid: FluidConstants,
+) -> float:
+    return evaluate_held_step(
+        m.state.p,
+        torques,
+        z,
+        h,
+        at_end,
+        beam,
+        fluid,
+        m.mass.added,
+        m.pose,
+        m.inc,
+        m.balance,
+        m.drag,
+    )
+
+
+@inlined
+def _correct_once_more(
+    met: float,
+    m: Member,
+    torques: Array,
+    h: float,
+    beam: BeamConstants,
+    fluid: FluidConstants,
+) -> None:
+    """Correct the increment after its residual was met, with the shape force that belongs to it.
+
+    This is cheap and usually leaves far less than was measured. The residual of a correction that
+    brings the increment closer may still rise, so a few are tried before it is left as it was.
+    """
+    newton = m.newton
+    z = newton.increment
+    copy(z, newton.trial)
+    for _ in range(_MOST_LAST):
+        copy(m.balance.residual, newton.correction)
+        lu_solve(newton.jacobian, m.permutation, newton.correction)
+        for i in range(z.size):
+            z[i] += newton.correction[i]
+        norm = _evaluate_held(m, torques, z, h, False, beam, fluid)
+        if norm <= met:
+            return
+    copy(newton.trial, z)
+    _evaluate_held(m, torques, z, h, False, beam, fluid)
+
+
+@inlined
+def newton_in_passes(
+    m: Member,
+    torques: Array,
+    h: float,
+    at_end: bool,
+    beam: BeamConstants,
+    fluid: FluidConstants,
+    solver: SolverConstants,
+    shape_known: bool,
+) -> tuple[bool, float]:
+    """Improve the increment in passes during which the shape force is held.
+
+    The shape force takes most of an evaluation and changes little with the increment: with it held,
+    a correction costs a tenth, and two or three evaluations of the whole serve a step. Nothing is
+    shortened here.
+
+    Parameters
+    ----------
+    m : Member
+        The member; `newton.increment` is improved.
+    torques : (N - 1,) array
+        Joint torques (N m).
+    h : float
+        Length of the step (s).
+    at_end : bool
+        Whether the inertia is that of the end of the step.
+    beam, fluid, solver : BeamConstants, FluidConstants, SolverConstants
+        The scene.
+    shape_known : bool
+        Whether `balance.shape` already holds a guess of the shape force.
+
+    Returns
+    -------
+    solved, norm : bool, float
+        False where corrections do not shrink fast enough, and the residual's norm.
+    """
+    newton = m.newton
+    z = newton.increment
+    if shape_known:
+        norm = _evaluate_held(m, torques, z, h, at_end, beam, fluid)
+    else:
+        norm = _evaluate(m, torques, z, h, at_end, beam, fluid, solver)
+    if not norm < np.inf:
+        return False, norm
+    if norm <= solver.tolerance and not shape_known:
+        return True, norm
+    # The mass knows nothing of drag.
+    if fluid.drag > 0.0 or turns_beyond(z, _SMALL_TURN):
+        m.step.effort[0] += solver.matrix_cost
+        step_jacobian(
+            h,
+            at_end,
+            beam,
+            fluid,
+            m.fluid_work,
+            0.0,
+            m.mass.added,
+            m.pose,
+            m.inc,
+            m.balance,
+            m.drag,
+            newton,
+        )
+    else:
+        pose_jacobian(h, beam, m.pose, m.mass, newton.jacobian)
+    if not lu_factor(newton.jacobian, m.permutation):
+        return False, norm
+    # The first pass works with a guess of what is held and need not go far; where nothing is held,
+    # it goes all the way.
+    held = depends_on_shape(fluid)
+    enough = _FIRST_PASS * norm if held else 0.0
+    for _ in range(_MOST_PASSES):
+        enough = max(enough, _PASS_TOLERANCE * solver.tolerance)
+        size = np.inf
+        for _ in range(_MOST_IN_PASS):
+            copy(m.balance.residual, newton.correction)
+            lu_solve(newton.jacobian, m.permutation, newton.correction)
+            new_size = _correction_size(newton.correction, beam.element_length)
+            if not new_size <= 0.5 * size:
+                break
+            size = new_size
+            for i in range(z.size):
+                z[i] += newton.correction[i]
+            norm = _evaluate_held(m, torques, z, h, at_end, beam, fluid)
+            m.step.tally[CORRECTIONS] += 1
+            if norm <= enough:
+                break
+        if held:
+            norm = _evaluate(m, torques, z, h, at_end, beam, fluid, solver)
+        enough = 0.0
+        if norm <= solver.tolerance:
+            # The adjoint's added mass is to stay that of the increment.
+            if held and not at_end:
+                _correct_once_more(norm, m, torques, h, beam, fluid)
+            return not turns_beyond(z, TRUSTED_TURN), norm
+        if not held:
+            break
+    return False, norm
+
+
+@inlined
+def newton(
+    m: Member,
+    torques: Array,
+    h: float,
+    at_end: bool,
+    beam: BeamConstants,
+    fluid: FluidConstants,
+    solver: SolverConstants,
+) -> tuple[bool, float, bool]:
+    """Improve the increment until the residual is met; parameters as `newton_in_passes`.
+
+    The matrix is kept as long as corrections shrink. Corrections are shortened by Deuflhard's
+    natural monotonicity test: the next correction with the same matrix has to be smaller. It does
+    not depend on how residuals of turning and of shifting are weighed against each other.
+
+    Returns
+    -------
+    solved, norm, at_round_off : bool, float, bool
+        Whether it was met, the residual's norm, and whether rounding kept it from falling to the
+        tolerance.
+    """
+    newton = m.newton
+    z = newton.increment
+    trial = newton.trial
+    effort = m.step.effort
+    norm = _evaluate(m, torques, z, h, at_end, beam, fluid, solver)
+    if not norm < np.inf:
+        return False, norm, False
+    if norm <= solver.tolerance:
+        return True, norm, False
+    difference = 0.0
+    fresh = False
+    renew = True
+    size = 0.0
+    for _ in range(_MOST_ITERATIONS):
+        if renew:
+            effort[0] += solver.matrix_cost
+            if difference > 0.0 and not at_end and depends_on_shape(fluid):
+                effort[0] += z.size * solver.evaluation_cost
+            if effort[0] > 1.0:
+                return False, norm, False
+            # Here the last evaluation was that of z.
+            step_jacobian(
+                h,
+                at_end,
+                beam,
+                fluid,
+                m.fluid_work,
+                difference,
+                m.mass.added,
+                m.pose,
+                m.inc,
+                m.balance,
+                m.drag,
+                newton,
+            )
+            if not lu_factor(newton.jacobian, m.permutation):
+                return False, norm, False
+            copy(m.balance.residual, newton.correction)
+            lu_solve(newton.jacobian, m.permutation, newton.correction)
+            size = _correction_size(newton.correction, beam.element_length)
+            fresh = True
+            renew = False
+        length = 1.0
+        accepted = False
+        new_size = np.inf
+        for _ in range(_MOST_SHORTENINGS):
+            if effort[0] > 1.0:
+                return False, norm, False
+            for i in range(z.size):
+                trial[i] = z[i] + length * newton.correction[i]
+            if not turns_beyond(trial, TRUSTED_TURN):
+                norm = _evaluate(m, torques, trial, h, at_end, beam, fluid, solver)
+                m.step.tally[CORRECTIONS] += 1
+                if norm <= solver.tolerance:
+                    copy(trial, z)
+                    return True, norm, False
+                copy(m.balance.residual, newton.next_correction)
+                lu_solve(newton.jacobian, m.permutation, newton.next_correction)
+                new_size = _correction_size(newton.next_correction, beam.element_length)
+                if new_size <= (1.0 - 0.25 * length) * size:
+                    accepted = True
+                    break
+                largest = max(solver.tolerance, _LARGEST_ROUND_OFF)
+                if norm <= min(ROUND_OFF_MARGIN * round_off_floor(m.balance), largest):
+                    # Rounding keeps the residual from falling further: this is as exact as it
+                    # gets.
+                    copy(trial, z)
+                    return True, norm, True
+                if not fresh:
+                    break
+            length *= 0.5
+        if accepted:
+            copy(trial, z)
+            copy(newton.next_correction, newton.correction)
+            slow = new_size > 0.25 * size
+            size = new_size
+            fresh = False
+            if slow:
+                renew = True
+                difference = SHAPE_DIFFERENCE
+            continue
+        if fresh and difference > 0.0:
+            return False, norm, False
+        difference = SHAPE_DIFFERENCE
+        renew = True
+        norm = _evaluate(m, torques, z, h, at_end, beam, fluid, solver)
+    return False, norm, False

@@ -1,0 +1,311 @@
+"""A member's state, which outlives a step, and its work space, which does not.
+
+What a step takes over from the one before is in the state, and so in snapshots: a restored run goes
+on bit for bit. The work space remembers masses of the last pose, which only saves time.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.physics.fluid.added_mass import (
+    FluidConstants,
+    FluidWork,
+    carve_fluid_work,
+    fluid_work_sizes,
+    motion_count,
+)
+from swim_env.physics.fluid.outline import padded
+from swim_env.physics.planar.chain import BeamConstants
+from swim_env.physics.planar.layout import (
+    MEASURE,
+    Balance,
+    Drag,
+    Increment,
+    Mass,
+    Newton,
+    Pose,
+    balance_views,
+    drag_views,
+    increment_views,
+    mass_views,
+    matrix,
+    newton_views,
+    pose_views,
+    vector,
+)
+from swim_env.physics.runtime.compile import shared
+
+__all__ = [
+    "ANGULAR_IMPULSE",
+    "AT_ROUND_OFF",
+    "CORRECTIONS",
+    "DISSIPATED",
+    "ENERGY",
+    "EVALUATED",
+    "EVALUATIONS",
+    "EXPLAINED",
+    "IMPULSE_X",
+    "IMPULSE_Y",
+    "ITERATIONS",
+    "KNOWN_INCREMENTS",
+    "LARGEST",
+    "LAST_PART",
+    "PARTS",
+    "POSITIVE_WORK",
+    "RECORD_NAMES",
+    "RESIDUAL_MET",
+    "SHAPE_FAILURE",
+    "STEPS",
+    "UNEXPLAINED",
+    "WORK",
+    "ForceWork",
+    "Member",
+    "OuterStep",
+    "State",
+    "energy_drift_of",
+    "member_views",
+    "state_size",
+    "state_views",
+    "steps_column",
+    "unexplained_share",
+    "work_sizes",
+]
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+#: Entries of `State.counters`: steps taken, increments of equal parts that are known (at most 3),
+#: and how many 1024ths of a step the last part was; then the energy budget (J): the energy that
+#: start, work and losses explain, the largest energy, and the largest that was not explained.
+STEPS, KNOWN_INCREMENTS, LAST_PART, EXPLAINED, LARGEST, UNEXPLAINED = range(6)
+_COUNTERS = 6
+
+#: Columns of the record that `advance` writes for every step.
+RECORD_NAMES = (
+    "energy",
+    "work",
+    "positive_work",
+    "dissipated",
+    "residual",
+    "iterations",
+    "evaluations",
+    "parts",
+    "at_round_off",
+    "impulse_x",
+    "impulse_y",
+    "angular_impulse",
+)
+ENERGY, WORK, POSITIVE_WORK, DISSIPATED, RESIDUAL_MET, ITERATIONS = range(6)
+EVALUATIONS, PARTS, AT_ROUND_OFF = range(6, 9)
+IMPULSE_X, IMPULSE_Y, ANGULAR_IMPULSE = range(9, 12)
+_RECORD = 12
+
+
+class State(NamedTuple):
+    """A member's state, views of one vector.
+
+    Attributes
+    ----------
+    q, p : (N + 2,) arrays
+        Coordinates and momenta, see `swim_env.physics.planar.chain`.
+    history : (3, N + 2) array
+        The last three increments, the latest first.
+    shape_history : (3, N + 2) array
+        The shape forces that belong to them, N numbers each.
+    past : (2, N + 2) array
+        Mean momentum of every element in the last step, with half its drag; N numbers each.
+    counters : (6,) array
+        See the names of its entries.
+    """
+
+    q: Array
+    p: Array
+    history: Array
+    shape_history: Array
+    past: Array
+    counters: Array
+
+
+@shared
+def state_views(buffer: Array, elements: int) -> tuple[State, int]:
+    """Lay a `State` over a vector; returns it and the vector's length."""
+    n = elements + 2
+    q, end = vector(buffer, 0, n)
+    p, end = vector(buffer, end, n)
+    history, end = matrix(buffer, end, 3, n)
+    shape_history, end = matrix(buffer, end, 3, n)
+    past, end = matrix(buffer, end, 2, n)
+    counters, end = vector(buffer, end, _COUNTERS)
+    return State(q, p, history, shape_history, past, counters), end
+
+
+def state_size(elements: int) -> int:
+    """Return the length of a member's state vector."""
+    return state_views(MEASURE, elements)[1]
+
+
+def energy_drift_of(state: Array, elements: int) -> float:
+    """Return the largest unexplained energy since the start as a share of the largest energy."""
+    return float(unexplained_share(state_views(state, elements)[0].counters))
+
+
+@shared
+def unexplained_share(counters: Array) -> float:
+    """Return `energy_drift_of` from the counters of a state."""
+    if counters[LARGEST] > 0.0:
+        return float(counters[UNEXPLAINED] / counters[LARGEST])
+    return 0.0
+
+
+def steps_column(elements: int) -> int:
+    """Return the column of a state vector that counts the steps taken."""
+    return state_size(elements) - _COUNTERS + STEPS
+
+
+#: Entries of `OuterStep.tally`.
+CORRECTIONS, EVALUATED, SHAPE_FAILURE = range(3)
+
+
+class OuterStep(NamedTuple):
+    """The outer step so far, and what is restored where it or one of its parts fails.
+
+    Attributes
+    ----------
+    total : (N + 2,) array
+        Increment since its beginning.
+    q, p : (N + 2,) arrays
+        Coordinates and momenta at its beginning.
+    part_q, part_p, part_total : (N + 2,) arrays
+        Coordinates, momenta and `total` at the beginning of the part.
+    part_record : (12,) array
+        The record at the beginning of the part.
+    effort : (1,) array
+        Share that was spent of the effort that an outer step may take.
+    tally : (3,) int array
+        Newton's corrections (CORRECTIONS) and whole evaluations (EVALUATED) so far, and the code of
+        why the last shape at the end of a part had no added mass (SHAPE_FAILURE), 0 where it had.
+    """
+
+    total: Array
+    q: Array
+    p: Array
+    part_q: Array
+    part_p: Array
+    part_total: Array
+    part_record: Array
+    effort: Array
+    tally: Integers
+
+
+@shared
+def _outer_step_views(
+    buffer: Array, start: int, tally: Integers, elements: int
+) -> tuple[OuterStep, int]:
+    n = elements + 2
+    total, start = vector(buffer, start, n)
+    q, start = vector(buffer, start, n)
+    p, start = vector(buffer, start, n)
+    part_q, start = vector(buffer, start, n)
+    part_p, start = vector(buffer, start, n)
+    part_total, start = vector(buffer, start, n)
+    part_record, start = vector(buffer, start, _RECORD)
+    effort, start = vector(buffer, start, 1)
+    return OuterStep(total, q, p, part_q, part_p, part_total, part_record, effort, tally), start
+
+
+class ForceWork(NamedTuple):
+    """What the internal forces of a step are made of.
+
+    Attributes
+    ----------
+    mean, push : (2, N) arrays
+        Mean momentum of every element over the step so far, and its drag (kg m/s).
+    part_mean, part_push : (2, N) arrays
+        The same at the beginning of the part.
+    net : (2, N) array
+        Force on every element from its neighbours at the beginning of the step (N).
+    """
+
+    mean: Array
+    push: Array
+    part_mean: Array
+    part_push: Array
+    net: Array
+
+
+@shared
+def _force_views(buffer: Array, start: int, elements: int) -> tuple[ForceWork, int]:
+    mean, start = matrix(buffer, start, 2, elements)
+    push, start = matrix(buffer, start, 2, elements)
+    part_mean, start = matrix(buffer, start, 2, elements)
+    part_push, start = matrix(buffer, start, 2, elements)
+    net, start = matrix(buffer, start, 2, elements)
+    return ForceWork(mean, push, part_mean, part_push, net), start
+
+
+class Member(NamedTuple):
+    """One member: its state and its work space."""
+
+    state: State
+    fluid_work: FluidWork
+    mass: Mass
+    pose: Pose
+    inc: Increment
+    balance: Balance
+    drag: Drag
+    newton: Newton
+    step: OuterStep
+    forces: ForceWork
+    permutation: Integers
+
+
+@shared
+def _lay_out(
+    state: Array, beam: BeamConstants, fluid: FluidConstants, floats: Array, integers: Integers
+) -> tuple[Member, int]:
+    """Return `member_views`, and how many float64 numbers of work space they take."""
+    elements = beam.elements
+    motions = motion_count(fluid)
+    size, _ = fluid_work_sizes(fluid)
+    fluid_work = carve_fluid_work(floats[:size], integers[elements + 7 :], fluid)
+    mass, end = mass_views(floats, size, integers[:2], elements, motions)
+    newton, end = newton_views(floats, end, elements, motions)
+    inc, end = increment_views(floats, end, elements, motions)
+    pose, end = pose_views(floats, end, elements)
+    balance, end = balance_views(floats, end, elements)
+    drag, end = drag_views(floats, end, elements)
+    step, end = _outer_step_views(floats, end, integers[2:5], elements)
+    forces, end = _force_views(floats, end, elements)
+    member = Member(
+        state_views(state, elements)[0],
+        fluid_work,
+        mass,
+        pose,
+        inc,
+        balance,
+        drag,
+        newton,
+        step,
+        forces,
+        integers[5 : elements + 7],
+    )
+    return member, end
+
+
+@shared
+def member_views(
+    state: Array, beam: BeamConstants, fluid: FluidConstants, floats: Array, integers: Integers
+) -> Member:
+    """Lay the names of `Member` over one member's state and work space."""
+    return _lay_out(state, beam, fluid, floats, integers)[0]
+
+
+def work_sizes(beam: BeamConstants, fluid: FluidConstants) -> tuple[int, int]:
+    """Return how many float64 and int64 numbers of work space a member takes."""
+    _, end = _lay_out(MEASURE, beam, fluid, MEASURE, MEASURE)
+    # A multiple of a cache line, so that rows begin at one in every member's part.
+    return int(padded(end)), int(fluid_work_sizes(fluid)[1]) + beam.elements + 7
