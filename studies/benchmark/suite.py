@@ -15,7 +15,7 @@ from studies.benchmark.parts import measure_parts
 from studies.benchmark.timing import time_in_turn
 from swim_env.physics import FLUID_MODELS
 from swim_env.scene import Scene, load_scene
-from swim_env.scene.blocks import MOST_ELEMENTS_OF_EXPANSION
+from swim_env.scene.fluid import MOST_ELEMENTS_OF_EXPANSION
 
 __all__ = [
     "FULL",

@@ -36,7 +36,7 @@ from swim_env.plots import (
 from swim_env.plots.heat_maps import curvature
 from swim_env.plots.pareto import pareto_front
 from swim_env.plots.style import diverging_map, new_figure, policy_looks, style_axes
-from swim_env.scene.blocks import STRAIN_NAMES
+from swim_env.scene import STRAIN_NAMES
 
 Array = NDArray[np.float64]
 
