@@ -1,7 +1,6 @@
-"""What an episode is about: where it starts, what it aims at, and what pays.
+"""Tasks: where an episode starts, what its goal is, and what is rewarded.
 
-Two tasks share one way of counting. Both reward progress, in body lengths: along a direction, or
-towards a point.
+Both tasks reward progress in body lengths: along a direction, or towards a point.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.envs.assessment import observation_size
+from swim_env.envs.assessment import TASK_SETTINGS, observation_size
 from swim_env.errors import OptionError, SceneError
 from swim_env.scene import Initial, Scene
 from swim_env.scene.checks import check_pair, check_real, check_reals, got, nearest
@@ -25,7 +24,7 @@ __all__ = ["TASKS", "ForwardTask", "Start", "StartPlan", "TargetTask", "Task", "
 
 Array = NDArray[np.float64]
 
-#: Where a target is drawn unless told otherwise: distance (BL), bearing (rad), radius (BL).
+#: Where a target is drawn by default: distance (BL), bearing (rad), radius (BL).
 TARGET_DISTANCE, TARGET_BEARING, TARGET_RADIUS = (0.5, 1.5), 0.5 * math.pi, 0.1
 
 _START_FIELDS = tuple(spec.name for spec in fields(Initial))
@@ -115,18 +114,22 @@ class Task(ABC):
         """Number of observed quantities."""
         return observation_size(self.scene.beam.elements, self.goal_is_point)
 
-    def settings(self, actions_per_episode: int) -> Array:
+    def settings(self, actions_per_episode: int) -> NDArray[np.void]:
         """Return what `swim_env.envs.assessment.assess` needs to know of the task."""
+        beam = self.scene.beam
         return np.array(
             [
-                self.scene.beam.length,
-                self.scene.integrator.time_step,
-                float(self.goal_is_point),
-                self.radius * self.scene.beam.length,
-                self.effort_weight,
-                self.heading_weight,
-                actions_per_episode,
-            ]
+                (
+                    beam.length,
+                    self.scene.integrator.time_step,
+                    self.goal_is_point,
+                    self.radius * beam.length,
+                    self.effort_weight,
+                    self.heading_weight,
+                    actions_per_episode,
+                )
+            ],
+            dtype=TASK_SETTINGS,
         )
 
     def plan_start(self, options: Mapping[str, Any] | None = None) -> StartPlan:
