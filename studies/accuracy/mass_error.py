@@ -74,7 +74,7 @@ def rigid_added_mass(scene: Scene, bend: float) -> Array:
         motions.append(np.concatenate([across, rate, ends]))
     basis = np.array(motions)
     size = int(basis.shape[1])
-    mass: Array = basis @ bodies.views(0).mass.added[:size, :size] @ basis.T
+    mass: Array = basis @ bodies.views(0).body.mass.added[:size, :size] @ basis.T
     return mass
 
 

@@ -127,13 +127,13 @@ class _Equations:
         rates = np.zeros_like(p)
         if fluid.model != NO_FLUID:
             elements = beam.elements
-            motion = self._views.inc.motion
+            motion = self._views.body.inc.motion
             motion[:elements] = (normal * moving).sum(axis=1)
             motion[elements : 2 * elements] = turning
             along = (tangent * moving).sum(axis=1)
             if fluid.axial:
                 motion[2 * elements : 2 * elements + 2] = along[[0, -1]]
-            impulse = self._views.mass.added[: self._motions] @ motion
+            impulse = self._views.body.mass.added[: self._motions] @ motion
             shape = np.empty(elements)
             shape_force(motion, fluid, self._views.fluid_work, shape)
             rates[2:] += shape - impulse[:elements] * along

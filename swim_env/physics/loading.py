@@ -148,20 +148,20 @@ def _compile_pose() -> None:
     """Compile what evaluates a pose."""
     one = _sample()
     m = _views(one)
-    state = (m.state.q, m.state.p, one.beam, one.fluid, one.solver, m.fluid_work)
-    _compile(prepare, *state, m.mass, m.pose, m.inc, m.balance, m.newton, m.step.effort)
+    scene = (one.beam, one.fluid, one.solver)
+    work = (m.body, m.fluid_work, m.newton, m.step.effort)
+    _compile(prepare, m.state.q, m.state.p, *scene, *work)
 
 
 def _compile_motion() -> None:
     """Compile what evaluates the equations of a step and their Jacobian."""
     one = _sample()
     m = _views(one)
-    beam, fluid, work = one.beam, one.fluid, m.fluid_work
-    body = (m.mass.added, m.pose, m.inc, m.balance, m.drag)
-    step = (m.state.p, m.state.p, m.state.p, 0.01, False, beam, fluid)
-    _compile(evaluate_step, *step, work, *body)
-    _compile(evaluate_held_step, *step, *body)
-    _compile(step_jacobian, 0.01, False, beam, fluid, work, 0.0, *body, m.newton)
+    scene = (one.beam, one.fluid, m.body)
+    step = (m.state.p, m.state.p, m.state.p, 0.01, False)
+    _compile(evaluate_step, *step, *scene, m.fluid_work)
+    _compile(evaluate_held_step, *step, *scene)
+    _compile(step_jacobian, 0.01, False, 0.0, *scene, m.fluid_work, m.newton)
 
 
 def _call_all() -> None:

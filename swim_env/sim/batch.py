@@ -36,7 +36,7 @@ from swim_env.physics.solve.state import (
     steps_column,
     work_sizes,
 )
-from swim_env.physics.status import TERMINATION_REASONS, describe
+from swim_env.physics.status import STATE_NOT_FINITE, TERMINATION_REASONS, describe
 from swim_env.scene import Fluid, Initial, Scene
 from swim_env.sim.recorder import Recorder, trace_columns
 
@@ -131,7 +131,10 @@ class Bodies:
         """
         state = np.zeros(self.states.shape[1])
         state[: self.unknowns] = coordinates
-        _, status = momentum_of_velocity(state, velocity, *self.member(member))
+        given = self.member(member)
+        _, status = energy_and_velocity(state, np.empty(self.unknowns), *given)
+        if not status and not np.isfinite(momentum_of_velocity(state, velocity, *given)):
+            status = STATE_NOT_FINITE
         if status:
             reason = TERMINATION_REASONS[status]
             raise SimulationEndedError(reason, 0.0, describe(reason))

@@ -47,7 +47,7 @@ from swim_env.physics.planar.elastic import (
     linearise_joints,
     linearise_mean_joints,
 )
-from swim_env.physics.planar.layout import Balance, Drag, Increment, Pose
+from swim_env.physics.planar.layout import Balance, Body, Drag, Increment, Pose
 from swim_env.physics.runtime.compile import kernel
 from swim_env.physics.runtime.dense import mat_vec
 from swim_env.physics.runtime.elementary import SMALL_ANGLE, cos_small, sin_small
@@ -171,18 +171,15 @@ def evaluate_held_step(
     at_end: bool,
     beam: BeamConstants,
     fluid: FluidConstants,
-    added: Array,
-    pose: Pose,
-    inc: Increment,
-    balance: Balance,
-    drag: Drag,
+    body: Body,
 ) -> float:
     """Evaluate the residual like `evaluate_step`, the shape force taken as `balance` has it.
 
     The shape force is what an evaluation spends most of its time on, and changes little with z.
     """
+    pose, inc, balance, drag, mass = body
     normal = inc.new_d1 if at_end else pose.d1
-    _move(z, h, beam, fluid, normal, added, pose, inc, balance.sums)
+    _move(z, h, beam, fluid, normal, mass.added, pose, inc, balance.sums)
     return _balance(p, torques, z, h, at_end, normal, beam, fluid, pose, inc, balance, drag)
 
 
@@ -195,12 +192,8 @@ def evaluate_step(
     at_end: bool,
     beam: BeamConstants,
     fluid: FluidConstants,
+    body: Body,
     fluid_work: FluidWork,
-    added: Array,
-    pose: Pose,
-    inc: Increment,
-    balance: Balance,
-    drag: Drag,
 ) -> float:
     """Evaluate the residual of p_n + D1 L_d(q_n, q_{n+1}) + h F/2 = 0.
 
@@ -216,22 +209,22 @@ def evaluate_step(
         Length of the step (s).
     at_end : bool
         Whether the inertia is that of the end of the step: the adjoint.
-    beam, fluid, fluid_work : BeamConstants, FluidConstants, FluidWork
-        The body, with the added mass evaluated at q_n, or in the adjoint at q_{n+1}.
-    added : (K', K') array
-        That added mass.
-    pose : Pose
-        The pose q_n.
-    inc, balance, drag : Increment, Balance, Drag
-        Overwritten, among it residual, scale, size and change.
+    beam, fluid : BeamConstants, FluidConstants
+        The scene.
+    body : Body
+        With the pose q_n, and the added mass of that pose or in the adjoint of q_{n+1}. Increment,
+        balance and drag are overwritten.
+    fluid_work : FluidWork
+        As `added_mass` left it for the shape of that added mass.
 
     Returns
     -------
     float
         max_i |r_i|/s_i with s_i = max(smallest scale, |p_i|, impulses); not finite where z is not.
     """
+    pose, inc, balance, drag, mass = body
     normal = inc.new_d1 if at_end else pose.d1
-    _move(z, h, beam, fluid, normal, added, pose, inc, balance.sums)
+    _move(z, h, beam, fluid, normal, mass.added, pose, inc, balance.sums)
     if fluid.model != NO_FLUID:
         shape_force(inc.motion, fluid, fluid_work, balance.shape)
     return _balance(p, torques, z, h, at_end, normal, beam, fluid, pose, inc, balance, drag)

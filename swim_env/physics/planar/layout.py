@@ -19,6 +19,7 @@ __all__ = [
     "MEASURE",
     "TOTAL",
     "Balance",
+    "Body",
     "Drag",
     "Increment",
     "Mass",
@@ -35,6 +36,7 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 
 class _Measure:
@@ -295,12 +297,12 @@ class Mass(NamedTuple):
     momentum: Array
     shape: Array
     trial_shape: Array
-    known: NDArray[np.int64]
+    known: Integers
 
 
 @shared
 def mass_views(
-    buffer: Array, start: int, known: NDArray[np.int64], elements: int, motions: int
+    buffer: Array, start: int, known: Integers, elements: int, motions: int
 ) -> tuple[Mass, int]:
     """Lay out a `Mass`; returns it and the index behind it."""
     n = elements + 2
@@ -336,6 +338,8 @@ class Newton(NamedTuple):
         Scratch: V beside that of the increment.
     shape : (N,) array
         Scratch: its shape force.
+    permutation : (N + 2,) int array
+        Row exchanges of the factors.
     """
 
     increment: Array
@@ -349,10 +353,13 @@ class Newton(NamedTuple):
     impulses: Array
     moved: Array
     shape: Array
+    permutation: Integers
 
 
 @shared
-def newton_views(buffer: Array, start: int, elements: int, motions: int) -> tuple[Newton, int]:
+def newton_views(
+    buffer: Array, start: int, permutation: Integers, elements: int, motions: int
+) -> tuple[Newton, int]:
     """Lay out a `Newton`; returns it and the index behind it."""
     n = elements + 2
     k = padded(motions)
@@ -381,5 +388,16 @@ def newton_views(buffer: Array, start: int, elements: int, motions: int) -> tupl
         column_impulses,
         moved,
         shape,
+        permutation,
     )
     return views, start
+
+
+class Body(NamedTuple):
+    """What the step equations of one body work with."""
+
+    pose: Pose
+    inc: Increment
+    balance: Balance
+    drag: Drag
+    mass: Mass

@@ -19,7 +19,7 @@ from swim_env.physics.planar.elastic import (
     add_pose_springs,
     add_turn_columns,
 )
-from swim_env.physics.planar.layout import Balance, Drag, Increment, Mass, Newton, Pose
+from swim_env.physics.planar.layout import Body, Drag, Increment, Mass, Newton, Pose
 from swim_env.physics.runtime.compile import inlined, kernel
 from swim_env.physics.runtime.dense import copy, multiply
 
@@ -105,15 +105,11 @@ def _shape_columns(
 def _inertia_columns(
     h: float,
     at_end: bool,
+    shape_difference: float,
     beam: BeamConstants,
     fluid: FluidConstants,
+    body: Body,
     fluid_work: FluidWork,
-    shape_difference: float,
-    added: Array,
-    pose: Pose,
-    inc: Increment,
-    shape: Array,
-    pushes: Array,
     newton: Newton,
 ) -> None:
     """Differentiate the negative inertial part of the residual, a column per row of `transposed`.
@@ -121,6 +117,8 @@ def _inertia_columns(
     Columns belong to dc and to the turns delta_k. The derivative of the shape force, N + 2 further
     evaluations of it, is part of it where `shape_difference`, its difference quotient, is positive.
     """
+    pose, inc, balance, _, mass = body
+    pushes = balance.sums
     elements = beam.elements
     dl = beam.element_length
     mass_rate = beam.element_mass / h
@@ -129,7 +127,7 @@ def _inertia_columns(
     forward = not at_end
     normal = inc.new_d1 if at_end else pose.d1
     if with_fluid:
-        _fluid_columns(beam, fluid, normal, added, inc, pushes, newton)
+        _fluid_columns(beam, fluid, normal, mass.added, inc, pushes, newton)
     for column in range(elements + 2):
         out = newton.transposed[column]
         impulses = newton.impulses[column]
@@ -190,45 +188,28 @@ def _inertia_columns(
             behind_x += pushes[0, k]
             behind_y += pushes[1, k]
     if with_fluid and forward and shape_difference > 0.0:
-        _shape_columns(inverse_h, shape_difference, fluid, fluid_work, inc, shape, newton)
+        _shape_columns(inverse_h, shape_difference, fluid, fluid_work, inc, balance.shape, newton)
 
 
 @kernel
 def mass_matrix(
-    beam: BeamConstants,
-    fluid: FluidConstants,
-    fluid_work: FluidWork,
-    pose: Pose,
-    inc: Increment,
-    balance: Balance,
-    newton: Newton,
-    mass: Mass,
+    beam: BeamConstants, fluid: FluidConstants, body: Body, fluid_work: FluidWork, newton: Newton
 ) -> None:
     """Write the reduced total mass at q_n, in the basis (c, theta_1 ... theta_N), to `mass.total`.
 
     It is the inertial Jacobian at a vanishing increment. `set_pose` was called for q_n, and
     `mass.added` is A(q_n).
     """
+    pose, inc, _, _, mass = body
     inc.turn_sine[:] = 0.0
     inc.turn_cosine[:] = 1.0
     for i in range(2):
         copy(pose.d1[i], inc.new_d1[i])
     inc.shift[:] = 0.0
     inc.impulse[:] = 0.0
-    _inertia_columns(
-        1.0,
-        False,
-        beam,
-        fluid,
-        fluid_work,
-        0.0,
-        mass.added,
-        pose,
-        inc,
-        balance.shape,
-        balance.sums,
-        newton,
-    )
+    # A literal False would be a type of its own, and everything compiled for it once more.
+    at_end = bool(0)
+    _inertia_columns(1.0, at_end, 0.0, beam, fluid, body, fluid_work, newton)
     for i in range(mass.total.shape[0]):
         copy(newton.transposed[i], mass.total[i])
         mass.diagonal[i] = mass.total[i, i]
@@ -276,15 +257,11 @@ def _add_drag_columns(
 def step_jacobian(
     h: float,
     at_end: bool,
+    shape_difference: float,
     beam: BeamConstants,
     fluid: FluidConstants,
+    body: Body,
     fluid_work: FluidWork,
-    shape_difference: float,
-    added: Array,
-    pose: Pose,
-    inc: Increment,
-    balance: Balance,
-    drag: Drag,
     newton: Newton,
 ) -> None:
     """Write minus the derivative of the residual with respect to z to `newton.jacobian`.
@@ -294,20 +271,8 @@ def step_jacobian(
     inertia of the end of the step, that inertia and the directors that it is measured with are held
     instead.
     """
-    _inertia_columns(
-        h,
-        at_end,
-        beam,
-        fluid,
-        fluid_work,
-        shape_difference,
-        added,
-        pose,
-        inc,
-        balance.shape,
-        balance.sums,
-        newton,
-    )
+    pose, inc, balance, drag, _ = body
+    _inertia_columns(h, at_end, shape_difference, beam, fluid, body, fluid_work, newton)
     if fluid.drag > 0.0:
         _add_drag_columns(beam, pose, inc, drag, balance.sums, newton.transposed)
     add_turn_columns(h, beam, inc, newton.transposed)

@@ -95,21 +95,8 @@ def advance(
         outcome[member, 0] = taken
         outcome[member, 1] = status
         # A state that is handed out has been prepared before, so this does not fail.
-        prepare(
-            q,
-            p,
-            beam,
-            fluid,
-            solver,
-            m.fluid_work,
-            m.mass,
-            m.pose,
-            m.inc,
-            m.balance,
-            m.newton,
-            m.step.effort,
-        )
-        copy(m.mass.velocity, velocities[member])
+        prepare(q, p, beam, fluid, solver, m.body, m.fluid_work, m.newton, m.step.effort)
+        copy(m.body.mass.velocity, velocities[member])
         velocities[member, 0] += fluid.stream_x
         velocities[member, 1] += fluid.stream_y
 
@@ -144,25 +131,14 @@ def energy_and_velocity(
     beam, fluid, solver = unpack_constants(scalars, vectors)
     m = member_views(state, beam, fluid, floats, integers)
     status = prepare(
-        m.state.q,
-        m.state.p,
-        beam,
-        fluid,
-        solver,
-        m.fluid_work,
-        m.mass,
-        m.pose,
-        m.inc,
-        m.balance,
-        m.newton,
-        m.step.effort,
+        m.state.q, m.state.p, beam, fluid, solver, m.body, m.fluid_work, m.newton, m.step.effort
     )
     if status != FINE:
         return np.nan, status
-    copy(m.mass.velocity, velocity)
+    copy(m.body.mass.velocity, velocity)
     velocity[0] += fluid.stream_x
     velocity[1] += fluid.stream_y
-    energy = energy_of_pose(m.state.p, beam, m.pose, m.mass)
+    energy = energy_of_pose(m.state.p, beam, m.body.pose, m.body.mass)
     return energy, FINE if np.isfinite(energy) else STATE_NOT_FINITE
 
 
@@ -174,34 +150,24 @@ def momentum_of_velocity(
     vectors: Array,
     floats: Array,
     integers: Integers,
-) -> tuple[float, int]:
+) -> float:
     """Start a member by momentum: write p_0 = dL/dq'(q_0, v_0) = M v_0 to its state.
 
-    Parameters and return values as for `energy_and_velocity`, whose `velocity` is read here.
+    Call `energy_and_velocity` before: it prepares the mass of the pose. Parameters as there, with
+    `velocity` read.
+
+    Returns
+    -------
+    float
+        The energy of the start, H = p M^-1 p/2 + W (J).
     """
-    beam, fluid, solver = unpack_constants(scalars, vectors)
+    beam, fluid, _ = unpack_constants(scalars, vectors)
     m = member_views(state, beam, fluid, floats, integers)
-    status = prepare(
-        m.state.q,
-        m.state.p,
-        beam,
-        fluid,
-        solver,
-        m.fluid_work,
-        m.mass,
-        m.pose,
-        m.inc,
-        m.balance,
-        m.newton,
-        m.step.effort,
-    )
-    if status != FINE:
-        return np.nan, status
-    copy(velocity, m.mass.velocity)
-    m.mass.velocity[0] -= fluid.stream_x
-    m.mass.velocity[1] -= fluid.stream_y
-    m.mass.momentum[:] = np.nan
-    cholesky_product(m.mass.total, m.mass.velocity, m.state.p)
-    energy = energy_of_pose(m.state.p, beam, m.pose, m.mass)
+    copy(velocity, m.body.mass.velocity)
+    m.body.mass.velocity[0] -= fluid.stream_x
+    m.body.mass.velocity[1] -= fluid.stream_y
+    m.body.mass.momentum[:] = np.nan
+    cholesky_product(m.body.mass.total, m.body.mass.velocity, m.state.p)
+    energy = energy_of_pose(m.state.p, beam, m.body.pose, m.body.mass)
     begin_budget(energy, m.state.counters)
-    return energy, FINE if np.isfinite(energy) else STATE_NOT_FINITE
+    return energy

@@ -12,18 +12,19 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.added_mass import FluidConstants, depends_on_shape
+from swim_env.physics.fluid.added_mass import FluidConstants, FluidWork, depends_on_shape
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.equations import evaluate_held_step, evaluate_step, round_off_floor
+from swim_env.physics.planar.layout import Body, Newton
 from swim_env.physics.planar.matrix import SHAPE_DIFFERENCE, pose_jacobian, step_jacobian
 from swim_env.physics.runtime.compile import inlined, kernel
 from swim_env.physics.runtime.dense import copy, lu_factor, lu_solve
 from swim_env.physics.solve.constants import SolverConstants
 from swim_env.physics.solve.prepare import find_added_mass
-from swim_env.physics.solve.state import CORRECTIONS, EVALUATED, SHAPE_FAILURE, Member
+from swim_env.physics.solve.state import CORRECTIONS, EVALUATED, SHAPE_FAILURE, Member, OuterStep
 from swim_env.physics.status import FINE
 
-__all__ = ["newton", "newton_in_passes", "turns_beyond"]
+__all__ = ["newton_in_passes", "newton_with_shortening", "turns_beyond"]
 
 Array = NDArray[np.float64]
 
@@ -74,9 +75,10 @@ def turns_beyond(z: Array, limit: float) -> bool:
     return False
 
 
-@inlined
+@kernel
 def _evaluate(
-    m: Member,
+    q: Array,
+    p: Array,
     torques: Array,
     z: Array,
     h: float,
@@ -84,99 +86,59 @@ def _evaluate(
     beam: BeamConstants,
     fluid: FluidConstants,
     solver: SolverConstants,
+    body: Body,
+    fluid_work: FluidWork,
+    step: OuterStep,
 ) -> float:
     """Evaluate the residual at an increment z with all that depends on z; infinite where none is.
 
     That is the shape force, or in the adjoint the added mass of the shape at the end.
     """
-    m.step.effort[0] += solver.evaluation_cost
-    m.step.tally[EVALUATED] += 1
+    step.effort[0] += solver.evaluation_cost
+    step.tally[EVALUATED] += 1
     if not at_end:
-        return _evaluate_whole(m, torques, z, h, beam, fluid)
-    shape = m.mass.trial_shape
+        return evaluate_step(p, torques, z, h, at_end, beam, fluid, body, fluid_work)
+    mass = body.mass
+    shape = mass.trial_shape
     for j in range(torques.size):
-        shape[j] = m.state.q[3 + j] + z[3 + j]
-    status = find_added_mass(shape, fluid, solver, m.fluid_work, m.mass, m.step.effort)
+        shape[j] = q[3 + j] + z[3 + j]
+    status = find_added_mass(shape, fluid, solver, fluid_work, mass, step.effort)
     if status != FINE:
-        m.step.tally[SHAPE_FAILURE] = status
+        step.tally[SHAPE_FAILURE] = status
         return np.inf
-    return _evaluate_held(m, torques, z, h, True, beam, fluid)
+    return evaluate_held_step(p, torques, z, h, at_end, beam, fluid, body)
 
 
-@inlined
-def _evaluate_whole(
-    m: Member, torques: Array, z: Array, h: float, beam: BeamConstants, fluid: FluidConstants
-) -> float:
-    return evaluate_step(
-        m.state.p,
-        torques,
-        z,
-        h,
-        False,
-        beam,
-        fluid,
-        m.fluid_work,
-        m.mass.added,
-        m.pose,
-        m.inc,
-        m.balance,
-        m.drag,
-    )
-
-
-@inlined
-def _evaluate_held(
-    m: Member,
+@kernel
+def _correct_once_more(
+    met: float,
+    p: Array,
     torques: Array,
-    z: Array,
     h: float,
     at_end: bool,
     beam: BeamConstants,
     fluid: FluidConstants,
-) -> float:
-    return evaluate_held_step(
-        m.state.p,
-        torques,
-        z,
-        h,
-        at_end,
-        beam,
-        fluid,
-        m.mass.added,
-        m.pose,
-        m.inc,
-        m.balance,
-        m.drag,
-    )
-
-
-@inlined
-def _correct_once_more(
-    met: float,
-    m: Member,
-    torques: Array,
-    h: float,
-    beam: BeamConstants,
-    fluid: FluidConstants,
+    body: Body,
+    newton: Newton,
 ) -> None:
     """Correct the increment after its residual was met, with the shape force that belongs to it.
 
     This is cheap and usually leaves far less than was measured. The residual of a correction that
     brings the increment closer may still rise, so a few are tried before it is left as it was.
     """
-    newton = m.newton
     z = newton.increment
+    balance = body.balance
     copy(z, newton.trial)
     for _ in range(_MOST_LAST):
-        copy(m.balance.residual, newton.correction)
-        lu_solve(newton.jacobian, m.permutation, newton.correction)
+        copy(balance.residual, newton.correction)
+        lu_solve(newton.jacobian, newton.permutation, newton.correction)
         for i in range(z.size):
             z[i] += newton.correction[i]
-        norm = _evaluate_held(m, torques, z, h, False, beam, fluid)
+        norm = evaluate_held_step(p, torques, z, h, at_end, beam, fluid, body)
         if norm <= met:
             return
     copy(newton.trial, z)
-    _evaluate_held(m, torques, z, h, False, beam, fluid)
+    evaluate_held_step(p, torques, z, h, at_end, beam, fluid, body)
 
 
 @inlined
@@ -216,36 +178,25 @@ def newton_in_passes(
     solved, norm : bool, float
         False where corrections do not shrink fast enough, and the residual's norm.
     """
-    newton = m.newton
+    state, body, fluid_work, newton, step, _ = m
+    q, p = state.q, state.p
+    balance = body.balance
     z = newton.increment
     if shape_known:
-        norm = _evaluate_held(m, torques, z, h, at_end, beam, fluid)
+        norm = evaluate_held_step(p, torques, z, h, at_end, beam, fluid, body)
     else:
-        norm = _evaluate(m, torques, z, h, at_end, beam, fluid, solver)
+        norm = _evaluate(q, p, torques, z, h, at_end, beam, fluid, solver, body, fluid_work, step)
     if not norm < np.inf:
         return False, norm
     if norm <= solver.tolerance and not shape_known:
         return True, norm
     # The mass knows nothing of drag.
     if fluid.drag > 0.0 or turns_beyond(z, _SMALL_TURN):
-        m.step.effort[0] += solver.matrix_cost
-        step_jacobian(
-            h,
-            at_end,
-            beam,
-            fluid,
-            m.fluid_work,
-            0.0,
-            m.mass.added,
-            m.pose,
-            m.inc,
-            m.balance,
-            m.drag,
-            newton,
-        )
+        step.effort[0] += solver.matrix_cost
+        step_jacobian(h, at_end, 0.0, beam, fluid, body, fluid_work, newton)
     else:
-        pose_jacobian(h, beam, m.pose, m.mass, newton.jacobian)
-    if not lu_factor(newton.jacobian, m.permutation):
+        pose_jacobian(h, beam, body.pose, body.mass, newton.jacobian)
+    if not lu_factor(newton.jacobian, newton.permutation):
         return False, norm
     # The first pass works with a guess of what is held and need not go far; where nothing is held,
     # it goes all the way.
@@ -255,25 +206,27 @@ def newton_in_passes(
         enough = max(enough, _PASS_TOLERANCE * solver.tolerance)
         size = np.inf
         for _ in range(_MOST_IN_PASS):
-            copy(m.balance.residual, newton.correction)
-            lu_solve(newton.jacobian, m.permutation, newton.correction)
+            copy(balance.residual, newton.correction)
+            lu_solve(newton.jacobian, newton.permutation, newton.correction)
             new_size = _correction_size(newton.correction, beam.element_length)
             if not new_size <= 0.5 * size:
                 break
             size = new_size
             for i in range(z.size):
                 z[i] += newton.correction[i]
-            norm = _evaluate_held(m, torques, z, h, at_end, beam, fluid)
-            m.step.tally[CORRECTIONS] += 1
+            norm = evaluate_held_step(p, torques, z, h, at_end, beam, fluid, body)
+            step.tally[CORRECTIONS] += 1
             if norm <= enough:
                 break
         if held:
-            norm = _evaluate(m, torques, z, h, at_end, beam, fluid, solver)
+            norm = _evaluate(
+                q, p, torques, z, h, at_end, beam, fluid, solver, body, fluid_work, step
+            )
         enough = 0.0
         if norm <= solver.tolerance:
             # The adjoint's added mass is to stay that of the increment.
             if held and not at_end:
-                _correct_once_more(norm, m, torques, h, beam, fluid)
+                _correct_once_more(norm, p, torques, h, at_end, beam, fluid, body, newton)
             return not turns_beyond(z, TRUSTED_TURN), norm
         if not held:
             break
@@ -281,7 +234,7 @@ def newton_in_passes(
 
 
 @inlined
-def newton(
+def newton_with_shortening(
     m: Member,
     torques: Array,
     h: float,
@@ -302,11 +255,13 @@ def newton(
         Whether it was met, the residual's norm, and whether rounding kept it from falling to the
         tolerance.
     """
-    newton = m.newton
+    state, body, fluid_work, newton, step, _ = m
+    q, p = state.q, state.p
+    balance = body.balance
     z = newton.increment
     trial = newton.trial
-    effort = m.step.effort
-    norm = _evaluate(m, torques, z, h, at_end, beam, fluid, solver)
+    effort = step.effort
+    norm = _evaluate(q, p, torques, z, h, at_end, beam, fluid, solver, body, fluid_work, step)
     if not norm < np.inf:
         return False, norm, False
     if norm <= solver.tolerance:
@@ -323,24 +278,11 @@ def newton(
             if effort[0] > 1.0:
                 return False, norm, False
             # Here the last evaluation was that of z.
-            step_jacobian(
-                h,
-                at_end,
-                beam,
-                fluid,
-                m.fluid_work,
-                difference,
-                m.mass.added,
-                m.pose,
-                m.inc,
-                m.balance,
-                m.drag,
-                newton,
-            )
-            if not lu_factor(newton.jacobian, m.permutation):
+            step_jacobian(h, at_end, difference, beam, fluid, body, fluid_work, newton)
+            if not lu_factor(newton.jacobian, newton.permutation):
                 return False, norm, False
-            copy(m.balance.residual, newton.correction)
-            lu_solve(newton.jacobian, m.permutation, newton.correction)
+            copy(balance.residual, newton.correction)
+            lu_solve(newton.jacobian, newton.permutation, newton.correction)
             size = _correction_size(newton.correction, beam.element_length)
             fresh = True
             renew = False
@@ -353,19 +295,21 @@ def newton(
             for i in range(z.size):
                 trial[i] = z[i] + length * newton.correction[i]
             if not turns_beyond(trial, TRUSTED_TURN):
-                norm = _evaluate(m, torques, trial, h, at_end, beam, fluid, solver)
-                m.step.tally[CORRECTIONS] += 1
+                norm = _evaluate(
+                    q, p, torques, trial, h, at_end, beam, fluid, solver, body, fluid_work, step
+                )
+                step.tally[CORRECTIONS] += 1
                 if norm <= solver.tolerance:
                     copy(trial, z)
                     return True, norm, False
-                copy(m.balance.residual, newton.next_correction)
-                lu_solve(newton.jacobian, m.permutation, newton.next_correction)
+                copy(balance.residual, newton.next_correction)
+                lu_solve(newton.jacobian, newton.permutation, newton.next_correction)
                 new_size = _correction_size(newton.next_correction, beam.element_length)
                 if new_size <= (1.0 - 0.25 * length) * size:
                     accepted = True
                     break
                 largest = max(solver.tolerance, _LARGEST_ROUND_OFF)
-                if norm <= min(ROUND_OFF_MARGIN * round_off_floor(m.balance), largest):
+                if norm <= min(ROUND_OFF_MARGIN * round_off_floor(balance), largest):
                     # Rounding keeps the residual from falling further: this is as exact as it
                     # gets.
                     copy(trial, z)
@@ -387,5 +331,5 @@ def newton(
             return False, norm, False
         difference = SHAPE_DIFFERENCE
         renew = True
-        norm = _evaluate(m, torques, z, h, at_end, beam, fluid, solver)
+        norm = _evaluate(q, p, torques, z, h, at_end, beam, fluid, solver, body, fluid_work, step)
     return False, norm, False

@@ -16,7 +16,7 @@ from swim_env.physics.fluid.contact import touches_itself
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.elastic import with_elastic_energy
 from swim_env.physics.planar.equations import set_pose
-from swim_env.physics.planar.layout import ADDED, TOTAL, Balance, Increment, Mass, Newton, Pose
+from swim_env.physics.planar.layout import ADDED, TOTAL, Body, Mass, Newton, Pose
 from swim_env.physics.planar.matrix import mass_matrix
 from swim_env.physics.runtime.compile import kernel
 from swim_env.physics.runtime.dense import cholesky, cholesky_solve, copy, dot
@@ -69,11 +69,8 @@ def prepare(
     beam: BeamConstants,
     fluid: FluidConstants,
     solver: SolverConstants,
+    body: Body,
     fluid_work: FluidWork,
-    mass: Mass,
-    pose: Pose,
-    inc: Increment,
-    balance: Balance,
     newton: Newton,
     effort: Array,
 ) -> int:
@@ -85,6 +82,7 @@ def prepare(
     for i in range(q.size):
         if not (np.isfinite(q[i]) and np.isfinite(p[i])):
             return STATE_NOT_FINITE
+    pose, _, balance, _, mass = body
     known = mass.known[TOTAL] == 1
     for i in range(2, q.size):
         known = known and mass.pose[i] == q[i]
@@ -106,7 +104,7 @@ def prepare(
         if status != FINE:
             return status
         effort[0] += solver.matrix_cost
-        mass_matrix(beam, fluid, fluid_work, pose, inc, balance, newton, mass)
+        mass_matrix(beam, fluid, body, fluid_work, newton)
         if not cholesky(mass.total):
             return MASS_NOT_POSITIVE
         copy(q, mass.pose)

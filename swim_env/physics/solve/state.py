@@ -22,12 +22,8 @@ from swim_env.physics.fluid.outline import padded
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.layout import (
     MEASURE,
-    Balance,
-    Drag,
-    Increment,
-    Mass,
+    Body,
     Newton,
-    Pose,
     balance_views,
     drag_views,
     increment_views,
@@ -251,16 +247,11 @@ class Member(NamedTuple):
     """One member: its state and its work space."""
 
     state: State
+    body: Body
     fluid_work: FluidWork
-    mass: Mass
-    pose: Pose
-    inc: Increment
-    balance: Balance
-    drag: Drag
     newton: Newton
     step: OuterStep
     forces: ForceWork
-    permutation: Integers
 
 
 @shared
@@ -270,30 +261,20 @@ def _lay_out(
     """Return `member_views`, and how many float64 numbers of work space they take."""
     elements = beam.elements
     motions = motion_count(fluid)
+    n = elements + 2
+    known, tally, permutation = integers[:2], integers[2:5], integers[5 : n + 5]
     size, _ = fluid_work_sizes(fluid)
-    fluid_work = carve_fluid_work(floats[:size], integers[elements + 7 :], fluid)
-    mass, end = mass_views(floats, size, integers[:2], elements, motions)
-    newton, end = newton_views(floats, end, elements, motions)
+    fluid_work = carve_fluid_work(floats[:size], integers[n + 5 :], fluid)
+    mass, end = mass_views(floats, size, known, elements, motions)
+    newton, end = newton_views(floats, end, permutation, elements, motions)
     inc, end = increment_views(floats, end, elements, motions)
     pose, end = pose_views(floats, end, elements)
     balance, end = balance_views(floats, end, elements)
     drag, end = drag_views(floats, end, elements)
-    step, end = _outer_step_views(floats, end, integers[2:5], elements)
+    step, end = _outer_step_views(floats, end, tally, elements)
     forces, end = _force_views(floats, end, elements)
-    member = Member(
-        state_views(state, elements)[0],
-        fluid_work,
-        mass,
-        pose,
-        inc,
-        balance,
-        drag,
-        newton,
-        step,
-        forces,
-        integers[5 : elements + 7],
-    )
-    return member, end
+    body = Body(pose, inc, balance, drag, mass)
+    return Member(state_views(state, elements)[0], body, fluid_work, newton, step, forces), end
 
 
 @shared
