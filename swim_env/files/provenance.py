@@ -25,7 +25,7 @@ _PACKAGES = (
 
 
 def where_and_when() -> dict[str, Any]:
-    """Return what should stand beside every measured number.
+    """Return the origin that is stored with every measured number.
 
     Returns
     -------

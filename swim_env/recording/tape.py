@@ -101,7 +101,7 @@ class Tape:
         self._flow_rate, self._frame_rate = flow_rate, frame_rate
         self._split_energy = split_energy
         self._always = episodes.task.scene.recording is not None
-        self._recorder = _ChosenRecorder(episodes.task.scene, len(episodes.everyone))
+        self._recorder = _ChosenRecorder(episodes.task.scene, len(episodes.all_members))
         self._rewards: dict[int, list[float]] = {}
         self._goals: dict[int, NDArray[np.float64]] = {}
         self._velocities: dict[int, NDArray[np.float64]] = {}
