@@ -63,21 +63,9 @@ FIGURES = np.dtype(
     [
         (name, np.float64)
         for name in (
-            "reward",
-            "reward_progress",
-            "reward_effort",
-            "reward_heading",
-            "progress",
-            "x",
-            "y",
-            "heading_error",
-            "distance",
-            "work",
-            "positive_work",
-            "time",
-            "coordinate",
-            "coordinate_at_start",
-            "energy_drift",
+            *("reward", "reward_progress", "reward_effort", "reward_heading"),
+            *("progress", "x", "y", "heading_error", "distance", "work", "positive_work"),
+            *("time", "coordinate", "coordinate_at_start", "energy_drift"),
         )
     ]
 )
@@ -263,9 +251,7 @@ def assess(
             figure["reward_progress"] = 0.0
             figure["reward_effort"] = 0.0
             figure["reward_heading"] = 0.0
-            counters[member, ACTIONS_TAKEN] = 0
-            counters[member, END_CODE] = 0
-            counters[member, TIME_IS_UP] = 0
+            counters[member] = 0
             continue
 
         taken = outcome[member, 0]

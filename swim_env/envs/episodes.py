@@ -51,14 +51,8 @@ _SMALLEST_SHARE = 1e-3
 _COLUMNS = {name: column for column, name in enumerate(FIGURES.names or ())}
 #: What `info` holds of the figures, for every task and for targets.
 _FORWARD_INFO = (
-    "progress",
-    "reward_progress",
-    "reward_effort",
-    "reward_heading",
-    "heading_error",
-    "work",
-    "positive_work",
-    "energy_drift",
+    *("progress", "reward_progress", "reward_effort", "reward_heading"),
+    *("heading_error", "work", "positive_work", "energy_drift"),
 )
 _TARGET_INFO = (*_FORWARD_INFO, "distance")
 _TIME, _REWARD = _COLUMNS["time"], _COLUMNS["reward"]
@@ -300,18 +294,19 @@ class Episodes:
 
     def info(self, member: int) -> dict[str, Any]:
         """Return the info of one member."""
-        figures = self._figures[member].tolist()
         code = int(self.counters[member, END_CODE])
-        info: dict[str, Any] = {
-            "time": figures[_TIME],
-            "position": self._figures[member, _POSITION].copy(),
-            "termination_reason": _REASON_BY_CODE[code],
-        }
-        for name, column in self._info_columns:
-            info[name] = figures[column]
+        position = self._figures[member, _POSITION].copy()
+        info = self._info(self._figures[member].tolist(), position, _REASON_BY_CODE[code])
         if self.task.goal_is_point:
             info["target"] = self.goals[member].copy()
             info["success"] = info["is_success"] = code == REACHED
+        return info
+
+    def _info(self, figures: Any, position: Array, reason: Any) -> dict[str, Any]:
+        """Return what all tasks tell, of one member or of all: figures are by column."""
+        info = {"time": figures[_TIME], "position": position, "termination_reason": reason}
+        for name, column in self._info_columns:
+            info[name] = figures[column]
         return info
 
     def results(self) -> BatchResults:
@@ -325,13 +320,7 @@ class Episodes:
         )
         self.someone_ended = ended > 0
         reasons = _REASONS[self.counters[:, END_CODE]] if ended else self._no_reasons
-        infos: dict[str, Any] = {
-            "time": columns[_TIME],
-            "position": columns[_POSITION].T,
-            "termination_reason": reasons,
-        }
-        for name, column in self._info_columns:
-            infos[name] = columns[column]
+        infos = self._info(columns, columns[_POSITION].T, reasons)
         if self.task.goal_is_point:
             infos["target"] = self.goals.copy()
             infos["success"] = self.counters[:, END_CODE] == REACHED
@@ -412,13 +401,7 @@ def reason_of(code: int) -> str:
 
 
 def whole_number(value: object, name: str, at_most: int | None = None) -> int:
-    """Return a whole number of at least 1, and of no more than a bound.
-
-    Raises
-    ------
-    OptionError
-        If it is anything else.
-    """
+    """Return a whole number of at least 1 and at most a bound, or raise OptionError."""
     try:
         if isinstance(value, bool):
             raise TypeError

@@ -305,13 +305,7 @@ TASKS: dict[str, type[Task]] = {"forward": ForwardTask, "target": TargetTask}
 
 
 def check_task(name: str) -> str:
-    """Return the name of a task that there is.
-
-    Raises
-    ------
-    OptionError
-        If there is no such task.
-    """
+    """Return the name of a task, or raise OptionError if there is no such task."""
     if name not in TASKS:
         hint = nearest(str(name), TASKS)
         raise OptionError(f"unknown task {name!r}{hint}; tasks: {', '.join(TASKS)}")

@@ -61,17 +61,10 @@ def page_of(folder: str | os.PathLike[str]) -> Path:
 def check_folder(folder: str | os.PathLike[str], names: Collection[str]) -> None:
     """Refuse a result folder that exists and holds anything but earlier results.
 
-    Parameters
-    ----------
-    folder : str or os.PathLike
-        The folder.
-    names : collection of str
-        The files that a folder of earlier results may hold.
-
     Raises
     ------
     SwimError
-        If it holds others, or if the path is a file.
+        If it holds other files than `names`, or if the path is a file.
     """
     name = os.fspath(folder)
     target = Path(folder)

@@ -13,14 +13,8 @@ from typing import Any
 __all__ = ["where_and_when"]
 
 _PACKAGES = (
-    "numpy",
-    "numba",
-    "scipy",
-    "gymnasium",
-    "stable-baselines3",
-    "torch",
-    "mujoco",
-    "pyelastica",
+    *("numpy", "numba", "scipy", "gymnasium"),
+    *("stable-baselines3", "torch", "mujoco", "pyelastica"),
 )
 
 

@@ -57,14 +57,9 @@ def find_scene_file(scene: object) -> tuple[Path, str]:
 
 
 def read_scene_file(path: str | os.PathLike[str], source: str) -> Any:
-    """Return what a scene file holds; without a name it gets the file's.
+    """Return the content of a scene file, which messages call `source`.
 
-    Parameters
-    ----------
-    path : str or os.PathLike
-        The file.
-    source : str
-        Its name in messages.
+    A scene without a name gets the file's.
 
     Raises
     ------

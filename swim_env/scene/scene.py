@@ -66,20 +66,11 @@ class Scene:
         The body.
     fluid : Fluid or None
         The fluid; None for none.
-    axial_added_mass : AxialAddedMass or None
-        Effect, present or not; needs a fluid of panels.
-    damping : Damping or None
-        Effect, present or not; needs a beam with stiffness.
-    cross_flow_drag : CrossFlowDrag or None
-        Effect, present or not; needs a fluid.
-    stream : Stream or None
-        Effect, present or not; needs a fluid.
-    self_contact : SelfContact or None
-        Effect, present or not; needs a thickness.
-    internal_forces : InternalForces or None
-        Effect, present or not.
-    recording : Recording or None
-        Effect, present or not.
+    axial_added_mass, damping, cross_flow_drag, stream : blocks or None
+        Effects, present or not. The axial added mass needs a fluid of panels, damping a beam with
+        stiffness, drag and stream a fluid.
+    self_contact, internal_forces, recording : blocks or None
+        Effects, present or not. Self-contact needs a thickness.
     actuation : Actuation or None
         The prescribed torque; None for a passive body.
     initial : Initial
@@ -263,7 +254,7 @@ class Scene:
         return cls.from_dict(read_scene_file(source, source), source)
 
     def replace(self, path: str | Mapping[str, object], value: object = _NOTHING) -> Scene:
-        """Return a scene with one or several fields changed, checked once all are in.
+        """Return a scene with one or several fields changed; it is checked with all changes.
 
         Parameters
         ----------
@@ -319,8 +310,8 @@ class Scene:
         """Return the scene with the cheapest settings that compute it to a tolerance.
 
         Fluid model, panels, elements, time step and scheme are chosen from the measured front of
-        accuracy against cost (docs/accuracy.md), by playing the scene with its prescribed torque: a
-        matter of seconds. Body, drive and effects stay as they are; what was chosen and why is
+        accuracy against cost (docs/accuracy.md), by playing the scene with its prescribed torque,
+        which takes seconds. Body, drive and effects stay as they are; what was chosen and why is
         appended to the description. `swim_env.accuracy.choose` returns more about it.
 
         Parameters
@@ -332,7 +323,8 @@ class Scene:
             Whether to keep the number of elements, as an agent for so many joints needs it. The
             error is then that of a body of so many elements.
         duration : float, optional
-            Simulated time on which it is judged (s), the scene's own unless given; 20 s at most.
+            Simulated time over which the error is taken (s), by default the scene's own; at most
+            20 s.
 
         Raises
         ------
@@ -348,7 +340,7 @@ _choose_settings: Callable[[Scene, float, bool, float | None], Scene] | None = N
 
 
 def register_choice(choose: Callable[[Scene, float, bool, float | None], Scene]) -> None:
-    """Name the function behind `Scene.for_accuracy`, which plays scenes: a room above this one."""
+    """Set the function behind `Scene.for_accuracy`: it plays scenes, so it is in a higher room."""
     global _choose_settings
     _choose_settings = choose
 
@@ -370,7 +362,7 @@ def _known_path(path: object) -> str:
 
 
 def _build(name: str, cls: type[Block], value: object) -> object:
-    """Make one block of a scene from what a file has for it."""
+    """Make one block of a scene from its form in a file."""
     if name in _BARE:
         if value is True:
             return cls()

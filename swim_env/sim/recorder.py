@@ -47,14 +47,10 @@ def trajectory_of(
 
     Parameters
     ----------
-    scene : Scene
-        The scene.
     reason : str
         Why it ended early, empty if it did not.
-    first : int
-        Steps taken before the first instant.
-    energy : float
-        H at the first instant (J).
+    first, energy : int, float
+        Steps taken before the first instant, and H at it (J).
     trace : (T + 1, C) array
         Coordinates and momenta at the first instant and after each step, and internal forces of
         each step if the scene has them.
@@ -119,16 +115,8 @@ class Recorder:
     def begin(self, member: int, steps: int, energy: float, state: Array) -> None:
         """Forget a member's steps; its trajectory begins here.
 
-        Parameters
-        ----------
-        member : int
-            Its index.
-        steps : int
-            Steps it has taken before.
-        energy : float
-            Its energy (J).
-        state : (2 (N + 2),) array
-            Its coordinates and momenta.
+        So far it has taken some steps; it has an energy (J), and the state (2 (N + 2),) is its
+        coordinates and momenta.
         """
         start = np.full((1, self._parts[-1].stop), np.nan)
         start[0, : state.size] = state
@@ -177,7 +165,7 @@ class Recorder:
         members : (K,) array of int
             Their indices.
         taken : (M,) array of int
-            Steps that each of all members has taken in the last call of `advance`.
+            Steps that every member has taken in the last call of `advance`.
         trace : (M, T, C) array
             Coordinates and momenta after each step, and internal forces if any.
         torques : (M, R, N - 1) array

@@ -26,7 +26,7 @@ def steps_of(scene: Scene, duration: float | None = None) -> int:
     scene : Scene
         The scene.
     duration : float, optional
-        Simulated time (s), above 0; by default that of the scene's episode.
+        Simulated time (s); by default that of the scene's episode.
 
     Raises
     ------
