@@ -2,7 +2,8 @@
 """Measure what accuracy costs in time: errors against costs of many settings on several scenes.
 
 Writes runs.jsonl, references.json, front.json, tables.md, study.json and work_precision.png. A
-study that is interrupted goes on where it stopped when it is started again with the same --output.
+study that was interrupted continues where it stopped when it is started again with the same
+--output.
 """
 
 from __future__ import annotations
@@ -16,13 +17,8 @@ from typing import Any
 import numpy as np
 from swim_agents.commands.command_line import progress_bar, run
 
-from studies.accuracy.held_out import judge
-from studies.accuracy.picture import draw_study
-from studies.accuracy.report import budget_of, held_out_table, study_tables
-from studies.accuracy.study import Study
-from studies.accuracy.sweeps import draw_sweeps, sweep_bends, sweep_frequencies, sweep_tables
-from swim_env.accuracy.front import FRONT_FILE, front_to_json, make_front, pareto
-from swim_env.accuracy.grid import (
+from studies.accuracy.front import front_to_json, make_front, pareto
+from studies.accuracy.grid import (
     CHOSEN_TOLERANCES,
     Case,
     case_of,
@@ -31,6 +27,12 @@ from swim_env.accuracy.grid import (
     quick_grid,
     study_scenes,
 )
+from studies.accuracy.held_out import judge
+from studies.accuracy.picture import draw_study
+from studies.accuracy.report import budget_of, held_out_table, study_tables
+from studies.accuracy.study import Study
+from studies.accuracy.sweeps import draw_sweeps, sweep_bends, sweep_frequencies, sweep_tables
+from swim_env.accuracy.front import FRONT_FILE
 from swim_env.accuracy.settings import Settings
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
@@ -75,7 +77,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--refresh-front",
         action="store_true",
-        help="put the measured front in the place of the one that Scene.for_accuracy reads",
+        help="replace the front that Scene.for_accuracy reads by the measured one",
     )
     parser.add_argument("--json", action="store_true", help="end with the figures as one JSON line")
     return parser
@@ -178,39 +180,36 @@ def _sweep(folder: Path) -> dict[str, Any]:
 
 
 def _study(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
-    """Run the study, or what is missing of it, and write what it says."""
-    study = Study(
-        folder,
-        _study_cases(options),
-        quick_grid() if options.quick else full_grid(),
-    )
+    """Run the study, or what is missing of it, and write its results."""
+    grid = quick_grid() if options.quick else full_grid()
+    study = Study(folder, _study_cases(options), grid)
     with progress_bar(study.work, "run", "accuracy and cost") as progress:
         study.run(progress)
     origin = where_and_when()
-    runs = list(study.chosen_runs())
-    front = make_front(runs)
-    text = front_to_json(front, origin)
+    runs, references = study.chosen_runs(), study.references
+    text = front_to_json(make_front(runs), origin)
     _write(folder / "front.json", text)
     if options.refresh_front:
         _write(FRONT_FILE, text)
-    _write(folder / "tables.md", study_tables(runs, study.references, origin))
-    save_figure(draw_study(runs, study.references), folder / "work_precision.png")
+    _write(folder / "tables.md", study_tables(runs, references, origin))
+    save_figure(draw_study(runs, references), folder / "work_precision.png")
     by_scene: dict[str, Any] = {}
     for case in study.cases:
         name = case.scene.name
         some = [one for one in runs if one["scene"] == name]
+        front = [
+            {
+                "settings": Settings.from_dict(one).label,
+                "cost": one["cost"],
+                "error": one["error"],
+            }
+            for one in pareto(some)
+        ]
         by_scene[name] = {
-            "reference": study.references[name].displacement.tolist(),
-            "uncertainty": study.references[name].uncertainty,
-            "paper_settings": budget_of(some, study.references[name]),
-            "front": [
-                {
-                    "settings": Settings.from_dict(one).label,
-                    "cost": one["cost"],
-                    "error": one["error"],
-                }
-                for one in pareto(some)
-            ],
+            "reference": references[name].displacement.tolist(),
+            "uncertainty": references[name].uncertainty,
+            "paper_settings": budget_of(some, references[name]),
+            "front": front,
         }
     summary = {**origin, "runs": len(runs), "scenes": by_scene}
     _write(folder / "study.json", json.dumps(summary, indent=1) + "\n")

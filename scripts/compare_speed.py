@@ -13,19 +13,15 @@ from studies.benchmark.checkouts import EASY_SCENES, compare_checkouts
 from swim_env.errors import SwimError
 
 
-def _parser() -> argparse.ArgumentParser:
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
         "before", metavar="FOLDER", help="the other checkout, for example a worktree of a tag"
     )
     parser.add_argument("--rounds", type=int, default=101, metavar="NUMBER")
     parser.add_argument("--json", action="store_true", help="print the figures as one JSON line")
-    return parser
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command."""
-    options = _parser().parse_args(arguments)
+    options = parser.parse_args(arguments)
     if options.rounds < 1:
         raise SwimError(f"--rounds must be at least 1, got {options.rounds}")
     with progress_bar(len(EASY_SCENES) * options.rounds, "round", "in turn") as progress:

@@ -1,9 +1,9 @@
 #!/usr/bin/env python
 """Run everything that the paper reports and put its statements, our figures and verdicts on a page.
 
-FOLDER gets units/ with one data file for every piece of work, the pictures and verdicts.json; the
-page is FOLDER.md beside it. Started again with the same --output it does only what is missing or
-has changed.
+FOLDER gets units/ with a record of every piece of work, the pictures and verdicts.json; the page is
+FOLDER.md beside it. Started again with the same --output it does only what is missing or has
+changed.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from pathlib import Path
 from swim_agents.commands.command_line import INTERRUPTED, progress_bar, run
 
 from studies.paper.book import write_book
-from studies.paper.suite import PARTS, all_units, work
-from studies.paper.units import Store, do_units
+from studies.paper.suite import PARTS, all_units
+from studies.paper.units import do_units, done_units, unit_store
 from swim_env.errors import SwimError
 from swim_env.files.folders import page_of
 from swim_env.files.provenance import where_and_when
@@ -59,23 +59,24 @@ def main(arguments: list[str] | None = None) -> int:
     require_matplotlib()
     usual = "results/paper_quick" if options.quick else "results/paper"
     folder = Path(options.output or usual)
-    # Told at once, not when all is done.
+    # A folder that cannot be made is an error now, not when all is done.
     (folder / "units").mkdir(parents=True, exist_ok=True)
-    store = Store(folder / "units")
+    store = unit_store(folder)
     everything = all_units(options.quick)
     chosen = all_units(options.quick, tuple(options.only)) if options.only else everything
-    # Of the code that is loaded now: the results themselves may stand in the same checkout.
+    # Of the code that is loaded now: the results themselves may be in the same checkout.
     written = where_and_when()["commit"]
     begin = time.perf_counter()
     try:
         with progress_bar(len(chosen), "unit", "the paper") as progress:
-            done = do_units(chosen, store, work, options.workers, progress)
+            done = do_units(chosen, store, options.workers, progress)
     except KeyboardInterrupt:
-        print("interrupted; what was done is kept, start again to go on", file=sys.stderr)
+        print("interrupted; what was done is kept, start again to continue", file=sys.stderr)
         return INTERRUPTED
     seconds = time.perf_counter() - begin
     command = "scripts/reproduce_paper.py" + (" --quick" if options.quick else "")
-    summary = write_book(folder, everything, store, command, written)
+    records = done_units(everything, store)
+    summary = write_book(folder, everything, store, records, command, written)
     if options.json:
         print(json.dumps(summary, allow_nan=False))
     else:

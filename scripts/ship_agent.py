@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
+from typing import Any
 
-from swim_agents.commands.command_line import progress_bar, run
+from swim_agents.commands.command_line import add_options, print_result, progress_bar, run
 from swim_agents.comparison.contest import FIRST_SEED, entries_of, hold_contest, steps_to_play
 from swim_agents.learning.saved import load_agent
 from swim_agents.learning.shipping import SHIPPED_FILES, scores_of, ship_agent
@@ -30,15 +30,25 @@ def _parser() -> argparse.ArgumentParser:
         type=int,
         default=20,
         metavar="N",
-        help=f"starts to score it on, seeds {FIRST_SEED} and on, which no training draws",
+        help=f"number of starts to score it on: seeds from {FIRST_SEED}, which no training draws",
     )
     parser.add_argument(
         "--output",
         metavar="FOLDER",
         help="where the agent's folder goes; agents/pretrained unless given",
     )
-    parser.add_argument("--json", action="store_true", help="end with the scores as one JSON line")
+    add_options(parser, "json")
     return parser
+
+
+def _line(name: str, scores: dict[str, Any]) -> str:
+    middle = scores["median"]
+    text = f"{name}: {middle['net_displacement']:.3f} BL (finer {middle['fine_displacement']:.3f})"
+    text += f", {sum(scores['verified'])} of {len(scores['verified'])} starts verified"
+    if scores["success_rate"] is None:
+        return text
+    shares = scores["success_rate"], scores["verified_success_rate"]
+    return f"{text}, {shares[0]:.0%} of the targets reached ({shares[1]:.0%} finer)"
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -68,18 +78,7 @@ def main(arguments: list[str] | None = None) -> int:
         )
     scores = scores_of(contest.record, entries[-1].name)
     ship_agent(options.run, folder, scores)
-    if options.json:
-        print(json.dumps(scores, allow_nan=False))
-    else:
-        middle = scores["median"]
-        far, fine = middle["net_displacement"], middle["fine_displacement"]
-        text = f"{name}: {far:.3f} BL (finer {fine:.3f}), {sum(scores['verified'])} verified"
-        if scores["success_rate"] is not None:
-            fine_share = scores["verified_success_rate"]
-            text += (
-                f", {scores['success_rate']:.0%} of the targets reached ({fine_share:.0%} finer)"
-            )
-        print(f"{text}, {options.starts} starts")
+    print_result(scores, options.json, lambda: _line(name, scores))
     print(f"the agent is in {folder}", file=sys.stderr)
     return 0
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""Play the hard cases and write what came of them: stability.json and tables.md."""
+"""Play the hard cases and write the verdicts: stability.json and tables.md."""
 
 from __future__ import annotations
 
@@ -43,28 +43,27 @@ def _parser() -> argparse.ArgumentParser:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; exit code 1 where something was not right."""
     options = _parser().parse_args(arguments)
-    for name in ("draws", "workers"):
+    for name, least in (("draws", 0), ("workers", 1)):
         value = getattr(options, name)
-        if value is not None and value < (0 if name == "draws" else 1):
-            raise SwimError(f"--{name} must be at least {0 if name == 'draws' else 1}, got {value}")
+        if value is not None and value < least:
+            raise SwimError(f"--{name} must be at least {least}, got {value}")
     unknown = [name for name in options.cases or () if name not in CASES]
     if unknown:
         raise SwimError(f"--cases must be among {', '.join(CASES)}, got {unknown[0]}")
-    names = tuple(options.cases) if options.cases else None
-    draws = 100_000 if options.draws is None else options.draws
-    if options.quick:
-        names = names or _QUICK
-        draws = _QUICK_DRAWS if options.draws is None else draws
+    names = tuple(options.cases or ()) or (_QUICK if options.quick else None)
+    draws = options.draws
+    if draws is None:
+        draws = _QUICK_DRAWS if options.quick else 100_000
     folder = Path(
         options.output or ("results/stability_quick" if options.quick else "results/stability")
     )
-    # Told at once, not after half an hour.
+    # A folder that cannot be made is found at once, not after half an hour.
     folder.mkdir(parents=True, exist_ok=True)
     with progress_bar(work_of(names, draws), "run", "hard cases") as progress:
         results = measure_stability(names, draws, options.workers, progress)
-    text = json.dumps(results, indent=1, allow_nan=False) + "\n"
+    data = json.dumps(results, indent=1, allow_nan=False) + "\n"
     tables = stability_tables(results)
-    write_atomically(folder / "stability.json", lambda file: file.write(text.encode()))
+    write_atomically(folder / "stability.json", lambda file: file.write(data.encode()))
     write_atomically(folder / "tables.md", lambda file: file.write(tables.encode()))
     failures = failures_of(results)
     if options.json:

@@ -1,4 +1,4 @@
-"""Work side by side in fresh processes, which end with the one that started them or before."""
+"""Work side by side in fresh processes, which never outlive the one that started them."""
 
 from __future__ import annotations
 
@@ -30,8 +30,9 @@ def in_fresh_processes(
     """Make calls side by side in new processes; yields index and result as each is done.
 
     Processes are started afresh, as a fork would inherit locks of a process that has threads. They
-    leave an interrupt from the keyboard to this one, which ends them at once: also when a call
-    fails, or when the iterator is closed.
+    leave an interrupt from the keyboard to this one, which ends them at once, as it does when a
+    call fails or the iterator is closed. (A `concurrent.futures.ProcessPoolExecutor` cannot end
+    what runs, and waits for ever for the rest of a result whose sender was ended.)
 
     Parameters
     ----------
@@ -42,7 +43,7 @@ def in_fresh_processes(
     prepare : callable, optional
         What every process does before its first call, a function of a module.
     advice : str
-        What the user can do when a process has died; it follows the message.
+        What the user can do if a process has died; it follows the message.
 
     Raises
     ------
@@ -75,7 +76,7 @@ def in_fresh_processes(
                 yield index, answer
         finished = True
     except _DiedError:
-        text = "a worker process has died, killed or perhaps for want of memory"
+        text = "a worker process has died, killed or perhaps out of memory"
         raise SwimError(f"{text}; {advice}" if advice else text) from None
     finally:
         for connection in (*busy, *idle):
@@ -89,11 +90,11 @@ def in_fresh_processes(
 
 
 class _DiedError(Exception):
-    """Nobody is at the other end of a connection."""
+    """The process at the other end of a connection has died."""
 
 
 def _start(prepare: Callable[[], object] | None) -> tuple[BaseProcess, Connection]:
-    """Start a worker; returns it, and what to talk to it by."""
+    """Start a worker; returns it and a connection to it."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     # Daemons are ended where Python ends and nobody has closed the iterator.

@@ -5,6 +5,7 @@ After Leyendecker & Kanso, "Locomotion of a submerged Cosserat beam" (DETC2009-8
 
 from typing import Any
 
+from swim_env.analysis.modes import natural_frequencies
 from swim_env.envs.episodes import TERMINATION_REASONS
 from swim_env.envs.interface import EnvSnapshot
 from swim_env.envs.registration import register_environments
@@ -67,5 +68,6 @@ __all__ = [
     "TrajectoryError",
     "__version__",
     "load_scene",
+    "natural_frequencies",
     "scene_names",
 ]

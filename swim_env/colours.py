@@ -1,7 +1,42 @@
 """Colours that frames, recordings and still pictures share."""
 
-__all__ = ["TORQUE_STOPS"]
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["BODY", "GOAL", "TORQUE_STOPS", "WATER", "Colour", "ramp", "torque_colours"]
+
+Colour = tuple[int, int, int]
+Colours = NDArray[np.uint8]
+
+WATER: Colour = (242, 247, 251)
+BODY: Colour = (44, 58, 75)
+GOAL: Colour = (0, 158, 115)
 
 #: From -1 over 0 to 1: blue, white, orange, for everything that has a sign. Blue and orange stay
 #: apart for every colour vision, and both ends are darker than the middle.
-TORQUE_STOPS = ((8, 81, 156), (107, 174, 214), (250, 250, 250), (253, 174, 107), (217, 72, 1))
+TORQUE_STOPS: tuple[Colour, ...] = (
+    (8, 81, 156),
+    (107, 174, 214),
+    (250, 250, 250),
+    (253, 174, 107),
+    (217, 72, 1),
+)
+
+
+def ramp(stops: Sequence[Colour], places: ArrayLike) -> Colours:
+    """Return the colours (..., 3) at places (...) between stops, which are at 0, 1, 2 ..."""
+    at = np.asarray(places, dtype=np.float64)
+    below = np.minimum(at.astype(np.int64), len(stops) - 2)
+    table = np.array(stops, dtype=np.float64)
+    mixed = table[below] + (at - below)[..., None] * (table[below + 1] - table[below])
+    colours: Colours = np.rint(mixed).astype(np.uint8)
+    return colours
+
+
+def torque_colours(shares: ArrayLike) -> Colours:
+    """Return the colours (..., 3) of torques as shares (...) of their limit, clipped to -1 to 1."""
+    return ramp(TORQUE_STOPS, 2.0 * (np.clip(shares, -1.0, 1.0) + 1.0))

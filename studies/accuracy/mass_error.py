@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import functools
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import SimulationEndedError
-from swim_env.physics.planar.chain import centres
 from swim_env.scene import Scene
-from swim_env.sim.batch import Bodies
+from swim_env.sim.simulator import Simulator
 
 __all__ = ["BEND", "mass_errors", "rigid_added_mass"]
 
@@ -52,41 +50,31 @@ def rigid_added_mass(scene: Scene, bend: float) -> Array:
     coordinates = np.zeros(n + 2)
     coordinates[2] = -0.5 * joint * (n - 1)
     coordinates[3:] = joint
-    bodies = Bodies(scene)
-    bodies.start(0, coordinates, np.zeros(n + 2))
-    place = np.empty((n, 2))
-    centres(coordinates, beam.element_length, place)
-    angles = np.cumsum(coordinates[2:])
-    tangent = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
-    # Of each rigid motion: velocities of the elements, and their turning rates.
-    arms = np.stack([-place[:, 1], place[:, 0]], axis=1) / beam.length
-    still, turning = np.zeros(n), np.full(n, 1.0 / beam.length)
-    motions = []
-    for velocity, rate in (
-        (np.tile([1.0, 0.0], (n, 1)), still),
-        (np.tile([0.0, 1.0], (n, 1)), still),
-        (arms, turning),
-    ):
-        across = (velocity * normal).sum(axis=1)
-        along = (velocity * tangent).sum(axis=1)
-        ends = along[[0, -1]] if scene.axial_added_mass is not None else np.zeros(0)
-        motions.append(np.concatenate([across, rate, ends]))
-    basis = np.array(motions)
-    size = int(basis.shape[1])
-    mass: Array = basis @ bodies.views(0).body.mass.added[:size, :size] @ basis.T
-    return mass
+    motions = np.zeros((3, n + 2))
+    motions[0, 0] = motions[1, 1] = 1.0
+    motions[2, 2:] = 1.0 / beam.length
+    simulator = Simulator(scene.replace({"initial": {}, "stream": None}))
+    total = []
+    for velocity in motions:
+        simulator.reset_to(coordinates, velocity)
+        total.append(simulator.momentum() / [1.0, 1.0, beam.length])
+    # Less the body's own, about the mean centre, which is at the origin.
+    mass = beam.line_density * beam.element_length
+    inertia = mass * (simulator.centres**2).sum() + beam.rotary_inertia * beam.length
+    body = np.diag([n * mass, n * mass, inertia / beam.length**2])
+    added: Array = np.array(total) - body
+    return added
 
 
 def mass_errors(scene: Scene) -> tuple[float | None, float | None]:
     """Return the relative errors of the rigid added mass, straight and bent; None where none is.
 
     The Frobenius norm of the difference to what a body of 36 elements converges to when its panels
-    and those of its ends are refined, over that of the matrix. It is found from three counts, each
-    twice the one before: the difference to the next shrinks by half (bent) to two thirds
-    (straight) at every doubling, and that of 24 panels on an element is still 5e-3 (bent). So an
-    error is known to about 3e-4, of which 2e-4 are for the elements. The three take a second for
-    a body, once in a process.
+    and those of its ends are refined, over that of the matrix. The limit is extrapolated from three
+    counts, each twice the one before: the difference to the next shrinks by half (bent) to two
+    thirds (straight) at every doubling, and that of 24 panels on an element is still 5e-3 (bent).
+    So an error is known to about 3e-4, of which 2e-4 are for the elements. The three take a second
+    for a body, once in a process.
     """
     if scene.fluid is None or not scene.fluid.present:
         return None, None
@@ -103,29 +91,13 @@ def mass_errors(scene: Scene) -> tuple[float | None, float | None]:
 
 
 def _body(scene: Scene) -> Scene:
-    """Return a scene with the same body and fluid, computed finely, without all else."""
-    changes: dict[str, Any] = {
-        "name": "fine",
-        "description": "",
-        "beam.elements": _FINE_ELEMENTS,
-        "beam.bending_stiffness": 1.0,
-        "fluid.model": "panels",
-        "fluid.panels_per_element": _FINE_PANELS[0],
-        "fluid.cap_panels": "proportional",
-        "fluid.added_mass_per_length": None,
-        "fluid.variant": None,
-        "initial": {},
-        "actuation": None,
-        "damping": None,
-        "cross_flow_drag": None,
-        "stream": None,
-        "self_contact": None,
-        "internal_forces": None,
-        "recording": None,
-        "integrator": {},
-        "episode": {},
-    }
-    return scene.replace(changes)
+    """Return the same body in the same fluid, computed finely, without all else."""
+    fine = {"elements": _FINE_ELEMENTS, "bending_stiffness": 1.0}
+    panels = {"panels_per_element": _FINE_PANELS[0], "cap_panels": "proportional"}
+    data = scene.to_dict()
+    blocks = {"axial_added_mass": data["axial_added_mass"]} if scene.axial_added_mass else {}
+    fluid = {"density": data["fluid"]["density"], **panels}
+    return Scene.from_dict({"beam": {**data["beam"], **fine}, "fluid": fluid, **blocks})
 
 
 @functools.lru_cache(maxsize=64)

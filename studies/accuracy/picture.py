@@ -5,27 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from swim_env.accuracy.front import pareto
+from studies.accuracy.front import pareto
+from studies.accuracy.runs import Run
 from swim_env.accuracy.reference import Reference
 from swim_env.accuracy.settings import PAPER_SETTINGS, Settings
 from swim_env.errors import SwimError
-from swim_env.plots.style import (
-    AMBER,
-    BLACK,
-    BLUE,
-    FRONT,
-    GREEN,
-    GREY,
-    LINE,
-    ORANGE,
-    PINK,
-    SHADE,
-    SILVER,
-    SMALL,
-    new_figure,
-    require_matplotlib,
-    style_axes,
-)
+from swim_env.plots import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,20 +18,17 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_study"]
 
-Run = Mapping[str, Any]
-
-#: Shapes tell the schemes apart.
+#: Colours tell the fluid models apart, shapes the schemes.
 _COLOURS = {
-    "strip": SILVER,
-    "frozen": BLUE,
-    "expansion": GREEN,
-    "panels": ORANGE,
-    "centreline": PINK,
+    "strip": style.SILVER,
+    "frozen": style.BLUE,
+    "expansion": style.GREEN,
+    "panels": style.ORANGE,
+    "centreline": style.PINK,
 }
 _MARKS = {"paper": "o", "composed": "^"}
-#: SciPy's solvers, all of one colour.
+#: SciPy's solvers have one colour and an edge.
 _SOLVER_MARKS = {"RK45": "v", "DOP853": "P", "Radau": "s", "BDF": "X", "LSODA": "D"}
-_SOLVER_COLOUR = AMBER
 _COLUMNS = 3
 
 
@@ -67,15 +49,13 @@ def draw_study(runs: Sequence[Run], references: Mapping[str, Reference]) -> Figu
     SwimError
         If matplotlib is not installed, or there are no runs.
     """
-    require_matplotlib()
-    from matplotlib.lines import Line2D
-
+    style.require_matplotlib()
     scenes = list(dict.fromkeys(run["scene"] for run in runs))
     if not scenes:
         raise SwimError("there is nothing to draw: no run of the study came to its end")
     columns = min(_COLUMNS, len(scenes))
     rows = -(-len(scenes) // columns)
-    figure = new_figure(2.9 * columns, 2.5 * rows + 0.7)
+    figure = style.new_figure(2.9 * columns, 2.5 * rows + 0.7)
     axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for i, place in enumerate(axes.ravel()):
         if i >= len(scenes):
@@ -84,47 +64,45 @@ def draw_study(runs: Sequence[Run], references: Mapping[str, Reference]) -> Figu
         some = [run for run in runs if run["scene"] == scenes[i]]
         _draw_scene(place, some, references[scenes[i]])
         last_row = i + columns >= len(scenes)
-        style_axes(
+        style.style_axes(
             place,
             "cost (paper's settings on paper_i = 1)" if last_row else "",
             "relative error of displacement" if i % columns == 0 else "",
         )
-        place.set_title(scenes[i], fontsize=SMALL + 1)
-    handles = [
-        Line2D([], [], color=colour, marker="o", linestyle="", markersize=4, label=name)
-        for name, colour in _COLOURS.items()
-        if any(run["fluid_model"] == name for run in runs)
-    ]
-    solvers = {run["scheme"] for run in runs}
-    handles += [
-        Line2D([], [], **_of_solver(name), linestyle="", label=f"SciPy's {name}")
-        for name in _SOLVER_MARKS
-        if name in solvers
-    ]
-    handles += [
-        Line2D([], [], color=GREY, marker=mark, linestyle="", markersize=4, label=f"{name} scheme")
-        for name, mark in _MARKS.items()
-    ]
-    handles += [
-        Line2D([], [], color=FRONT, linewidth=LINE, label="front"),
-        Line2D(
-            [], [], color=BLACK, marker="*", linestyle="", markersize=9, label="paper's settings"
-        ),
-        Line2D([], [], color=SHADE, linewidth=6, label="within the reference's error bar"),
-    ]
-    figure.legend(
-        handles=handles, loc="outside lower center", ncols=5, fontsize=SMALL, frameon=False
-    )
+        place.set_title(scenes[i], fontsize=style.SMALL + 1)
+    _draw_legend(figure, runs)
     return figure
+
+
+def _draw_legend(figure: Figure, runs: Sequence[Run]) -> None:
+    from matplotlib.lines import Line2D
+
+    def entry(label: str, **look: Any) -> Line2D:
+        return Line2D([], [], label=label, **look)
+
+    models = {run["fluid_model"] for run in runs}
+    schemes = {run["scheme"] for run in runs}
+    dot: dict[str, Any] = {"linestyle": "", "markersize": 4}
+    handles = [
+        *(entry(m, color=c, marker="o", **dot) for m, c in _COLOURS.items() if m in models),
+        *(entry(f"SciPy's {s}", **_of_solver(s)) for s in _SOLVER_MARKS if s in schemes),
+        *(entry(f"{s} scheme", color=style.GREY, marker=m, **dot) for s, m in _MARKS.items()),
+        entry("front", color=style.FRONT, linewidth=style.LINE),
+        entry("paper's settings", color=style.BLACK, marker="*", linestyle="", markersize=9),
+        entry("within the reference's error bar", color=style.SHADE, linewidth=6),
+    ]
+    look: dict[str, Any] = {"ncols": 5, "fontsize": style.SMALL, "frameon": False}
+    figure.legend(handles=handles, loc="outside lower center", **look)
 
 
 def _of_solver(name: str) -> dict[str, Any]:
     """Return how the runs of one of SciPy's solvers look."""
     return {
         "marker": _SOLVER_MARKS[name],
-        "color": _SOLVER_COLOUR,
+        "linestyle": "",
+        "color": style.AMBER,
         "markersize": 5,
-        "markeredgecolor": BLACK,
+        "markeredgecolor": style.BLACK,
         "markeredgewidth": 0.6,
     }
 
@@ -132,30 +110,19 @@ def _of_solver(name: str) -> dict[str, Any]:
 def _draw_scene(axes: Axes, runs: Sequence[Run], reference: Reference) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.axhspan(1e-6, max(reference.uncertainty, 1e-6), color=SHADE, linewidth=0, zorder=0)
+    bar = max(reference.uncertainty, 1e-6)
+    axes.axhspan(1e-6, bar, color=style.SHADE, linewidth=0, zorder=0)
     for run in runs:
+        point = (run["cost"], run["error"])
         if run["scheme"] in _SOLVER_MARKS:
-            look = _of_solver(run["scheme"])
-            axes.plot(run["cost"], run["error"], **look, linestyle="", zorder=3)
+            axes.plot(*point, **_of_solver(run["scheme"]), zorder=3)
             continue
-        axes.plot(
-            run["cost"],
-            run["error"],
-            marker=_MARKS[run["scheme"]],
-            color=_COLOURS.get(run["fluid_model"], GREY),
-            markersize=3,
-            linestyle="",
-            alpha=0.7,
-        )
+        colour, mark = _COLOURS.get(run["fluid_model"], style.GREY), _MARKS[run["scheme"]]
+        axes.plot(*point, color=colour, marker=mark, markersize=3, linestyle="", alpha=0.7)
     front = pareto(runs)
-    axes.step(
-        [run["cost"] for run in front],
-        [run["error"] for run in front],
-        where="post",
-        color=FRONT,
-        linewidth=LINE,
-    )
+    costs, errors = ([run[key] for run in front] for key in ("cost", "error"))
+    axes.step(costs, errors, where="post", color=style.FRONT, linewidth=style.LINE)
     for run in runs:
         if Settings.from_dict(run) == PAPER_SETTINGS:
-            axes.plot(run["cost"], run["error"], marker="*", color=BLACK, markersize=10)
+            axes.plot(run["cost"], run["error"], marker="*", color=style.BLACK, markersize=10)
     axes.set_ylim(5e-5, 5.0)

@@ -12,19 +12,8 @@ import numpy as np
 from swim_env.accuracy.outcome import Outcome, play, relative_error
 from swim_env.accuracy.settings import PAPER_SETTINGS, Settings
 from swim_env.errors import SimulationEndedError
-from swim_env.plots.style import (
-    AMBER,
-    BLUE,
-    GREEN,
-    LINE,
-    ORANGE,
-    SILVER,
-    SKY,
-    SMALL,
-    new_figure,
-    require_matplotlib,
-    style_axes,
-)
+from swim_env.files.tables import markdown_table
+from swim_env.plots import style
 from swim_env.scene import Scene, load_scene
 
 if TYPE_CHECKING:
@@ -33,36 +22,30 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_sweeps", "sweep_bends", "sweep_frequencies", "sweep_tables"]
 
-Record = Mapping[str, Any]
-
 #: Torque amplitudes of the soft, heavily damped body (N m), and how it is computed.
 _AMPLITUDES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
 _BENT = Settings("panels", 9, 8, "proportional", 0.005, "composed")
-_MODELS = ("strip", "frozen", "expansion")
+_MODELS = {"strip": style.SILVER, "frozen": style.BLUE, "expansion": style.GREEN}
 _BENT_SECONDS = 4.0
 
 #: Frequencies across the first resonance of `paper_i` (Hz), about 5.1 Hz.
 _FREQUENCIES = tuple(float(f) for f in np.arange(3.0, 8.01, 0.25))
 _RESONANT_SECONDS = 20.0
 #: Ways to compute it. All are frozen with the same panels: the differences are those of time.
-_WAYS: dict[str, Settings] = {
-    "paper, 10 ms": replace(PAPER_SETTINGS, fluid_model="frozen"),
-    "paper, 10 ms, mean angles": replace(
-        PAPER_SETTINGS, fluid_model="frozen", strain="mean_angles"
-    ),
-    "composed, 10 ms": replace(PAPER_SETTINGS, fluid_model="frozen", scheme="composed"),
-    "composed, 10 ms, mean angles": replace(
-        PAPER_SETTINGS, fluid_model="frozen", scheme="composed", strain="mean_angles"
-    ),
-    "composed, 1.25 ms": replace(
-        PAPER_SETTINGS, fluid_model="frozen", scheme="composed", time_step=0.00125
-    ),
-}
+_FROZEN = replace(PAPER_SETTINGS, fluid_model="frozen")
+_COMPOSED = replace(_FROZEN, scheme="composed")
 _CONVERGED = "composed, 1.25 ms"
-_COLOURS = (BLUE, SKY, ORANGE, AMBER)
+_WAYS: dict[str, Settings] = {
+    "paper, 10 ms": _FROZEN,
+    "paper, 10 ms, mean angles": replace(_FROZEN, strain="mean_angles"),
+    "composed, 10 ms": _COMPOSED,
+    "composed, 10 ms, mean angles": replace(_COMPOSED, strain="mean_angles"),
+    _CONVERGED: replace(_COMPOSED, time_step=0.00125),
+}
+_COLOURS = (style.BLUE, style.SKY, style.ORANGE, style.AMBER)
 
 
-def sweep_bends(progress: Callable[[int], object] | None = None) -> list[dict[str, Any]]:
+def sweep_bends(progress: Callable[[int], object] = lambda _: None) -> list[dict[str, Any]]:
     """Bend a soft body further and further, and compare the fluid models with panels.
 
     Returns
@@ -96,13 +79,12 @@ def sweep_bends(progress: Callable[[int], object] | None = None) -> list[dict[st
         found.append(
             {"amplitude": amplitude, "largest_bend": bend, "errors": errors, "reasons": reasons}
         )
-        if progress is not None:
-            progress(1)
+        progress(1)
     return found
 
 
 def sweep_frequencies(
-    scene: Scene, progress: Callable[[int], object] | None = None
+    scene: Scene, progress: Callable[[int], object] = lambda _: None
 ) -> list[dict[str, Any]]:
     """Drive a scene across its first resonance and compute it in several ways.
 
@@ -119,14 +101,13 @@ def sweep_frequencies(
         reasons: dict[str, str] = {}
         for way, settings in _WAYS.items():
             outcome = _played(settings.apply(driven), _RESONANT_SECONDS)
+            values[way] = None
             if isinstance(outcome, Outcome):
                 values[way] = float(outcome.displacement[0])
             else:
-                values[way] = None
                 reasons[way] = outcome
         found.append({"frequency": frequency, "displacement": values, "reasons": reasons})
-        if progress is not None:
-            progress(1)
+        progress(1)
     return found
 
 
@@ -141,45 +122,33 @@ def _played(scene: Scene, duration: float) -> Outcome | str:
 
 def sweep_tables(bends: list[dict[str, Any]], resonance: Mapping[str, Any]) -> str:
     """Return the sweeps as Markdown."""
-    lines = [
-        "# Sweeps",
-        "",
-        "## Fluid models over the bend",
-        "",
-        "A soft body (EI = 0.2 N m², 50 ms of damping) under half a wave of torque for 4 s: error "
-        "of the displacement relative to panels, everything else the same.",
-        "",
-        "| amplitude (N m) | largest joint angle (rad) | " + " | ".join(_MODELS) + " |",
-        "|---" * (2 + len(_MODELS)) + "|",
-    ]
+
+    def cells(one: Mapping[str, Any], figure: str, form: str) -> list[str]:
+        reasons, values = one["reasons"], one[figure]
+        return [
+            reasons.get(key, "") if value is None else f"{value:{form}}"
+            for key, value in values.items()
+        ]
+
+    rows = []
     for one in bends:
         bend = "" if one["largest_bend"] is None else f"{one['largest_bend']:.2f}"
-        cells = [
-            one["reasons"].get(model, "")
-            if one["errors"][model] is None
-            else f"{one['errors'][model]:.1e}"
-            for model in _MODELS
-        ]
-        lines.append(f"| {one['amplitude']:g} | {bend} | " + " | ".join(cells) + " |")
+        rows.append([f"{one['amplitude']:g}", bend, *cells(one, "errors", ".1e")])
+    parts = [
+        "# Sweeps",
+        "## Fluid models over the bend",
+        "A soft body (EI = 0.2 N m², 50 ms of damping) under half a wave of torque for 4 s: error "
+        "of the displacement relative to panels, everything else the same.",
+        markdown_table(["amplitude (N m)", "largest joint angle (rad)", *_MODELS], rows),
+    ]
     for name, sweep in resonance.items():
-        lines += [
-            "",
+        rows = [[f"{one['frequency']:g}", *cells(one, "displacement", "+.4f")] for one in sweep]
+        parts += [
             f"## Across the first resonance: {name}",
-            "",
             "Displacement along x after 20 s (m), frozen added mass, 9 elements, 4 panels.",
-            "",
-            "| frequency (Hz) | " + " | ".join(_WAYS) + " |",
-            "|---" * (1 + len(_WAYS)) + "|",
+            markdown_table(["frequency (Hz)", *_WAYS], rows),
         ]
-        for one in sweep:
-            cells = [
-                one["reasons"].get(way, "")
-                if one["displacement"][way] is None
-                else f"{one['displacement'][way]:+.4f}"
-                for way in _WAYS
-            ]
-            lines.append(f"| {one['frequency']:g} | " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+    return "\n\n".join(parts) + "\n"
 
 
 def draw_sweeps(bends: list[dict[str, Any]], resonance: Mapping[str, Any]) -> Figure:
@@ -190,41 +159,30 @@ def draw_sweeps(bends: list[dict[str, Any]], resonance: Mapping[str, Any]) -> Fi
     SwimError
         If matplotlib is not installed.
     """
-    require_matplotlib()
-    figure = new_figure(9.5, 3.6)
+    style.require_matplotlib()
+    figure = style.new_figure(9.5, 3.6)
     axes = figure.subplots(1, 1 + len(resonance))
     _draw_bends(axes[0], bends)
     for place, (name, sweep) in zip(axes[1:], resonance.items(), strict=True):
         _draw_resonance(place, sweep)
-        place.set_title(f"resonance: {name}", fontsize=SMALL + 1)
-    figure.legend(
-        handles=axes[1].get_lines(),
-        loc="outside lower right",
-        ncols=4,
-        fontsize=SMALL,
-        frameon=False,
-    )
+        place.set_title(f"resonance: {name}", fontsize=style.SMALL + 1)
+    look: dict[str, Any] = {"ncols": 4, "fontsize": style.SMALL, "frameon": False}
+    figure.legend(handles=axes[1].get_lines(), loc="outside lower right", **look)
     return figure
 
 
 def _draw_bends(axes: Axes, bends: list[dict[str, Any]]) -> None:
-    colours = {"strip": SILVER, "frozen": BLUE, "expansion": GREEN}
-    for model in _MODELS:
+    for model, colour in _MODELS.items():
         some = [one for one in bends if one["errors"][model] is not None]
-        axes.plot(
-            [one["largest_bend"] for one in some],
-            [one["errors"][model] for one in some],
-            marker="o",
-            markersize=3,
-            linewidth=LINE,
-            color=colours[model],
-            label=model,
-        )
+        angles = [one["largest_bend"] for one in some]
+        errors = [one["errors"][model] for one in some]
+        look: dict[str, Any] = {"marker": "o", "markersize": 3, "linewidth": style.LINE}
+        axes.plot(angles, errors, color=colour, label=model, **look)
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.set_title("models against panels", fontsize=SMALL + 1)
-    axes.legend(fontsize=SMALL, frameon=False)
-    style_axes(axes, "largest joint angle (rad)", "relative error of displacement")
+    axes.set_title("models against panels", fontsize=style.SMALL + 1)
+    axes.legend(fontsize=style.SMALL, frameon=False)
+    style.style_axes(axes, "largest joint angle (rad)", "relative error of displacement")
 
 
 def _draw_resonance(axes: Axes, sweep: list[dict[str, Any]]) -> None:
@@ -234,16 +192,16 @@ def _draw_resonance(axes: Axes, sweep: list[dict[str, Any]]) -> None:
             value, fine = one["displacement"][way], one["displacement"][_CONVERGED]
             if value is not None and fine is not None:
                 points.append((one["frequency"], abs(value - fine) / max(abs(fine), 0.01)))
-        axes.plot(
-            [point[0] for point in points],
-            [point[1] for point in points],
-            color=colour,
-            linewidth=LINE,
-            linestyle="--" if "mean" in way else "-",
-            marker="o",
-            markersize=2.5,
-            label=way,
-        )
+        line = "--" if "mean" in way else "-"
+        look: dict[str, Any] = {
+            "linewidth": style.LINE,
+            "linestyle": line,
+            "marker": "o",
+            "markersize": 2.5,
+        }
+        xs, ys = ([point[i] for point in points] for i in range(2))
+        axes.plot(xs, ys, color=colour, label=way, **look)
     axes.set_yscale("log")
     axes.set_ylim(1e-4, 10.0)
-    style_axes(axes, "frequency of the drive (Hz)", f"relative difference to {_CONVERGED}")
+    against = f"relative difference to {_CONVERGED}"
+    style.style_axes(axes, "frequency of the drive (Hz)", against)

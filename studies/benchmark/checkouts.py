@@ -1,8 +1,8 @@
 """Two checkouts of this project, timed against each other, to see if the new one is slower.
 
 Each runs in a process of its own that waits for its turn. In every round both play the same steps
-of the same scene, and which one begins changes from round to round. What counts is the time that
-the process itself had the processor.
+of the same scene, and they take turns in being the first. The time that counts is the processor
+time of the process itself.
 """
 
 from __future__ import annotations
@@ -10,14 +10,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 
-from studies.benchmark.timing import ratio, spread_of
+from studies.benchmark.timing import Progress, ratio, spread_of
 from swim_env.errors import SwimError
 
 __all__ = ["EASY_SCENES", "compare_checkouts"]
@@ -31,7 +30,7 @@ EASY_SCENES: dict[str, tuple[str, dict[str, object], int]] = {
     "passive": ("paper_x", {}, 100),
 }
 
-# What a process does: it builds every scene, says so, and times whatever it is asked for.
+# A process builds every scene, says so, and times whatever it is asked for.
 _WORKER = """
 import sys, time
 sys.path.insert(0, sys.argv[1])
@@ -54,20 +53,9 @@ for line in sys.stdin:
 
 
 def compare_checkouts(
-    before: str | os.PathLike[str],
-    rounds: int = 101,
-    progress: Callable[[int], object] | None = None,
+    before: str | os.PathLike[str], rounds: int = 101, progress: Progress | None = None
 ) -> dict[str, Any]:
-    """Time this checkout against another one.
-
-    Parameters
-    ----------
-    before : path
-        The folder of the other one, with the package ``swim_env`` in it.
-    rounds : int
-        How often each plays each scene.
-    progress : callable, optional
-        Called with 1 after every round of every scene.
+    """Time this checkout against the one in another folder, each scene `rounds` times.
 
     Returns
     -------
@@ -80,36 +68,35 @@ def compare_checkouts(
     SwimError
         If there is no such checkout, or one of the two fails.
     """
-    there = Path(before).resolve()
-    here = Path(__file__).parents[2]
+    there, here = Path(before).resolve(), Path(__file__).parents[2]
     if not (there / "swim_env" / "__init__.py").is_file():
         raise SwimError(f"no package swim_env in the folder to compare with ({there})")
     if there == here:
         raise SwimError(f"the folder to compare with is this checkout itself ({there})")
     found: dict[str, Any] = {}
-    with _Worker(there) as old, _Worker(here) as new:
+    with ExitStack() as stack:
+        workers = [_Worker(folder, stack) for folder in (there, here)]
         for name, (_, _, steps) in EASY_SCENES.items():
             seconds = np.empty((2, rounds))
             for index in range(rounds):
-                pair = (old, new) if index % 2 == 0 else (new, old)
-                for worker in pair:
-                    seconds[0 if worker is old else 1, index] = worker.seconds(name)
+                for which in (0, 1) if index % 2 == 0 else (1, 0):
+                    seconds[which, index] = workers[which].seconds(name)
                 if progress is not None:
                     progress(1)
-            each = 1e6 * seconds / steps
+            old, new = 1e6 * seconds / steps
             found[name] = {
-                "before": spread_of(each[0]).as_dict(),
-                "after": spread_of(each[1]).as_dict(),
-                "ratio": ratio(seconds[1], seconds[0]).as_dict(),
-                "ratio_of_smallest": float(seconds[1].min() / seconds[0].min()),
+                "before": spread_of(old).as_dict(),
+                "after": spread_of(new).as_dict(),
+                "ratio": ratio(new, old).as_dict(),
+                "ratio_of_smallest": float(new.min() / old.min()),
             }
     return found
 
 
 class _Worker:
-    """A process that times one checkout on demand."""
+    """A process that times one checkout on demand, until a stack ends it."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, stack: ExitStack) -> None:
         self._folder = folder
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-c", _WORKER, str(folder), repr(EASY_SCENES)],
@@ -117,25 +104,12 @@ class _Worker:
             stdout=subprocess.PIPE,
             text=True,
         )
-
-    def __enter__(self) -> _Worker:
-        try:
-            self._answer()
-            # The first of each warms up.
-            for name in EASY_SCENES:
-                self.seconds(name)
-        except BaseException:
-            self._end()
-            raise
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._end()
+        stack.callback(self._process.communicate)
+        stack.callback(self._process.kill)
+        self._answer()
+        # The first of each warms up.
+        for name in EASY_SCENES:
+            self.seconds(name)
 
     def seconds(self, name: str) -> float:
         """Return how long the checkout took for a scene (s)."""
@@ -144,7 +118,7 @@ class _Worker:
             self._process.stdin.write(name + "\n")
             self._process.stdin.flush()
         except OSError:
-            pass
+            pass  # it has died, and has no answer
         text, *reason = self._answer().split()
         if reason:
             raise SwimError(f"scene {name} ended with {reason[0]} in {self._folder}")
@@ -156,7 +130,3 @@ class _Worker:
         if not line:
             raise SwimError(f"the checkout could not be timed, see above ({self._folder})")
         return line
-
-    def _end(self) -> None:
-        self._process.kill()
-        self._process.communicate()

@@ -6,26 +6,23 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from studies.benchmark.timing import ratio, spread_of, time_in_turn
+from studies.benchmark.timing import Progress, ratio, spread_of, time_in_turn
 from swim_env.scene import Scene, load_scene
 from swim_env.sim.batch import Bodies, minimal_start
 from swim_env.sim.simulator import Simulator
 
 __all__ = ["effect_pairs", "measure_effects"]
 
-Array = NDArray[np.float64]
-
-#: Steps before, in which the body bends, and steps in a timed call.
+#: Steps that bend the body before anything is timed, and steps in a timed call.
 _STEPS_BEFORE, _STEPS = 200, 100
 
 
 def effect_pairs() -> dict[str, tuple[Scene, Scene]]:
     """Return for every effect a scene with it and the same scene without it.
 
-    All are scene swimmer, but for two: a body without stiffness collapses under torque, and is
-    compared drifting; and damping is taken from the whole scene.
+    All are scene swimmer but one: a body without stiffness collapses under torque, and is compared
+    drifting. Damping is taken away from scene swimmer, the other effects are added to it.
     """
     swimmer = load_scene("swimmer")
     drifting = load_scene("paper_xii").replace("initial.velocity", [0.01, 0.0])
@@ -37,25 +34,15 @@ def effect_pairs() -> dict[str, tuple[Scene, Scene]]:
         "internal_forces": {"internal_forces": True},
         "recording": {"recording": True},
     }
-    pairs = {
+    return {
         "bending_stiffness": (drifting, drifting.replace("beam.bending_stiffness", None)),
         "damping": (swimmer, swimmer.replace("damping", None)),
+        **{name: (swimmer.replace(change), swimmer) for name, change in added.items()},
     }
-    pairs |= {name: (swimmer.replace(change), swimmer) for name, change in added.items()}
-    return pairs
 
 
-def measure_effects(
-    rounds: int, progress: Callable[[int], object] | None = None
-) -> list[dict[str, Any]]:
-    """Measure what every effect adds to a physics step.
-
-    Parameters
-    ----------
-    rounds : int
-        How often each scene is timed.
-    progress : callable, optional
-        Called with 1 after every effect.
+def measure_effects(rounds: int, progress: Progress | None = None) -> list[dict[str, Any]]:
+    """Measure what every effect adds to a physics step; `progress` is called after each.
 
     Returns
     -------
@@ -68,12 +55,11 @@ def measure_effects(
         calls = {"with": _steps(present), "without": _steps(absent)}
         seconds = time_in_turn(calls, rounds=rounds)
         each = {key: 1e6 / _STEPS * value for key, value in seconds.items()}
+        each["added"] = each["with"] - each["without"]
         found.append(
             {
                 "effect": name,
-                "with": spread_of(each["with"]).as_dict(),
-                "without": spread_of(each["without"]).as_dict(),
-                "added": spread_of(each["with"] - each["without"]).as_dict(),
+                **{key: spread_of(values).as_dict() for key, values in each.items()},
                 "removed": ratio(each["without"], each["with"]).as_dict(),
             }
         )
@@ -91,10 +77,9 @@ def _steps(scene: Scene) -> Callable[[], object]:
     begin = bodies.states.copy()
     record = bodies.new_record(_STEPS)
     run = torques[None, _STEPS_BEFORE:]
-    # Internal forces go to a trace; the others are compared without one.
-    trace: Array | None = None
-    if scene.internal_forces is not None:
-        trace = np.empty((1, _STEPS, bodies.trace_columns))
+    # Internal forces are written to a trace; the other effects are compared without one.
+    with_trace = scene.internal_forces is not None
+    trace = np.empty((1, _STEPS, bodies.trace_columns)) if with_trace else None
 
     def call() -> None:
         bodies.states[:] = begin

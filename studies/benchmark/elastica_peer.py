@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from importlib import metadata
 from typing import Any
 
@@ -24,40 +25,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from studies.benchmark.environments import Workload
-from studies.benchmark.peer_tools import StableStep, largest_stable_step, load_peer, wave_of
+from studies.benchmark.peer_tools import (
+    intervals_in,
+    largest_stable_step,
+    load_peer,
+    stable_workload,
+    wave_of,
+)
+from studies.benchmark.timing import Progress
 from swim_env.errors import SceneError
 from swim_env.scene import Scene
 
-__all__ = ["SOFTENINGS", "ElasticaRod", "rod_step", "rod_workloads"]
+__all__ = ["SOFTENINGS", "ElasticaRod", "rod_workloads"]
 
 Array = NDArray[np.float64]
 
+#: Factors that the benchmark runs.
 SOFTENINGS = (1.0, 10.0, 100.0)
-"""Factors that the benchmark runs."""
 
-VISCOSITY = 0.1
-"""Dynamic viscosity of the drag (Pa s): that of Swimmer-v5, as an ideal fluid has none."""
+#: Dynamic viscosity of the drag (Pa s): that of Swimmer-v5, as an ideal fluid has none.
+_VISCOSITY = 0.1
 
 
 class ElasticaRod:
     """A Cosserat rod with the scene's beam for its parameters, driven by the scene's wave.
 
     It starts straight along +x with its head at the origin, at rest. PyElastica evaluates the wave
-    in every step, where other peers hold the torques over a control interval.
-
-    Parameters
-    ----------
-    scene : Scene
-        The beam and its wave.
-    softening : float
-        What stretching and shear stiffness are divided by, above 0.
-    viscosity : float
-        Dynamic viscosity of the drag (Pa s); 0 leaves it out.
-
-    Attributes
-    ----------
-    rod : elastica.CosseratRod
-        PyElastica's own.
+    in every step, where other peers hold the torques over a control interval. `softening` divides
+    stretching and shear stiffness; `viscosity` is the drag's (Pa s), 0 leaves it out; `rod` is
+    PyElastica's own.
 
     Raises
     ------
@@ -69,7 +65,7 @@ class ElasticaRod:
     """
 
     def __init__(
-        self, scene: Scene, *, softening: float = 1.0, viscosity: float = VISCOSITY
+        self, scene: Scene, *, softening: float = 1.0, viscosity: float = _VISCOSITY
     ) -> None:
         elastica: Any = load_peer("elastica", "PyElastica")
         beam, wave = scene.beam, wave_of(scene)
@@ -94,7 +90,7 @@ class ElasticaRod:
             density=beam.line_density / area,
             youngs_modulus=4.0 * float(stiffness.max()) / (math.pi * radius**4),
         )
-        # Bending varies along the body, and the rest of the section's stiffness with it does not.
+        # Bending stiffness varies along the body; the rest of the section's stiffness does not.
         self.rod.bend_matrix *= stiffness / stiffness.max()
         self.rod.shear_matrix /= softening
         kind = type("Rods", (elastica.BaseSystemCollection, elastica.Forcing), {})
@@ -140,28 +136,21 @@ class ElasticaRod:
             now = step(system, now, time_step)
         self.time = float(now)
 
+    def play(self, time_step: float, steps: int) -> None:
+        """Take a number of steps from the start (s)."""
+        self.reset()
+        self.advance(time_step, steps)
+
     def joint_angles(self) -> Array:
         """Return the angles between the tangents of neighbouring elements, (N - 1,) (rad)."""
         tangents = self.rod.director_collection[2]
         turns = np.diff(np.arctan2(tangents[1], tangents[0]))
         return np.asarray(np.remainder(turns + np.pi, 2.0 * np.pi) - np.pi, dtype=np.float64)
 
-    def swim(self, interval: float, substeps: int, count: int) -> Array | None:
-        """Run from the start and watch.
+    def swim(self, interval: float, count: int, substeps: int) -> Array | None:
+        """Run from the start and return the joint angles (count, N - 1) at the ends of intervals.
 
-        Parameters
-        ----------
-        interval : float
-            Time between two looks (s).
-        substeps : int
-            Steps in it.
-        count : int
-            Number of looks.
-
-        Returns
-        -------
-        (count, N - 1) array or None
-            Joint angles at the ends of the intervals (rad); None once they are not finite.
+        They are in rad; None once they are not finite. Every interval (s) has `substeps` steps.
         """
         self.reset()
         angles = np.empty((count, self.rod.n_elems - 1))
@@ -174,62 +163,28 @@ class ElasticaRod:
         return angles
 
 
-def rod_step(
-    scene: Scene,
-    *,
-    softening: float = 1.0,
-    viscosity: float = VISCOSITY,
-    duration: float = 0.6,
-) -> StableStep | None:
-    """Find the rod's largest stable step.
-
-    Parameters
-    ----------
-    scene : Scene
-        The beam, its wave and the control interval, of which the step is a whole part.
-    softening, viscosity : float
-        See `ElasticaRod`.
-    duration : float
-        How long the wave drives it (s). It need not be long: the rod's fastest waves have some
-        thousand periods in it.
-
-    Returns
-    -------
-    StableStep or None
-        See `largest_stable_step`; None where steps of 1/4000 of a control interval are unstable.
-    """
-    interval = scene.episode.control_interval
-    count = max(1, round(duration / interval))
-    rod = ElasticaRod(scene, softening=softening, viscosity=viscosity)
-    return largest_stable_step(lambda substeps: rod.swim(interval, substeps, count), interval)
-
-
 def rod_workloads(
     scene: Scene,
     softenings: tuple[float, ...] = SOFTENINGS,
     *,
-    viscosity: float = VISCOSITY,
     seconds: float = 0.1,
     duration: float = 0.6,
-    progress: Callable[[int], object] | None = None,
+    progress: Progress | None = None,
 ) -> dict[str, Workload]:
     """Prepare the rod at its largest stable steps; every call starts it anew.
 
-    PyElastica compiles its functions in the search for the step, before anything is timed.
+    Softenings that are unstable with steps of 1/4000 of a control interval are left out. PyElastica
+    compiles its functions in the search for the step, before anything is timed.
 
     Parameters
     ----------
-    scene : Scene
-        The beam, its wave and the control interval.
-    softenings : tuple of float
-        What stretching and shear stiffness are divided by; where there is no stable step, it is
-        left out.
-    viscosity : float
-        Dynamic viscosity of the drag (Pa s).
+    scene, softenings
+        See `ElasticaRod`.
     seconds : float
         Simulated time of one call (s).
     duration : float
-        Simulated time of the runs in the search for the stable step (s).
+        Simulated time of the runs in the search for the stable step (s). It need not be long: the
+        rod's fastest waves have some thousand periods in it.
     progress : callable, optional
         Called with 1 after every softening.
 
@@ -239,44 +194,26 @@ def rod_workloads(
         Keyed ``elastica_rod/softening``; environment steps are control intervals. Facts:
         `softening`, `viscosity` (Pa s), `version` (of PyElastica), `search_duration` (s) and the
         fields of `StableStep`.
-
-    Raises
-    ------
-    PeerMissingError
-        If PyElastica is not installed.
     """
     load_peer("elastica", "PyElastica")
     interval = scene.episode.control_interval
-    count = max(1, round(seconds / interval))
+    count, watched = intervals_in(seconds, scene), intervals_in(duration, scene)
     workloads = {}
     for softening in softenings:
-        found = rod_step(scene, softening=softening, viscosity=viscosity, duration=duration)
+        rod = ElasticaRod(scene, softening=softening)
+        found = largest_stable_step(partial(rod.swim, interval, watched), interval)
         if found is not None:
-            rod = ElasticaRod(scene, softening=softening, viscosity=viscosity)
-            steps = count * found.substeps
             how = "" if softening == 1.0 else f", shear and stretching {softening:g} times softer"
-            workloads[f"elastica_rod/{softening:g}"] = Workload(
-                f"PyElastica rod{how}",
-                _swimming(rod, found.time_step, steps),
-                count,
-                count * interval,
-                steps,
-                {
-                    "softening": softening,
-                    "viscosity": viscosity,
-                    "version": metadata.version("pyelastica"),
-                    "search_duration": duration,
-                    **found.as_dict(),
-                },
+            facts = {
+                "softening": softening,
+                "viscosity": _VISCOSITY,
+                "version": metadata.version("pyelastica"),
+                "search_duration": duration,
+            }
+            call = partial(rod.play, found.time_step, count * found.substeps)
+            workloads[f"elastica_rod/{softening:g}"] = stable_workload(
+                f"PyElastica rod{how}", call, scene, count, found, facts
             )
         if progress is not None:
             progress(1)
     return workloads
-
-
-def _swimming(rod: ElasticaRod, time_step: float, steps: int) -> Callable[[], None]:
-    def swim() -> None:
-        rod.reset()
-        rod.advance(time_step, steps)
-
-    return swim

@@ -1,7 +1,7 @@
 """The arithmetic that no step with exact panels can do without, as a kernel of its own.
 
 One assembly of the influence matrices G and P, one elimination of G, and the potentials of all
-unit motions, P G^-1 B. Every step has to weigh its new pose so; what a step takes beyond this floor
+unit motions, P G^-1 B. Every step has to do this for its new pose; what it takes beyond this floor
 is its own: Newton's method, the shape derivative, the rigid and elastic terms. The floor uses the
 logarithm and arc tangent of the kernels and the same blocks of four rows, but keeps nothing that a
 shape derivative would need.
@@ -17,20 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import SceneError
-from swim_env.physics.fluid.outline import (
-    CT,
-    CX,
-    CY,
-    LANES,
-    LATERAL,
-    LENGTH,
-    ROTARY,
-    ST,
-    X,
-    Y,
-    padded,
-    panel_count,
-)
+from swim_env.physics.fluid import outline
 from swim_env.physics.runtime.compile import entry_kernel, kernel, vector_kernel
 from swim_env.physics.runtime.dense import add_multiple, copy, invert_in_order, multiply
 from swim_env.physics.runtime.elementary import atan2, log
@@ -40,53 +27,79 @@ from swim_env.sim.batch import Bodies, aligned_zeros, minimal_start, scene_const
 __all__ = ["FLOOR_WAYS", "FloorArrays", "floor_arrays", "floor_calls", "potentials_of_motions"]
 
 Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
-ELIMINATION, INVERSE = 0, 1
-#: The ways by name.
-FLOOR_WAYS = {"elimination": ELIMINATION, "inverse": INVERSE}
+#: Solving for the motions as G is eliminated, or inverting G and multiplying. Which of the two is
+#: faster depends on the size.
+FLOOR_WAYS = {"elimination": 0, "inverse": 1}
+_ELIMINATION = FLOOR_WAYS["elimination"]
+
+
+class FloorArrays(NamedTuple):
+    """The outline of a pose, padded to M' panels, the motions of N elements, and work space.
+
+    Attributes
+    ----------
+    x, y, cx, cy, ct, st, length : (M',) arrays
+        First vertex, collocation point, unit tangent and length of every panel (m).
+    element : (M + 1,) int array
+        Element of every panel that is not padding; the last entry is N - 1.
+    motions : (M', K') array
+        B: normal velocity of every panel per unit motion, two of each element.
+    strengths, out : (M', K') arrays
+        Overwritten: source strengths and potentials.
+    """
+
+    x: Array
+    y: Array
+    cx: Array
+    cy: Array
+    ct: Array
+    st: Array
+    length: Array
+    element: NDArray[np.int64]
+    motions: Array
+    strengths: Array
+    out: Array
+    half_log: Array
+    augmented: Array
+    inverse: Array
+    potential: Array
 
 
 @kernel
-def _assemble_row(
-    i: int, panels: Array, inverse_square: float, half_log: Array, normal: Array, potential: Array
-) -> None:
-    count = (panels.shape[1] >> 3) << 3
-    cx = panels[CX, i]
-    cy = panels[CY, i]
-    nx = panels[ST, i]
-    ny = -panels[CT, i]
+def _assemble_row(i: int, a: FloorArrays, normal: Array) -> None:
+    count = (a.x.size >> 3) << 3
+    cx, cy, half_log = a.cx[i], a.cy[i], a.half_log
+    nx, ny = a.st[i], -a.ct[i]
     for j in range(count):
-        dx = cx - panels[X, j]
-        dy = cy - panels[Y, j]
-        half_log[j] = 0.5 * log((dx * dx + dy * dy) * inverse_square)
+        dx = cx - a.x[j]
+        dy = cy - a.y[j]
+        half_log[j] = 0.5 * log(dx * dx + dy * dy)
     half_log[count] = half_log[0]
     for j in range(count):
-        ct = panels[CT, j]
-        st = panels[ST, j]
-        length = panels[LENGTH, j]
-        dx = cx - panels[X, j]
-        dy = cy - panels[Y, j]
+        ct, st, length = a.ct[j], a.st[j], a.length[j]
+        dx = cx - a.x[j]
+        dy = cy - a.y[j]
         along = dx * ct + dy * st
         across = dy * ct - dx * st
         angle = atan2(across * length, across * across + along * (along - length))
         ratio = half_log[j] - half_log[j + 1]
         normal[i, j] = nx * (ratio * ct - angle * st) + ny * (ratio * st + angle * ct)
-        potential[i, j] = (
+        a.potential[i, j] = (
             along * half_log[j] - (along - length) * half_log[j + 1] - length + across * angle
         )
     normal[i, i] = np.pi
-    potential[i, i] = panels[LENGTH, i] * (half_log[i] - 1.0)
+    a.potential[i, i] = a.length[i] * (half_log[i] - 1.0)
 
 
 @kernel
 def _solve(matrix: Array, size: int) -> None:
-    """Solve for the right-hand sides that stand behind the first `size` columns, in place."""
+    """Solve for the right-hand sides that follow the first `size` columns, in place."""
     # Pivot blocks are reduced to the identity, so that four rows below need their own entries
     # alone as factors.
     for first in range(0, size, 4):
-        # Columns before this are done with; it is a multiple of LANES.
-        start = first // LANES * LANES
+        # Columns before this are done with; it is a multiple of the lanes of vector registers.
+        start = first // outline.LANES * outline.LANES
         for k in range(first, first + 4):
             reciprocal = 1.0 / matrix[k, k]
             for j in range(first, matrix.shape[1]):
@@ -106,43 +119,16 @@ def _solve(matrix: Array, size: int) -> None:
 def _subtract_four(matrix: Array, row: int, first: int, start: int) -> None:
     """Subtract multiples of rows first ... first + 3 from four others, from a column on."""
     # Slices that begin at 0: an index that might be negative keeps a loop from being vectorised.
-    p0 = matrix[first, start:]
-    p1 = matrix[first + 1, start:]
-    p2 = matrix[first + 2, start:]
-    p3 = matrix[first + 3, start:]
-    r0 = matrix[row, start:]
-    r1 = matrix[row + 1, start:]
-    r2 = matrix[row + 2, start:]
-    r3 = matrix[row + 3, start:]
-    a0, b0, c0, d0 = (
-        matrix[row, first],
-        matrix[row, first + 1],
-        matrix[row, first + 2],
-        matrix[row, first + 3],
-    )
-    a1, b1, c1, d1 = (
-        matrix[row + 1, first],
-        matrix[row + 1, first + 1],
-        matrix[row + 1, first + 2],
-        matrix[row + 1, first + 3],
-    )
-    a2, b2, c2, d2 = (
-        matrix[row + 2, first],
-        matrix[row + 2, first + 1],
-        matrix[row + 2, first + 2],
-        matrix[row + 2, first + 3],
-    )
-    a3, b3, c3, d3 = (
-        matrix[row + 3, first],
-        matrix[row + 3, first + 1],
-        matrix[row + 3, first + 2],
-        matrix[row + 3, first + 3],
-    )
+    pivots, rows = matrix[first : first + 4, start:], matrix[row : row + 4, start:]
+    p0, p1, p2, p3 = pivots[0], pivots[1], pivots[2], pivots[3]
+    r0, r1, r2, r3 = rows[0], rows[1], rows[2], rows[3]
+    f = matrix[row : row + 4, first : first + 4]
+    a0, b0, c0, d0 = f[0, 0], f[0, 1], f[0, 2], f[0, 3]
+    a1, b1, c1, d1 = f[1, 0], f[1, 1], f[1, 2], f[1, 3]
+    a2, b2, c2, d2 = f[2, 0], f[2, 1], f[2, 2], f[2, 3]
+    a3, b3, c3, d3 = f[3, 0], f[3, 1], f[3, 2], f[3, 3]
     for j in range((p0.size >> 3) << 3):
-        a = p0[j]
-        b = p1[j]
-        c = p2[j]
-        d = p3[j]
+        a, b, c, d = p0[j], p1[j], p2[j], p3[j]
         r0[j] -= a0 * a + b0 * b + c0 * c + d0 * d
         r1[j] -= a1 * a + b1 * b + c1 * c + d1 * d
         r2[j] -= a2 * a + b2 * b + c2 * c + d2 * d
@@ -150,99 +136,46 @@ def _subtract_four(matrix: Array, row: int, first: int, start: int) -> None:
 
 
 @kernel
-def _by_elimination(motions: Array, augmented: Array, strengths: Array) -> None:
+def _by_elimination(a: FloorArrays) -> None:
     """Solve for the source strengths of all motions next to the elimination of G."""
-    size = augmented.shape[0]
+    size = a.augmented.shape[0]
     for i in range(size):
-        copy(motions[i], augmented[i, size:])
-    _solve(augmented, size)
+        copy(a.motions[i], a.augmented[i, size:])
+    _solve(a.augmented, size)
     for i in range(size):
-        copy(augmented[i, size:], strengths[i])
+        copy(a.augmented[i, size:], a.strengths[i])
 
 
 @kernel
-def _by_inverse(
-    count: int, motions: Array, element: Integers, inverse: Array, strengths: Array
-) -> None:
+def _by_inverse(a: FloorArrays) -> None:
     """Invert G and sum the columns of every motion: B has few entries a panel."""
-    invert_in_order(inverse, 0.0)
-    elements = element[count] + 1
-    strengths[:] = 0.0
+    invert_in_order(a.inverse, 0.0)
+    count = a.element.size - 1
+    elements = a.element[count] + 1
+    a.strengths[:] = 0.0
     for i in range(count):
         for p in range(count):
-            k = element[p]
-            strengths[i, k] += inverse[i, p] * motions[p, k]
-            strengths[i, elements + k] += inverse[i, p] * motions[p, elements + k]
+            k = a.element[p]
+            a.strengths[i, k] += a.inverse[i, p] * a.motions[p, k]
+            a.strengths[i, elements + k] += a.inverse[i, p] * a.motions[p, elements + k]
 
 
 @entry_kernel
-def potentials_of_motions(
-    times: int,
-    way: int,
-    panels: Array,
-    count: int,
-    element: Integers,
-    motions: Array,
-    half_log: Array,
-    augmented: Array,
-    inverse: Array,
-    potential: Array,
-    strengths: Array,
-    out: Array,
-) -> None:
-    """Evaluate P G^-1 B a number of times.
-
-    Parameters
-    ----------
-    times : int
-        How often.
-    way : int
-        ELIMINATION solves for the motions as G is eliminated, INVERSE inverts G and multiplies.
-        Which is faster depends on the size.
-    panels : (7 or more, M') array
-        A padded outline (`swim_env.physics.fluid.outline`).
-    count : int
-        M, the number of panels that are not padding.
-    element : (M + 1,) int array
-        Element of every panel; the last entry is N - 1.
-    motions : (M', K') array
-        B: normal velocity of every panel per unit motion.
-    half_log : (M' + 1,) array
-        Work space.
-    augmented, inverse : (M', M' + K'), (M', M') arrays
-        Work space.
-    potential : (M', M') array
-        Work space, zero at first.
-    strengths, out : (M', K') arrays
-        Overwritten: source strengths and potentials.
-    """
-    matrix = augmented if way == ELIMINATION else inverse
+def potentials_of_motions(times: int, way: int, a: FloorArrays) -> None:
+    """Evaluate P G^-1 B a number of times, in one of FLOOR_WAYS, into `a.out`."""
+    matrix = a.augmented if way == _ELIMINATION else a.inverse
+    count = a.element.size - 1
     for _ in range(times):
         for i in range(count):
-            _assemble_row(i, panels, 1.0, half_log, matrix, potential)
-        for i in range(count, panels.shape[1]):
+            _assemble_row(i, a, matrix)
+        for i in range(count, a.x.size):
             matrix[i] = 0.0
             matrix[i, i] = 1.0
-        if way == ELIMINATION:
-            _by_elimination(motions, augmented, strengths)
+        if way == _ELIMINATION:
+            _by_elimination(a)
         else:
-            _by_inverse(count, motions, element, inverse, strengths)
-        multiply(potential, strengths, out)
-
-
-class FloorArrays(NamedTuple):
-    """What `potentials_of_motions` takes of a scene, in its order."""
-
-    panels: Array
-    panel_number: int
-    element: Integers
-    motions: Array
-    half_log: Array
-    augmented: Array
-    inverse: Array
-    potential: Array
-    strengths: Array
-    out: Array
+            _by_inverse(a)
+        multiply(a.potential, a.strengths, a.out)
 
 
 def floor_arrays(scene: Scene) -> FloorArrays:
@@ -257,25 +190,31 @@ def floor_arrays(scene: Scene) -> FloorArrays:
         raise SceneError("the floor is that of fluid.model panels")
     bodies = Bodies(scene)
     bodies.start(0, *minimal_start(scene, scene.initial))
-    outline = bodies.views(0).fluid_work.outline
+    given = bodies.views(0).fluid_work.outline
     elements = scene.beam.elements
-    count = int(panel_count(scene_constants(scene)[1].geometry))
-    size, wide = outline.element.size, padded(2 * elements)
+    count = int(outline.panel_count(scene_constants(scene)[1].geometry))
+    element = given.element[:count]
+    size, wide = given.element.size, outline.padded(2 * elements)
     motions = aligned_zeros(size, wide)
     rows = np.arange(count)
-    motions[rows, outline.element[:count]] = outline.panels[LATERAL, :count]
-    motions[rows, elements + outline.element[:count]] = outline.panels[ROTARY, :count]
+    motions[rows, element] = given.panels[outline.LATERAL, :count]
+    motions[rows, elements + element] = given.panels[outline.ROTARY, :count]
     return FloorArrays(
-        outline.panels,
-        count,
-        np.append(outline.element[:count], elements - 1),
-        motions,
-        np.zeros(size + 1),
-        aligned_zeros(size, size + wide),
-        aligned_zeros(size, size),
-        aligned_zeros(size, size),
-        aligned_zeros(size, wide),
-        aligned_zeros(size, wide),
+        x=given.panels[outline.X],
+        y=given.panels[outline.Y],
+        cx=given.panels[outline.CX],
+        cy=given.panels[outline.CY],
+        ct=given.panels[outline.CT],
+        st=given.panels[outline.ST],
+        length=given.panels[outline.LENGTH],
+        element=np.append(element, elements - 1),
+        motions=motions,
+        strengths=aligned_zeros(size, wide),
+        out=aligned_zeros(size, wide),
+        half_log=np.zeros(size + 1),
+        augmented=aligned_zeros(size, size + wide),
+        inverse=aligned_zeros(size, size),
+        potential=aligned_zeros(size, size),
     )
 
 
@@ -290,6 +229,6 @@ def floor_calls(scene: Scene) -> dict[str, Callable[[int], None]]:
     arrays = floor_arrays(scene)
 
     def call(way: int, times: int) -> None:
-        potentials_of_motions(times, way, *arrays)
+        potentials_of_motions(times, way, arrays)
 
     return {name: partial(call, way) for name, way in FLOOR_WAYS.items()}

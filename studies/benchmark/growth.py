@@ -11,14 +11,7 @@ __all__ = ["fit_growth", "growth_of"]
 
 
 def growth_of(cells: Iterable[Mapping[str, Any]], start: int = 1) -> list[dict[str, Any]]:
-    """Fit how the time of a step grows with the number of elements.
-
-    Parameters
-    ----------
-    cells : iterable of mapping
-        From `measure_kernel`.
-    start : int
-        Smallest number of elements that counts.
+    """Fit how the time of a step grows, over beams of `start` elements and more.
 
     Returns
     -------
@@ -26,31 +19,20 @@ def growth_of(cells: Iterable[Mapping[str, Any]], start: int = 1) -> list[dict[s
         For every fluid model and number of panels per element with at least two beams:
         ``fluid_model``, ``panels_per_element`` and what `fit_growth` returns.
     """
-    series: dict[tuple[str, int], list[tuple[int, float]]] = {}
+    series: dict[tuple[str, int], dict[int, float]] = {}
     for cell in cells:
         if cell["elements"] >= start:
-            key = (cell["fluid_model"], cell["panels_per_element"])
-            series.setdefault(key, []).append((cell["elements"], cell["step"]["median"]))
+            points = series.setdefault((cell["fluid_model"], cell["panels_per_element"]), {})
+            points[cell["elements"]] = cell["step"]["median"]
     return [
-        {
-            "fluid_model": model,
-            "panels_per_element": panels,
-            **fit_growth([n for n, _ in points], [time for _, time in points]),
-        }
+        {"fluid_model": model, "panels_per_element": panels, **fit_growth(points, points.values())}
         for (model, panels), points in series.items()
-        if len({elements for elements, _ in points}) > 1
+        if len(points) > 1
     ]
 
 
 def fit_growth(elements: Iterable[int], microseconds: Iterable[float]) -> dict[str, Any]:
-    """Fit time = c N^a by least squares between the logarithms.
-
-    Parameters
-    ----------
-    elements : iterable of int
-        Numbers of elements N, at least two different ones.
-    microseconds : iterable of float
-        Time of a step for each (us).
+    """Fit time = c N^a by least squares of the logarithms, to at least two different N.
 
     Returns
     -------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,48 @@ from studies.benchmark.subprocesses import run_python
 from swim_env.envs.vector import SwimVectorEnv
 from swim_env.scene import Scene, load_scene
 
-__all__ = ["held_bytes", "measure_memory"]
+__all__ = ["measure_memory"]
 
 _MANY_ELEMENTS = 81
 
 
-def held_bytes(envs: SwimVectorEnv) -> int:
+def measure_memory(
+    scene: Scene | str = "swimmer", members: tuple[int, ...] = (1, 64, 256)
+) -> dict[str, Any]:
+    """Measure what batches of a scene need, of rising numbers of members, at least two.
+
+    Returns
+    -------
+    dict
+        ``arrays``: by number of members the ``bytes`` that the batch's arrays hold, the
+        ``bytes_per_member`` between the two largest batches, the ``fixed_bytes`` beside them, and
+        ``linearity``, the largest relative deviation from that straight line; ``resident``, see
+        `_resident_growth`; and the ``bytes_per_member`` of the same scene with 81 elements under
+        ``many_elements``.
+    """
+    scene = load_scene(scene)
+    sizes = {count: _held_bytes(SwimVectorEnv(count, scene)) for count in members}
+    small, large = members[-2:]
+    slope = (sizes[large] - sizes[small]) / (large - small)
+    fixed = sizes[large] - slope * large
+    deviation = max(abs(size - fixed - slope * count) / size for count, size in sizes.items())
+    fine = scene.replace("beam.elements", _MANY_ELEMENTS)
+    one, two = (_held_bytes(SwimVectorEnv(count, fine)) for count in (1, 2))
+    return {
+        "scene": scene.name,
+        "elements": scene.beam.elements,
+        "arrays": {
+            "bytes": {str(count): size for count, size in sizes.items()},
+            "bytes_per_member": slope,
+            "fixed_bytes": fixed,
+            "linearity": deviation,
+        },
+        "resident": _resident_growth(scene.name, members),
+        "many_elements": {"elements": _MANY_ELEMENTS, "bytes_per_member": two - one},
+    }
+
+
+def _held_bytes(envs: SwimVectorEnv) -> int:
     """Return the bytes of all arrays that a batch holds: states, work space, results, constants."""
     found: dict[int, int] = {}
 
@@ -34,49 +71,6 @@ def held_bytes(envs: SwimVectorEnv) -> int:
         for value in vars(owner).values():
             add(value)
     return sum(found.values())
-
-
-def measure_memory(
-    scene: Scene | str = "swimmer", members: tuple[int, ...] = (1, 64, 256)
-) -> dict[str, Any]:
-    """Measure what batches of a scene need.
-
-    Parameters
-    ----------
-    scene : Scene or str
-        What swims.
-    members : tuple of int
-        Sizes of the batches, rising, at least two of them.
-
-    Returns
-    -------
-    dict
-        ``arrays``: by number of members the ``bytes`` that the batch's arrays hold, the
-        ``bytes_per_member`` between the two largest batches, the ``fixed_bytes`` beside them, and
-        ``linearity``, the largest relative deviation from that straight line; ``resident``, see
-        `resident_growth`; and the ``bytes_per_member`` of the same scene with 81 elements under
-        ``many_elements``.
-    """
-    scene = load_scene(scene)
-    sizes = {count: held_bytes(SwimVectorEnv(count, scene)) for count in members}
-    small, large = members[-2:]
-    slope = (sizes[large] - sizes[small]) / (large - small)
-    fixed = sizes[large] - slope * large
-    deviation = max(abs(size - fixed - slope * count) / size for count, size in sizes.items())
-    fine = scene.replace("beam.elements", _MANY_ELEMENTS)
-    one, two = (held_bytes(SwimVectorEnv(count, fine)) for count in (1, 2))
-    return {
-        "scene": scene.name,
-        "elements": scene.beam.elements,
-        "arrays": {
-            "bytes": {str(count): size for count, size in sizes.items()},
-            "bytes_per_member": slope,
-            "fixed_bytes": fixed,
-            "linearity": deviation,
-        },
-        "resident": resident_growth(scene.name, members),
-        "many_elements": {"elements": _MANY_ELEMENTS, "bytes_per_member": two - one},
-    }
 
 
 _RESIDENT_CODE = """
@@ -111,26 +105,14 @@ print(json.dumps({"process": start, "growth": growth}))
 """
 
 
-def resident_growth(scene: str, members: tuple[int, ...]) -> dict[str, Any] | None:
-    """Return what a process of its own holds in memory, and grows by for every batch more.
+def _resident_growth(scene: str, members: tuple[int, ...]) -> dict[str, Any] | None:
+    """Return what a process holds in memory, and by how much it grows with every further batch.
 
-    Returns
-    -------
-    dict or None
-        ``process``: bytes resident after a first batch of one member has taken steps; ``growth``:
-        by number of members, what another batch that takes steps adds. None where the system does
-        not say.
+    ``process`` is the bytes resident after a first batch of one member has taken steps; ``growth``,
+    by number of members, what another batch that takes steps adds. None where the system does not
+    say.
     """
-    if not _can_tell():
+    if not Path("/proc/self/statm").exists():
         return None
-    done = run_python(_RESIDENT_CODE, json.dumps([scene, *members]))
-    figures: dict[str, Any] = json.loads(done.output)
-    return figures
-
-
-def _can_tell() -> bool:
-    try:
-        with open("/proc/self/statm", encoding="ascii"):
-            return True
-    except OSError:
-        return False
+    found: dict[str, Any] = json.loads(run_python(_RESIDENT_CODE, json.dumps([scene, *members]))[0])
+    return found

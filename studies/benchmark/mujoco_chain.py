@@ -3,10 +3,8 @@
 MuJoCo has no added mass that couples the links, which is most of what the swimming beam computes:
 
 * ``none`` leaves the fluid out.
-* ``box`` (MuJoCo's inertia model) is drag alone, quadratic in the velocity, on the box that has
-  each link's inertia.
-* ``ellipsoid`` adds, to the quadratic drag, lift and the part of each link's own added mass that
-  goes with products of velocities. The part that goes with accelerations is in MuJoCo's
+* ``ellipsoid`` is drag, quadratic in the velocity, lift, and the part of each link's own added mass
+  that comes with products of velocities. The part that comes with accelerations is in MuJoCo's
   documentation but not in what it computes: a link at rest accelerates as in a vacuum. And every
   link is alone in its fluid: there are no terms between links and none for the shape of the body.
 
@@ -18,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,34 +25,27 @@ from studies.benchmark.peer_tools import load_peer, wave_of
 from swim_env.errors import OptionError
 from swim_env.scene import Scene
 
-__all__ = ["CHAIN_VARIANTS", "WAYS", "ChainVariant", "MuJoCoChain", "chain_xml"]
+__all__ = ["CHAIN_VARIANTS", "ChainVariant", "MuJoCoChain", "Way", "chain_xml"]
 
 Array = NDArray[np.float64]
 
-INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4", "discrete")
-"""MuJoCo's integrators. The explicit springs bound the step of all but `discrete`, which is
-implicit in them too and there only in recent versions; at large steps it damps vibrations."""
+#: MuJoCo's integrators. The explicit springs bound the step of all but `discrete`, which is
+#: implicit in them too and exists only in recent versions; at large steps it damps vibrations.
+_INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4", "discrete")
 
 
 class ChainVariant(NamedTuple):
-    """One of the ways to build and run the chain.
+    """One of the ways to build and run the chain: MuJoCo's integrator, the fluid, the links.
 
-    Attributes
-    ----------
-    integrator : str
-        One of `INTEGRATORS`.
-    fluid : str
-        ``none``, ``box`` or ``ellipsoid``, see the module.
-    links : str
-        ``lumped`` for the scene's links, whose mass stands in their centres but for the rotary
-        inertia of the section; ``rod`` for uniform rods, as one would build the chain in MuJoCo.
-        The beam is the same to the order of the discretisation. The lumped links' fastest mode is
-        several times faster, and so are the steps of explicit integrators smaller.
+    Links are ``lumped`` for the scene's, whose mass is in their centres but for the rotary inertia
+    of the section, or ``rod`` for uniform rods, as one would build the chain in MuJoCo. The beam is
+    the same to the order of the discretisation. The fastest mode of the lumped links is several
+    times faster, and explicit integrators need steps as much smaller.
     """
 
     integrator: str
-    fluid: str = "none"
-    links: str = "rod"
+    fluid: Literal["none", "ellipsoid"] = "none"
+    links: Literal["lumped", "rod"] = "rod"
 
     @property
     def name(self) -> str:
@@ -68,53 +59,30 @@ class ChainVariant(NamedTuple):
         return f"{self.integrator}, {fluid}, {self.links} links"
 
 
+#: What the benchmark runs.
 CHAIN_VARIANTS = (
-    *(ChainVariant(name, "none", "rod") for name in INTEGRATORS),
-    *(ChainVariant(name, "ellipsoid", "rod") for name in INTEGRATORS),
+    *(ChainVariant(name, "none", "rod") for name in _INTEGRATORS),
+    *(ChainVariant(name, "ellipsoid", "rod") for name in _INTEGRATORS),
     *(ChainVariant(name, "none", "lumped") for name in ("Euler", "RK4", "discrete")),
 )
-"""What the benchmark runs."""
 
-WAYS = ("rollout", "held", "single")
-"""How steps are taken: all in one call of `mujoco.rollout`, on one thread; with a call of `mj_step`
-for each control interval, which takes all its steps without Python between them; or with a call for
-each step."""
+#: How steps are taken: with a call of `mj_step` for each control interval, which takes all its
+#: steps without Python between them, or with a call for each step.
+Way = Literal["held", "single"]
 
 
 def chain_xml(scene: Scene, variant: ChainVariant, time_step: float) -> str:
-    """Write the MJCF of a chain of the scene's links.
+    """Write the MJCF of a chain of the scene's links, straight along +x, the head at the origin.
 
     The root has two slides and a hinge, the joints springs of EI/dl (with the scene's Kelvin-Voigt
     damping, where it has any) and motors of unit gear. Gravity, contacts and constraints are off.
 
-    Parameters
-    ----------
-    scene : Scene
-        The beam. The chain starts straight along +x with its head at the origin, at rest.
-    variant : ChainVariant
-        How to build it.
-    time_step : float
-        Time step (s).
-
-    Returns
-    -------
-    str
-        The model.
-
     Raises
     ------
     OptionError
-        If the variant is unknown, or needs a fluid that the scene does not have.
+        If the variant needs a fluid that the scene does not have.
     """
     beam, fluid = scene.beam, scene.fluid
-    if variant.integrator not in INTEGRATORS:
-        raise OptionError(f"integrator must be one of {INTEGRATORS}, got {variant.integrator!r}")
-    if variant.fluid not in ("none", "box", "ellipsoid"):
-        raise OptionError(f"fluid must be none, box or ellipsoid, got {variant.fluid!r}")
-    if variant.links not in ("lumped", "rod"):
-        raise OptionError(f"links must be lumped or rod, got {variant.links!r}")
-    if variant[1:] == ("box", "lumped"):
-        raise OptionError("fluid box needs links rod: the box of lumped links has no length")
     density = 0.0
     if variant.fluid != "none":
         if fluid is None or fluid.density is None:
@@ -123,45 +91,37 @@ def chain_xml(scene: Scene, variant: ChainVariant, time_step: float) -> str:
     length = beam.element_length
     mass = beam.line_density * length
     # Squared half sides of the box that has the link's inertia, half a metre of the unit depth. In
-    # the plane only the sum of the first two acts; only the drag of the box asks which is which,
-    # and equal ones keep MuJoCo from refusing the inertia of a flat body for a rounding error.
+    # the plane only the sum of the first two acts; equal ones keep MuJoCo from refusing the
+    # inertia of a flat body for a rounding error.
     along = 0.25 * length**2 if variant.links == "rod" else 0.0
-    across, deep = 3.0 * beam.rotary_inertia / beam.line_density, 0.25
-    if variant.fluid != "box":
-        along = across = 0.5 * (along + across)
-    inertia = [mass * float(sides) / 3.0 for sides in (across + deep, along + deep, along + across)]
-    retardation = 0.0 if scene.damping is None else scene.damping.retardation_time
-    geom = ""
+    side, deep = 0.5 * (along + 3.0 * beam.rotary_inertia / beam.line_density), 0.25
+    inertia = [mass * float(sides) / 3.0 for sides in (side + deep, side + deep, side + side)]
+    link = (
+        f'<inertial pos="{0.5 * length!r} 0 0" mass="{mass!r}" '
+        f'diaginertia="{" ".join(map(repr, inertia))}"/>'
+    )
     if variant.fluid == "ellipsoid":
-        geom = (
+        link += (
             f'<geom type="ellipsoid" fluidshape="ellipsoid" pos="{0.5 * length!r} 0 0" '
             f'size="{0.5 * length!r} {beam.half_thickness!r} 0.5" '
             'contype="0" conaffinity="0"/>'
         )
-    inertial = (
-        f'<inertial pos="{0.5 * length!r} 0 0" mass="{mass!r}" '
-        f'diaginertia="{" ".join(map(repr, inertia))}"/>'
-    )
-    root = (
-        '<joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide" axis="0 1 0"/>'
-        '<joint name="heading" type="hinge" axis="0 0 1"/>'
-    )
-    bodies = ""
+    retardation = 0.0 if scene.damping is None else scene.damping.retardation_time
     springs = (beam.stiffness_at_joints() / length).tolist()
-    for index in range(beam.elements - 1, 0, -1):
-        spring = springs[index - 1]
+    bodies = motors = ""
+    for index, spring in reversed(list(enumerate(springs, start=1))):
         bodies = (
             f'<body pos="{length!r} 0 0"><joint name="joint{index}" type="hinge" axis="0 0 1" '
-            f'stiffness="{spring!r}" damping="{retardation * spring!r}"/>'
-            f"{inertial}{geom}{bodies}</body>"
+            f'stiffness="{spring!r}" damping="{retardation * spring!r}"/>{link}{bodies}</body>'
         )
-    motors = "".join(f'<motor joint="joint{index}" gear="1"/>' for index in range(1, beam.elements))
+        motors = f'<motor joint="joint{index}" gear="1"/>{motors}'
     return (
         '<mujoco model="chain"><compiler angle="radian" inertiafromgeom="false"/>'
         f'<option integrator="{variant.integrator}" timestep="{time_step!r}" gravity="0 0 0" '
         f'density="{density!r}" viscosity="0">'
-        '<flag contact="disable" constraint="disable"/></option>'
-        f"<worldbody><body>{root}{inertial}{geom}{bodies}</body></worldbody>"
+        '<flag contact="disable" constraint="disable"/></option><worldbody><body>'
+        '<joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide" axis="0 1 0"/>'
+        f'<joint name="heading" type="hinge" axis="0 0 1"/>{link}{bodies}</body></worldbody>'
         f"<actuator>{motors}</actuator></mujoco>"
     )
 
@@ -169,24 +129,8 @@ def chain_xml(scene: Scene, variant: ChainVariant, time_step: float) -> str:
 class MuJoCoChain:
     """A chain of the scene's links in MuJoCo, driven by the scene's wave of torque.
 
-    Torques are held over the scene's control interval, in which the chain takes a whole number of
-    steps.
-
-    Parameters
-    ----------
-    scene : Scene
-        The beam, its wave and the control interval.
-    variant : ChainVariant
-        How to build and run it.
-    substeps : int
-        Steps in a control interval, at least 1.
-
-    Attributes
-    ----------
-    model, data : mujoco.MjModel, mujoco.MjData
-        MuJoCo's own.
-    time_step : float
-        Time step (s).
+    Torques are held over the scene's control interval, in which the chain takes `substeps` steps.
+    `model` and `data` are MuJoCo's own.
 
     Raises
     ------
@@ -198,9 +142,9 @@ class MuJoCoChain:
 
     def __init__(self, scene: Scene, variant: ChainVariant, substeps: int) -> None:
         self._mujoco: Any = load_peer("mujoco", "MuJoCo")
-        self.scene, self.variant, self.substeps = scene, variant, substeps
-        self.time_step = scene.episode.control_interval / substeps
-        self.model = self._mujoco.MjModel.from_xml_string(chain_xml(scene, variant, self.time_step))
+        self.scene, self.substeps = scene, substeps
+        step = scene.episode.control_interval / substeps
+        self.model = self._mujoco.MjModel.from_xml_string(chain_xml(scene, variant, step))
         self.data = self._mujoco.MjData(self.model)
         self._wave = wave_of(scene)
 
@@ -210,17 +154,9 @@ class MuJoCoChain:
         return self._wave.torques(times, self.scene.beam)
 
     def swim(self, count: int) -> Array | None:
-        """Run from the start and watch.
+        """Return the joint angles (count, N - 1) at the ends of the first control intervals (rad).
 
-        Parameters
-        ----------
-        count : int
-            Control intervals.
-
-        Returns
-        -------
-        (count, N - 1) array or None
-            Joint angles at the ends of the intervals (rad); None when MuJoCo warned.
+        It is None when MuJoCo warned.
         """
         step, model, data = self._mujoco.mj_step, self.model, self.data
         self._mujoco.mj_resetData(model, data)
@@ -234,32 +170,10 @@ class MuJoCoChain:
                 angles[index] = data.qpos[3:]
         return angles
 
-    def calls(self, count: int) -> dict[str, Callable[[], object]]:
-        """Return calls that run a number of control intervals from the start.
-
-        Parameters
-        ----------
-        count : int
-            Control intervals.
-
-        Returns
-        -------
-        dict of str to callable
-            One for each of `WAYS`.
-        """
-        several: Any = load_peer("mujoco.rollout", "MuJoCo")
+    def calls(self, count: int) -> dict[Way, Callable[[], object]]:
+        """Return a call for each way that runs `count` control intervals from the start."""
         mujoco, model, data = self._mujoco, self.model, self.data
         step, substeps, torques = mujoco.mj_step, self.substeps, self.controls(count)
-        everything = mujoco.mjtState.mjSTATE_FULLPHYSICS
-        mujoco.mj_resetData(model, data)
-        start = np.empty((1, mujoco.mj_stateSize(model, everything)))
-        mujoco.mj_getState(model, data, start[0], everything)
-        every_step = np.repeat(torques, substeps, axis=0)[None]
-        states = np.empty((1, count * substeps, start.shape[1]))
-        pool = several.Rollout(nthread=0)
-
-        def rollout() -> None:
-            pool.rollout(model, data, start, every_step, state=states)
 
         def held() -> None:
             mujoco.mj_resetData(model, data)
@@ -274,12 +188,12 @@ class MuJoCoChain:
                 for _ in range(substeps):
                     step(model, data)
 
-        return {"rollout": rollout, "held": held, "single": single}
+        return {"held": held, "single": single}
 
 
 @contextmanager
 def _without_log(mujoco: Any) -> Iterator[None]:
-    """Keep MuJoCo from writing MUJOCO_LOG.TXT where its warnings are what one looks for."""
+    """Keep MuJoCo from writing MUJOCO_LOG.TXT where its warnings are expected."""
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda message: None)
     try:

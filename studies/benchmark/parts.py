@@ -3,31 +3,26 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from swim_env.physics.planar.lagrangian import (
-    DIRECTION,
-    MOTION,
-    PREPARED,
-    RESIDUAL,
-    SHAPE,
-    evaluate_held_step,
-    evaluate_step,
-    step_jacobian,
-)
-from swim_env.physics.solve.integrator import RECORD_NAMES, member_views, prepare, unpack_constants
 
-from studies.benchmark.floor import floor_calls
+from studies.benchmark.floor import FLOOR_WAYS, floor_calls
 from studies.benchmark.timing import Spread, ratio, spread_of, time_in_turn
 from swim_env.physics.fluid.added_mass import SMALLEST_PIVOT, added_mass, shape_force
 from swim_env.physics.fluid.outline import build_outline, outline_status, panel_count
 from swim_env.physics.fluid.panels import influence, normal_influence
+from swim_env.physics.planar.equations import evaluate_held_step, evaluate_step
+from swim_env.physics.planar.layout import ADDED, TOTAL
+from swim_env.physics.planar.matrix import step_jacobian
 from swim_env.physics.runtime.compile import entry_kernel
 from swim_env.physics.runtime.dense import copy, invert_in_order, lu_factor, lu_solve
+from swim_env.physics.solve.constants import unpack_constants
+from swim_env.physics.solve.prepare import prepare
+from swim_env.physics.solve.state import RECORD_NAMES, member_views
 from swim_env.scene import Scene
 from swim_env.sim.batch import Bodies, minimal_start
 from swim_env.sim.simulator import Simulator
@@ -48,24 +43,15 @@ PARTS = (
     "rest",
 )
 
-(
-    _OUTLINE,
-    _INFLUENCE,
-    _FACTORISATION,
-    _ADDED_MASS,
-    _POSE,
-    _JACOBIAN,
-    _HELD_STEP,
-    _WHOLE_STEP,
-    _SHAPE_FORCE,
-    _SET_UP,
-) = range(10)
-_WITH_PANELS = (_OUTLINE, _INFLUENCE, _FACTORISATION, _ADDED_MASS, _SHAPE_FORCE)
-_ALWAYS = (_POSE, _JACOBIAN, _HELD_STEP, _WHOLE_STEP)
+#: What is timed by itself, by name: the codes of `_repeat`. Some are there with panels only.
+_PIECES = ("pose", "whole step", "jacobian", "held step")
+_PANEL_PIECES = ("outline", "influence", "factorisation", "added mass", "shape force")
+_CODES = {name: code for code, name in enumerate(_PIECES + _PANEL_PIECES)}
+_POSE, _WHOLE_STEP, _JACOBIAN, _HELD_STEP = range(4)
+_OUTLINE, _INFLUENCE, _FACTORISATION, _ADDED_MASS, _SHAPE_FORCE = range(4, 9)
 
 #: Length of one timed call of a part (s), and of the run whose steps are timed (s, steps).
-_CALL_SECONDS = 2e-3
-_RUN_SECONDS = 0.2
+_CALL_SECONDS, _RUN_SECONDS = 2e-3, 0.2
 _FEWEST_STEPS, _MOST_STEPS = 20, 100
 #: Steps before, in which the body bends and the extrapolation gets its history.
 _STEPS_BEFORE = 40
@@ -75,24 +61,38 @@ _STEPS_BEFORE = 40
 def _repeat(
     part: int,
     times: int,
-    state: Array,
+    state_vector: Array,
     torques: Array,
-    reals: Array,
-    sizes: NDArray[np.int64],
+    scalars: NDArray[np.void],
+    vectors: Array,
     floats: Array,
     integers: NDArray[np.int64],
 ) -> None:
-    """Evaluate one part of a step a number of times, at the pose of a state; set up before."""
-    beam, fluid, solver = unpack_constants(reals, sizes)
-    m = member_views(state, beam, fluid, floats, integers)
-    work = m.fluid_work
+    """Evaluate one part of a step a number of times, at the pose of a state."""
+    beam, fluid, solver = unpack_constants(scalars, vectors)
+    state, body, work, newton, step, _ = member_views(state_vector, beam, fluid, floats, integers)
+    q, p, z = state.q, state.p, state.history[0]
     panels = work.outline.panels
     count = panel_count(fluid.geometry)
-    unknowns = m.step.unknowns
     h = solver.time_step
+    at_start = bool(0)
     for _ in range(times):
-        if part == _OUTLINE:
-            build_outline(m.q[3:], fluid.geometry, work.outline)
+        if part == _POSE:
+            # It remembers its pose and the joint angles of its added mass.
+            body.mass.known[TOTAL] = 0
+            body.mass.known[ADDED] = 0
+            prepare(q, p, beam, fluid, solver, body, work, newton, step.effort)
+        elif part == _WHOLE_STEP:
+            evaluate_step(p, torques, z, h, beam, fluid, body, work)
+        elif part == _JACOBIAN:
+            step_jacobian(h, at_start, 0.0, beam, fluid, body, work, newton)
+            lu_factor(newton.jacobian, newton.permutation)
+        elif part == _HELD_STEP:
+            evaluate_held_step(p, torques, z, h, at_start, beam, fluid, body)
+            copy(body.balance.residual, newton.correction)
+            lu_solve(newton.jacobian, newton.permutation, newton.correction)
+        elif part == _OUTLINE:
+            build_outline(q[3:], fluid.geometry, work.outline)
             outline_status(fluid.geometry, work.outline)
         elif part == _INFLUENCE:
             influence(panels, count, 1.0, work.half_log, work.layers)
@@ -100,26 +100,9 @@ def _repeat(
             normal_influence(panels, count, work.layers, work.inverse)
             invert_in_order(work.inverse, SMALLEST_PIVOT)
         elif part == _ADDED_MASS:
-            added_mass(m.q[3:], fluid, work, m.step.added_mass)
-        elif part == _POSE:
-            unknowns[PREPARED, 0] = 0.0
-            prepare(m.q, m.p, beam, fluid, work, m.step)
-        elif part == _JACOBIAN:
-            step_jacobian(h, beam, fluid, work, 0.0, m.step)
-            lu_factor(m.step.jacobian, m.permutation)
-        elif part == _HELD_STEP:
-            evaluate_held_step(m.p, torques, m.history[0], h, beam, fluid, m.step)
-            copy(unknowns[RESIDUAL], unknowns[DIRECTION])
-            lu_solve(m.step.jacobian, m.permutation, unknowns[DIRECTION])
-        elif part == _WHOLE_STEP:
-            evaluate_step(m.p, torques, m.history[0], h, beam, fluid, work, m.step)
+            added_mass(q[3:], fluid, work, body.mass.added)
         elif part == _SHAPE_FORCE:
-            shape_force(m.step.motions[MOTION], fluid, work, m.step.elements[SHAPE])
-        elif part == _SET_UP:
-            prepare(m.q, m.p, beam, fluid, work, m.step)
-            evaluate_step(m.p, torques, m.history[0], h, beam, fluid, work, m.step)
-            step_jacobian(h, beam, fluid, work, 0.0, m.step)
-            lu_factor(m.step.jacobian, m.permutation)
+            shape_force(body.inc.motion, fluid, work, body.balance.shape)
 
 
 def _calibrated(call: Callable[[int], object]) -> tuple[Callable[[], object], int]:
@@ -136,13 +119,6 @@ def measure_parts(scene: Scene, rounds: int) -> dict[str, Any]:
     """Measure the physics step of a scene, driven by its prescribed torques, by part.
 
     All parts, the whole step and the floor are timed in the same rounds.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-    rounds : int
-        How often each is timed.
 
     Returns
     -------
@@ -170,32 +146,34 @@ def measure_parts(scene: Scene, rounds: int) -> dict[str, Any]:
             bodies.states[:] = begin
             bodies.advance(run, 1, record)
 
-    with_panels = scene.fluid is not None and scene.fluid.model == "panels"
-    calls: dict[str, tuple[Callable[[], object], int]] = {"step": _calibrated(steps)}
     alone = Bodies(scene)
     alone.states[:] = begin
     given = (alone.states[0], torques[_STEPS_BEFORE], *alone.member(0))
-    _repeat(_SET_UP, 1, *given)
 
     def repeat(part: int, times: int) -> None:
         _repeat(part, times, *given)
 
-    for part in _ALWAYS + (_WITH_PANELS if with_panels else ()):
-        calls[str(part)] = _calibrated(partial(repeat, part))
+    for part in (_POSE, _WHOLE_STEP, _JACOBIAN):  # what the others need
+        repeat(part, 1)
+    with_panels = scene.fluid is not None and scene.fluid.model == "panels"
+    repeated: dict[str, Callable[[int], object]] = {"step": steps}
+    for name in _PIECES + (_PANEL_PIECES if with_panels else ()):
+        repeated[name] = partial(repeat, _CODES[name])
     if with_panels:
-        calls.update({way: _calibrated(call) for way, call in floor_calls(scene).items()})
+        repeated |= floor_calls(scene)
+    calls = {name: _calibrated(call) for name, call in repeated.items()}
     seconds = time_in_turn({name: call for name, (call, _) in calls.items()}, rounds=rounds)
     each = {name: 1e6 * seconds[name] / times for name, (_, times) in calls.items()}
     each["step"] /= count
+    means = record[0].mean(axis=0)
     corrections, evaluations, poses = (
-        float(record[0, :, RECORD_NAMES.index(name)].mean())
-        for name in ("iterations", "evaluations", "parts")
+        float(means[RECORD_NAMES.index(name)]) for name in ("iterations", "evaluations", "parts")
     )
-    parts = _parts(each, corrections, evaluations, poses, with_panels)
+    parts = _parts(each, corrections, evaluations, poses)
     floor: Array | None = None
     way: str | None = None
     if with_panels:
-        way = min(("elimination", "inverse"), key=lambda name: float(np.median(each[name])))
+        way = min(FLOOR_WAYS, key=lambda name: float(np.median(each[name])))
         floor = each[way]
     step = spread_of(each["step"])
     return {
@@ -215,34 +193,24 @@ def measure_parts(scene: Scene, rounds: int) -> dict[str, Any]:
 
 
 def _parts(
-    each: dict[str, Array],
-    corrections: float,
-    evaluations: float,
-    poses: float,
-    with_panels: bool,
+    each: Mapping[str, Array], corrections: float, evaluations: float, poses: float
 ) -> dict[str, Spread]:
     """Return what every part takes of a step (us), with the rest that no part accounts for."""
     nothing = np.zeros_like(each["step"])
-
-    def of(part: int) -> Array:
-        return each.get(str(part), nothing)
-
-    fluid = of(_ADDED_MASS)
-    panels = of(_OUTLINE) + of(_INFLUENCE) + of(_FACTORISATION)
-    # The last evaluation of every part is followed by a correction that is not counted.
-    newton = (
-        of(_JACOBIAN)
-        + (corrections + poses) * of(_HELD_STEP)
-        + evaluations * (of(_WHOLE_STEP) - of(_SHAPE_FORCE))
+    outline, influences, factorisation, mass, shape = (
+        each.get(name, nothing) for name in _PANEL_PIECES
     )
     amounts = [
-        poses * of(_OUTLINE),
-        poses * of(_INFLUENCE),
-        poses * of(_FACTORISATION),
-        poses * (fluid - panels) if with_panels else nothing,
-        poses * (of(_POSE) - fluid),
-        newton,
-        evaluations * of(_SHAPE_FORCE),
+        poses * outline,
+        poses * influences,
+        poses * factorisation,
+        poses * (mass - outline - influences - factorisation),
+        poses * (each["pose"] - mass),
+        # The last evaluation of every part is followed by a correction that is not counted.
+        each["jacobian"]
+        + (corrections + poses) * each["held step"]
+        + evaluations * (each["whole step"] - shape),
+        evaluations * shape,
     ]
     amounts.append(each["step"] - sum(amounts, nothing))
     return {name: spread_of(amount) for name, amount in zip(PARTS, amounts, strict=True)}

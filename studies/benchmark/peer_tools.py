@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from types import ModuleType
 from typing import Any
@@ -12,24 +12,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from studies.benchmark.environments import Workload
 from swim_env.errors import SceneError, SwimError
 from swim_env.scene import Actuation, Scene
 
 __all__ = [
     "PeerMissingError",
     "StableStep",
+    "intervals_in",
     "largest_stable_step",
     "load_peer",
+    "stable_workload",
     "wave_of",
 ]
 
 Array = NDArray[np.float64]
 
-LARGEST_ANGLE = 1.0
-"""Joint angles beyond this count as blown up (rad); the paper's wave bends joints by 0.05 rad."""
-
-OVERSHOOT = 1.5
-"""How far the largest joint angle may exceed that of the run with a quarter of the step."""
+#: Joint angles beyond this count as blown up (rad); the paper's wave bends joints by 0.05 rad.
+_LARGEST_ANGLE = 1.0
+#: By what factor the largest joint angle may exceed that of the run with a quarter of the step.
+_OVERSHOOT = 1.5
 
 
 class PeerMissingError(SwimError, ImportError):
@@ -37,14 +39,7 @@ class PeerMissingError(SwimError, ImportError):
 
 
 def load_peer(module: str, name: str) -> ModuleType:
-    """Import a peer's package.
-
-    Parameters
-    ----------
-    module : str
-        What to import.
-    name : str
-        What people call it, for the message.
+    """Import a peer's package, called `name` in messages.
 
     Raises
     ------
@@ -62,13 +57,7 @@ def load_peer(module: str, name: str) -> ModuleType:
 
 
 def wave_of(scene: Scene) -> Actuation:
-    """Return the scene's travelling wave of torque, which drives every peer.
-
-    Raises
-    ------
-    SceneError
-        If the scene prescribes none.
-    """
+    """Return the scene's travelling wave of torque, which drives every peer."""
     if scene.actuation is None:
         raise SceneError("actuation is missing: its wave must be there to drive the peers")
     return scene.actuation
@@ -80,13 +69,11 @@ class StableStep:
 
     Attributes
     ----------
-    substeps : int
-        Steps in one control interval.
-    time_step : float
-        The step itself (s): the control interval divided by `substeps`.
+    substeps, time_step : int, float
+        Steps in one control interval, and the step itself (s).
     unstable_time_step : float or None
         The next larger step that was tried, which was unstable (s); None where one step for a
-        whole control interval is stable, as larger ones are not asked for.
+        whole control interval is stable, as larger ones are not tried.
     deviation : float
         Root mean square difference of the joint angles from the run with a quarter of the step,
         over that of the angles there. Stable is not accurate: an undamped chain that rings drifts
@@ -101,9 +88,23 @@ class StableStep:
     deviation: float
     peak: float
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the fields by name, for JSON."""
-        return asdict(self)
+
+def intervals_in(seconds: float, scene: Scene) -> int:
+    """Return how many control intervals of a scene there are in a time (s), at least one."""
+    return max(1, round(seconds / scene.episode.control_interval))
+
+
+def stable_workload(
+    label: str,
+    call: Callable[[], object],
+    scene: Scene,
+    count: int,
+    step: StableStep,
+    facts: Mapping[str, Any],
+) -> Workload:
+    """Return the workload of a call that plays `count` control intervals with stable steps."""
+    seconds = count * scene.episode.control_interval
+    return Workload(label, call, count, seconds, count * step.substeps, {**facts, **asdict(step)})
 
 
 def largest_stable_step(
@@ -116,29 +117,24 @@ def largest_stable_step(
     """Find the largest stable time step among the whole parts of a control interval.
 
     A step is stable when the run stays finite and without complaint of the peer, when no joint
-    angle exceeds `LARGEST_ANGLE`, and when none exceeds `OVERSHOOT` times the largest of the run
-    with a quarter of the step, which must be stable too. The number of parts is doubled until it
-    is stable and then bisected, on the assumption that smaller steps are no less stable.
+    angle exceeds 1 rad, and when none exceeds 1.5 times the largest of the run with a quarter of
+    the step, which must be stable too. The number of parts is doubled until it is stable and then
+    bisected, on the assumption that smaller steps are no less stable.
 
     Parameters
     ----------
     run : callable
-        Returns the joint angles (T, J) (rad) of a run with that many steps in an interval, with
-        the same times at any number; None where the peer gave up.
+        Returns the joint angles (T, J) (rad) of a run with that many steps in an interval, at the
+        same times for any number; None where the peer gave up.
     interval : float
         Control interval (s).
     most : int
-        Largest number of steps in an interval to try, at least 1.
+        Largest number of steps in an interval to try; None is returned where they are unstable.
     resolution : float
         Relative accuracy of the result; the step is at most this much too small, or one part.
-
-    Returns
-    -------
-    StableStep or None
-        The step; None where not even `most` steps in an interval are stable.
     """
     angles: dict[int, Array | None] = {}
-    limit = LARGEST_ANGLE
+    limit = _LARGEST_ANGLE
 
     def peak_of(count: int) -> float:
         if count not in angles:
@@ -161,7 +157,7 @@ def largest_stable_step(
                 stable = middle
         else:
             fine = peak_of(4 * stable)
-            if fine <= LARGEST_ANGLE and peak_of(stable) <= OVERSHOOT * fine:
+            if fine <= _LARGEST_ANGLE and peak_of(stable) <= _OVERSHOOT * fine:
                 return StableStep(
                     substeps=stable,
                     time_step=interval / stable,
@@ -170,8 +166,8 @@ def largest_stable_step(
                     peak=peak_of(stable),
                 )
             # Slow growth: bounded only for as long as the run lasts. The finer run knows better.
-            if fine <= LARGEST_ANGLE:
-                limit = OVERSHOOT * fine
+            if fine <= _LARGEST_ANGLE:
+                limit = _OVERSHOOT * fine
             unstable, stable = stable, 2 * stable
     return None
 

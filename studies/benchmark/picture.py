@@ -7,26 +7,7 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from swim_env.plots.style import (
-    AMBER,
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    LINE,
-    ORANGE,
-    PINK,
-    SILVER,
-    SKY,
-    SMALL,
-    SMALLER,
-    WIDTH,
-    YELLOW,
-    name_panel,
-    new_figure,
-    require_matplotlib,
-    style_axes,
-)
+from swim_env.plots import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,35 +18,34 @@ __all__ = ["draw_benchmark"]
 Record = Mapping[str, Any]
 
 #: Neighbours differ in lightness as well.
-_COLOURS = (BLUE, SKY, GREEN, YELLOW, AMBER, ORANGE, PINK, SILVER)
+_COLOURS = (
+    style.BLUE,
+    style.SKY,
+    style.GREEN,
+    style.YELLOW,
+    style.AMBER,
+    style.ORANGE,
+    style.PINK,
+    style.SILVER,
+)
 #: What the picture shows of the fluid models and panels, where it was measured.
-_MODEL, _PANELS = "panels", 4
+_SHOWN = ("panels", 4)
 
 
 def draw_benchmark(record: Record) -> Figure:
-    """Draw a benchmark; what was not measured stays empty and says so.
+    """Draw what `scripts/benchmark.py` ends with; what was not measured stays empty and says so.
 
     Left above, the time of a step over the number of elements with the floor and the fitted growth;
     left below, its parts. Right, simulated seconds per second of wall time of this package and of
     the peers, each peer in the fastest of the ways to run it.
-
-    Parameters
-    ----------
-    record : mapping
-        What `scripts/benchmark.py` ends with.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The picture; `swim_env.plots.save_figure` writes it.
 
     Raises
     ------
     SwimError
         If matplotlib is not installed.
     """
-    require_matplotlib()
-    figure = new_figure(WIDTH, 6.0)
+    style.require_matplotlib()
+    figure = style.new_figure(style.WIDTH, 6.0)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1.0), height_ratios=(1.0, 1.15))
     cells = _shown_cells(record.get("kernel", []))
     growth, parts = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
@@ -85,19 +65,21 @@ def draw_benchmark(record: Record) -> Figure:
         figure.suptitle(
             f"{machine['processor']}, {machine['cores']} cores, commit "
             f"{(record.get('commit') or 'unknown')[:10]}, {record.get('date')}",
-            fontsize=SMALL,
-            color=GREY,
+            fontsize=style.SMALL,
+            color=style.GREY,
         )
     return figure
 
 
+def _kind(measured: Record) -> tuple[str, int]:
+    return measured["fluid_model"], measured["panels_per_element"]
+
+
 def _shown_cells(cells: Sequence[Record]) -> list[Record]:
     """Return the cells of one fluid model and number of panels, the usual one if it is there."""
-    if not cells:
-        return []
-    kinds = [(cell["fluid_model"], cell["panels_per_element"]) for cell in cells]
-    shown = (_MODEL, _PANELS) if (_MODEL, _PANELS) in kinds else kinds[0]
-    some = [cell for cell, kind in zip(cells, kinds, strict=True) if kind == shown]
+    kinds = [_kind(cell) for cell in cells]
+    shown = _SHOWN if _SHOWN in kinds else kinds[0] if kinds else None
+    some = [cell for cell in cells if _kind(cell) == shown]
     return sorted(some, key=lambda cell: int(cell["elements"]))
 
 
@@ -117,9 +99,14 @@ def _rate(speed: Record) -> float:
 
 def _fit_of(cell: Record, fits: Sequence[Record]) -> Record | None:
     """Return the fit over the most beams that belongs to a cell."""
-    names = ("fluid_model", "panels_per_element")
-    own = [fit for fit in fits if all(fit[name] == cell[name] for name in names)]
+    own = [fit for fit in fits if _kind(fit) == _kind(cell)]
     return max(own, key=lambda fit: int(fit["points"]), default=None)
+
+
+def _bars(spreads: Sequence[Record]) -> list[list[float]]:
+    """Return how far the quartiles are below and above the medians."""
+    below = [spread["median"] - spread["low"] for spread in spreads]
+    return [below, [spread["high"] - spread["median"] for spread in spreads]]
 
 
 def _say_empty(axes: Axes, what: str) -> None:
@@ -130,8 +117,8 @@ def _say_empty(axes: Axes, what: str) -> None:
         f"{what}: not measured",
         ha="center",
         va="center",
-        fontsize=SMALL,
-        color=GREY,
+        fontsize=style.SMALL,
+        color=style.GREY,
         transform=axes.transAxes,
     )
 
@@ -141,40 +128,27 @@ def _draw_growth(axes: Axes, cells: Sequence[Record], fit: Record | None) -> Non
     elements = [cell["elements"] for cell in cells]
     steps = [cell["step"] for cell in cells]
     medians = [step["median"] for step in steps]
-    errors = [
-        [step["median"] - step["low"] for step in steps],
-        [step["high"] - step["median"] for step in steps],
-    ]
     axes.errorbar(
         elements,
         medians,
-        yerr=errors,
+        yerr=_bars(steps),
         fmt="o-",
-        color=BLUE,
+        color=style.BLUE,
         markersize=4,
-        linewidth=LINE,
+        linewidth=style.LINE,
         capsize=2,
         label="step (median, quartiles)",
     )
     floor = [(cell["elements"], cell["floor"]["median"]) for cell in cells if cell.get("floor")]
-    if floor:
-        axes.plot(
-            *zip(*floor, strict=True),
-            "D",
-            color=ORANGE,
-            markersize=4,
-            markerfacecolor="white",
-            label="floor",
-        )
+    _mark_floor(axes, floor, style.ORANGE, 4)
     if fit is not None:
         ends = [fit["elements_from"], fit["elements_to"]]
-        line = [fit["microseconds_of_one"] * n ** fit["exponent"] for n in ends]
         axes.plot(
             ends,
-            line,
+            [fit["microseconds_of_one"] * n ** fit["exponent"] for n in ends],
             ":",
-            color=GREY,
-            linewidth=LINE,
+            color=style.GREY,
+            linewidth=style.LINE,
             label=f"fit, N to the power {fit['exponent']:.2f}",
             zorder=1,
         )
@@ -184,10 +158,16 @@ def _draw_growth(axes: Axes, cells: Sequence[Record], fit: Record | None) -> Non
     axes.minorticks_off()
     # Room for the legend.
     axes.set_ylim(top=6.0 * max(medians))
-    axes.legend(fontsize=SMALLER, frameon=False, loc="upper left")
-    kind = f"{cells[0]['fluid_model']}, {cells[0]['panels_per_element']} panels per element"
-    name_panel(axes, f"a physics step ({kind})")
-    style_axes(axes, "elements N", "time of a step (\u00b5s)")
+    axes.legend(fontsize=style.SMALLER, frameon=False, loc="upper left")
+    model, panels = _kind(cells[0])
+    style.name_panel(axes, f"a physics step ({model}, {panels} panels per element)")
+    style.style_axes(axes, "elements N", "time of a step (\u00b5s)")
+
+
+def _mark_floor(axes: Axes, points: Sequence[tuple[int, float]], colour: str, size: int) -> None:
+    if points:
+        x, y = zip(*points, strict=True)
+        axes.plot(x, y, "D", color=colour, markersize=size, markerfacecolor="white", label="floor")
 
 
 def _draw_parts(axes: Axes, cells: Sequence[Record]) -> None:
@@ -198,11 +178,9 @@ def _draw_parts(axes: Axes, cells: Sequence[Record]) -> None:
     totals = [sum(max(0.0, part["median"]) for part in cell["parts"].values()) for cell in cells]
     bottom = [0.0] * len(cells)
     for index, name in enumerate(names):
+        medians = [cell["parts"].get(name, {"median": 0.0})["median"] for cell in cells]
         heights = [
-            100.0 * max(0.0, cell["parts"][name]["median"]) / total
-            if name in cell["parts"]
-            else 0.0
-            for cell, total in zip(cells, totals, strict=True)
+            100.0 * max(0.0, median) / total for median, total in zip(medians, totals, strict=True)
         ]
         axes.bar(
             places,
@@ -215,37 +193,30 @@ def _draw_parts(axes: Axes, cells: Sequence[Record]) -> None:
             label=name.replace("_", " "),
         )
         bottom = [below + height for below, height in zip(bottom, heights, strict=True)]
-    for place, cell in zip(places, cells, strict=True):
-        time = _time(cell["step"]["median"])
-        axes.text(place, 101.5, time, ha="center", va="bottom", fontsize=SMALLER)
-    floor = [
-        (place, 100.0 * cell["floor"]["median"] / cell["step"]["median"])
-        for place, cell in zip(places, cells, strict=True)
-        if cell.get("floor")
-    ]
-    if floor:
-        axes.plot(
-            *zip(*floor, strict=True),
-            "D",
-            color=BLACK,
-            markersize=5,
-            markerfacecolor="white",
-            label="floor",
-        )
+    floor = []
+    for place, cell in enumerate(cells):
+        step = cell["step"]["median"]
+        axes.text(place, 101.5, _time(step), ha="center", va="bottom", fontsize=style.SMALLER)
+        if cell.get("floor"):
+            floor.append((place, 100.0 * cell["floor"]["median"] / step))
+    _mark_floor(axes, floor, style.BLACK, 5)
     axes.set_xticks(places, [str(cell["elements"]) for cell in cells])
     # A floor may lie above a step that is faster than it: keep it in sight.
     axes.set_ylim(0.0, max([112.0, *(1.06 * share for _, share in floor)]))
     axes.set_yticks(range(0, 101, 25))
+    _legend_below(axes, (0.45, -0.22), ncols=3, columnspacing=1.0)
+    style.style_axes(axes, "elements N", "share of a step (%)")
+
+
+def _legend_below(axes: Axes, place: tuple[float, float], **how: Any) -> None:
     axes.legend(
-        fontsize=SMALLER,
+        fontsize=style.SMALLER,
         frameon=False,
         loc="upper center",
-        bbox_to_anchor=(0.45, -0.22),
-        ncols=3,
+        bbox_to_anchor=place,
         handlelength=1.0,
-        columnspacing=1.0,
+        **how,
     )
-    style_axes(axes, "elements N", "share of a step (%)")
 
 
 def _time(microseconds: float) -> str:
@@ -262,41 +233,25 @@ def _draw_speeds(axes: Axes, speeds: Sequence[Record]) -> None:
     places = range(len(speeds))
     rates = [speed["simulated_seconds_per_second"] for speed in speeds]
     medians = [rate["median"] for rate in rates]
-    errors = [
-        [rate["median"] - rate["low"] for rate in rates],
-        [rate["high"] - rate["median"] for rate in rates],
-    ]
-    for peer, colour, label in ((False, BLUE, "this package"), (True, ORANGE, "peers")):
+    for peer, colour, label in ((False, style.BLUE, "this package"), (True, style.ORANGE, "peers")):
         some = [place for place in places if bool(speeds[place].get("peer")) is peer]
         if some:
-            axes.barh(
-                some, [medians[place] for place in some], height=0.6, color=colour, label=label
-            )
-    axes.errorbar(medians, places, xerr=errors, fmt="none", ecolor=BLACK, capsize=2, linewidth=1)
+            lengths = [medians[place] for place in some]
+            axes.barh(some, lengths, height=0.6, color=colour, label=label)
+    axes.errorbar(
+        medians, places, xerr=_bars(rates), fmt="none", ecolor=style.BLACK, capsize=2, linewidth=1
+    )
     axes.set_xscale("log")
     # Whole decades, so that there are labels at both ends.
     decades = (math.floor(math.log10(0.7 * min(medians))), math.ceil(math.log10(2 * max(medians))))
     axes.set_xlim(10.0 ** decades[0], 10.0 ** decades[1])
     axes.xaxis.set_minor_formatter(NullFormatter())
-    for place, rate in zip(places, rates, strict=True):
-        axes.text(
-            1.2 * rate["high"],
-            place,
-            f"{rate['median']:,.0f}" if rate["median"] >= 100.0 else f"{rate['median']:.3g}",
-            va="center",
-            fontsize=SMALLER,
-        )
-    labels = [textwrap.fill(speed["label"], 24) for speed in speeds]
-    axes.set_yticks(places, labels)
+    for place, rate in enumerate(rates):
+        number = f"{rate['median']:,.0f}" if rate["median"] >= 100.0 else f"{rate['median']:.3g}"
+        axes.text(1.2 * rate["high"], place, number, va="center", fontsize=style.SMALLER)
+    axes.set_yticks(places, [textwrap.fill(speed["label"], 24) for speed in speeds])
     axes.invert_yaxis()
-    axes.legend(
-        fontsize=SMALLER,
-        frameon=False,
-        loc="upper center",
-        bbox_to_anchor=(0.4, -0.09),
-        ncols=2,
-        handlelength=1.0,
-    )
-    name_panel(axes, "speed (batches: all members)")
-    style_axes(axes, "simulated time per wall time (s/s)", "")
-    axes.tick_params(axis="y", labelsize=SMALLER)
+    _legend_below(axes, (0.4, -0.09), ncols=2)
+    style.name_panel(axes, "speed (batches: all members)")
+    style.style_axes(axes, "simulated time per wall time (s/s)", "")
+    axes.tick_params(axis="y", labelsize=style.SMALLER)

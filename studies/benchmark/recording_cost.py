@@ -28,28 +28,19 @@ __all__ = ["measure_cost"]
 def measure_cost(episodes: int = 10, policy: Any = None) -> dict[str, Any]:
     """Play the default episode of 20 s, recorded and not, without flow.
 
-    Two environments take every action in turn, one recorded, who is first changes each time. So
-    both find the machine in the same state, and have the policy's work between their steps. All
-    episodes are the same, so that the layout is kept from file to file: one that is made anew takes
-    twice as long. Resets are not counted.
-
-    Parameters
-    ----------
-    episodes : int
-        How often.
-    policy : optional
-        Who plays, with the call ``predict(observation, state, episode_start, deterministic)``;
-        random actions that are drawn before unless given.
+    Two environments take every action in turn, one of them recorded, and swap the order after each
+    action. So both find the machine in the same state, and have the policy's work between their
+    steps. All episodes are the same, so that the layout is kept from file to file: a new one takes
+    twice as long. Resets do not count. Actions are those of a `policy`, or random ones.
 
     Returns
     -------
     dict
         Medians with their quartiles: ``bare_seconds`` of an episode with its policy;
-        ``while_playing`` and ``with_file``, what recording adds to it, but for the last action at
-        whose end the file is written, and in all, as shares; ``file_seconds``; ``bytes`` of the
-        file. Beside them ``frame_seconds``, what a frame adds to a file's time, and
-        ``fixed_seconds``, the rest of it, from the shortest of ten files each with few and with
-        many frames.
+        ``while_playing`` and ``with_file``, what recording adds to it as shares, without and with
+        the last action, at whose end the file is written; ``file_seconds``; ``bytes`` of the file.
+        Beside them ``frame_seconds``, what a frame adds to a file's time, and ``fixed_seconds``,
+        the rest of it, from the shortest of ten files each with few and with many frames.
     """
     rows = []
     with tempfile.TemporaryDirectory() as folder:
@@ -75,19 +66,18 @@ def measure_cost(episodes: int = 10, policy: Any = None) -> dict[str, Any]:
 
 
 def _measure_files(repeats: int = 10) -> dict[str, float]:
-    """Return what a file takes, and what a frame adds."""
+    """Return the time of a frame in a file, and the rest."""
     simulator = Simulator("swimmer")
-    run = simulator.rollout(simulator.prescribed_torques(4000))
+    swimmer = Swimmer("x", simulator.rollout(simulator.prescribed_torques(4000)))
     found = []
     with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder) / "cost.rrd"
         for rate in (0.5, 200.0):
             files = [
-                write_recording(
-                    Path(folder) / "cost.rrd", [Swimmer("x", run)], flow_rate=None, frame_rate=rate
-                )
+                write_recording(place, [swimmer], flow_rate=None, frame_rate=rate)
                 for _ in range(repeats)
             ]
-            found.append((files[0].frames, min([file.logging_seconds for file in files])))
+            found.append((files[0].frames, min(file.logging_seconds for file in files)))
     (few, short), (many, long) = found
     frame = (long - short) / (many - few)
     return {"frame_seconds": round(frame, 8), "fixed_seconds": round(short - few * frame, 4)}

@@ -10,10 +10,11 @@ from typing import Any
 
 from studies.benchmark.picture import draw_benchmark
 from studies.benchmark.startup import PHASES
-from swim_env.files.folders import check_folder, write_folder
+from swim_env.files.folders import write_folder
+from swim_env.files.tables import markdown_table
 from swim_env.plots import save_figure
 
-__all__ = ["REPORT_FILES", "check_report_folder", "report_page", "report_tables", "write_report"]
+__all__ = ["REPORT_FILES", "report_page", "report_tables", "write_report"]
 
 #: What a folder of results holds.
 REPORT_FILES = ("benchmark.json", "benchmark.md", "benchmark.png")
@@ -25,30 +26,31 @@ _OURS = "paper_i_rollout"
 
 
 def report_tables(record: Record) -> str:
-    """Return what was measured as tables in Markdown that read well as plain text.
+    """Return what `scripts/benchmark.py` ends with as tables in Markdown, without absent sections.
 
-    Parameters
-    ----------
-    record : mapping
-        What `scripts/benchmark.py` ends with; sections that are not in it are left out.
+    They read well as plain text.
     """
+    speeds, ratios = record.get("speeds", {}), record.get("ratios", {})
     sections = [
         *_kernel_tables(record.get("kernel", [])),
-        *_growth_table(record.get("growth", [])),
-        *_effects_table(record.get("effects", [])),
-        *_speed_tables(record.get("speeds", {}), record.get("ratios", {})),
-        *_memory_table(record.get("memory")),
-        *_startup_table(record.get("startup")),
-        *_training_table(record.get("training", {})),
+        _growth_table(record.get("growth", [])),
+        _effects_table(record.get("effects", [])),
+        _speed_table(speeds),
+        _stable_step_table(speeds),
+        _ahead_and_behind(speeds),
+        _ratio_table(ratios),
+        _memory_table(record.get("memory")),
+        _startup_table(record.get("startup")),
+        _training_table(record.get("training", {})),
     ]
     missing = [f"- {name}: {reason}" for name, reason in record.get("skipped", {}).items()]
     if missing:
         sections.append("## Not measured\n\n" + "\n".join(missing))
-    return "\n\n".join(sections)
+    return "\n\n".join(filter(None, sections))
 
 
 def report_page(record: Record) -> str:
-    """Return the page that stands beside the data: where, when and how, picture and tables."""
+    """Return the page beside the data: where, when and how, picture and tables."""
     machine = record["machine"]
     versions = ", ".join(f"{name} {number}" for name, number in record["versions"].items())
     where = (
@@ -63,17 +65,6 @@ def report_page(record: Record) -> str:
     picture = "![Time of a physics step, its parts, and speed beside the peers](benchmark.png)"
     tables = report_tables(record)
     return f"# Benchmark\n\n{where}\n\n{how}\n\n{picture}\n\n{tables}\n"
-
-
-def check_report_folder(folder: str | os.PathLike[str]) -> None:
-    """Refuse a folder that exists and holds anything but an earlier report.
-
-    Raises
-    ------
-    SwimError
-        If it does, or if the path is a file.
-    """
-    check_folder(folder, REPORT_FILES)
 
 
 def write_report(record: Record, folder: str | os.PathLike[str]) -> None:
@@ -98,26 +89,14 @@ def write_report(record: Record, folder: str | os.PathLike[str]) -> None:
 
 
 def _table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return an aligned table in Markdown, the first column to the left, others to the right."""
-    lines = [list(heads), *(list(row) for row in rows)]
-    widths = [max(3, *(len(line[column]) for line in lines)) for column in range(len(heads))]
-
-    def joined(line: Sequence[str]) -> str:
-        cells = [line[0].ljust(widths[0])]
-        cells += [cell.rjust(width) for cell, width in zip(line[1:], widths[1:], strict=True)]
-        return f"| {' | '.join(cells)} |"
-
-    rule = ["-" * widths[0], *("-" * (width - 1) + ":" for width in widths[1:])]
-    return "\n".join([f"## {title}", "", joined(lines[0]), joined(rule), *map(joined, lines[1:])])
+    """Return a table under its heading, nothing without rows."""
+    rows = list(rows)
+    return f"## {title}\n\n{markdown_table(heads, rows, padded=True)}" if rows else ""
 
 
 def _number(value: float) -> str:
     """Return a number with three digits, or all before the point."""
-    if value == 0.0 or not 1e-3 <= abs(value) < 1e7:
-        return f"{value:.3g}"
-    if abs(value) >= 100.0:
-        return f"{value:,.0f}"
-    return f"{value:.3g}"
+    return f"{value:,.0f}" if 100.0 <= abs(value) < 1e7 else f"{value:.3g}"
 
 
 def _spread(spread: Record) -> str:
@@ -130,9 +109,7 @@ def _median(spread: Record | None) -> str:
 
 
 def _aim(measured: Record, sign: str) -> tuple[str, str]:
-    """Return what was aimed at and whether it was met, empty without an aim."""
-    if measured["aim"] is None:
-        return "", ""
+    """Return the aim and whether it was met."""
     return f"{sign} {measured['aim']:g}", "yes" if measured["met"] else "no"
 
 
@@ -142,7 +119,6 @@ def _kernel_tables(cells: Sequence[Record]) -> list[str]:
     for model in dict.fromkeys(cell["fluid_model"] for cell in cells):
         some = [cell for cell in cells if cell["fluid_model"] == model]
         parts = list(dict.fromkeys(part for cell in some for part in cell["parts"]))
-        heads = ["N x panels per element", "step", *parts, "floor", "step / floor"]
         rows = [
             [
                 f"{cell['elements']} x {cell['panels_per_element']}",
@@ -153,13 +129,12 @@ def _kernel_tables(cells: Sequence[Record]) -> list[str]:
             ]
             for cell in some
         ]
+        heads = ["N x panels per element", "step", *parts, "floor", "step / floor"]
         tables.append(_table(f"Microseconds of a physics step, fluid model {model}", heads, rows))
     return tables
 
 
-def _growth_table(fits: Sequence[Record]) -> list[str]:
-    if not fits:
-        return []
+def _growth_table(fits: Sequence[Record]) -> str:
     rows = [
         [
             f"{fit['fluid_model']}, {fit['panels_per_element']} panels per element",
@@ -170,57 +145,30 @@ def _growth_table(fits: Sequence[Record]) -> list[str]:
         for fit in fits
     ]
     heads = ["fluid model", "N", "exponent", "largest deviation"]
-    return [_table("Growth of a step's time with the number of elements N", heads, rows)]
+    return _table("Growth of a step's time with the number of elements N", heads, rows)
 
 
-def _effects_table(effects: Sequence[Record]) -> list[str]:
-    if not effects:
-        return []
-    rows = [
-        (
-            one["effect"],
-            _spread(one["with"]),
-            _spread(one["without"]),
-            _spread(one["added"]),
-            _spread(one["removed"]),
-        )
-        for one in effects
-    ]
+def _effects_table(effects: Sequence[Record]) -> str:
+    names = ("with", "without", "added", "removed")
+    rows = [[one["effect"], *(_spread(one[name]) for name in names)] for one in effects]
     heads = ("effect", "with (us a step)", "without (us a step)", "added (us)", "without / with")
-    return [_table("What effects cost", heads, rows)]
+    return _table("What effects cost", heads, rows)
 
 
-def _speed_tables(speeds: Record, ratios: Record) -> list[str]:
-    tables = []
-    if speeds:
-        rows = [
-            [
-                speed["label"],
-                _spread(speed["steps_per_second"]),
-                _spread(speed["microseconds_per_step"]),
-                _spread(speed["simulated_seconds_per_second"]),
-            ]
-            for speed in speeds.values()
-        ]
-        heads = ["environment", "steps per second", "us per step", "simulated s per s"]
-        tables.append(_table("Environment steps", heads, rows))
-        tables += _stable_step_table(speeds)
-        tables += _standing(speeds)
-    if ratios:
-        rows = [
-            [
-                ratio["label"],
-                _spread(ratio["ratio"]),
-                *_aim(ratio, "\u2265"),
-            ]
-            for ratio in ratios.values()
-        ]
-        heads = ["steps per second, compared", "ratio", "aim", "met"]
-        tables.append(_table("Beside the peers", heads, rows))
-    return tables
+def _speed_table(speeds: Record) -> str:
+    names = ("steps_per_second", "microseconds_per_step", "simulated_seconds_per_second")
+    rows = [[one["label"], *(_spread(one[name]) for name in names)] for one in speeds.values()]
+    heads = ["environment", "steps per second", "us per step", "simulated s per s"]
+    return _table("Environment steps", heads, rows)
 
 
-def _stable_step_table(speeds: Record) -> list[str]:
+def _ratio_table(ratios: Record) -> str:
+    rows = [[one["label"], _spread(one["ratio"]), *_aim(one, "\u2265")] for one in ratios.values()]
+    heads = ["steps per second, compared", "ratio", "aim", "met"]
+    return _table("Beside the peers", heads, rows)
+
+
+def _stable_step_table(speeds: Record) -> str:
     """Return how large the largest stable steps of peers are, and how accurate a run with them."""
     rows = [
         [speed["label"], _number(1e3 * speed["time_step"]), f"{100 * speed['deviation']:.0f} %"]
@@ -228,17 +176,17 @@ def _stable_step_table(speeds: Record) -> list[str]:
         if "deviation" in speed
     ]
     heads = ["peer", "step (ms)", "deviation from a quarter of the step"]
-    return [_table("Largest stable steps, which need not be accurate", heads, rows)] if rows else []
+    return _table("Largest stable steps, which need not be accurate", heads, rows)
 
 
-def _standing(speeds: Record) -> list[str]:
+def _ahead_and_behind(speeds: Record) -> str:
     """Say which peers are ahead of this package and which are behind, on the same beam."""
     ours = speeds.get(_OURS)
     peers = [
         speed for name, speed in speeds.items() if name.startswith(("mujoco_chain", "elastica_rod"))
     ]
     if ours is None or not peers:
-        return []
+        return ""
 
     def simulated(speed: Record) -> float:
         return float(speed["simulated_seconds_per_second"]["median"])
@@ -246,49 +194,44 @@ def _standing(speeds: Record) -> list[str]:
     def physics_steps(speed: Record) -> float:
         return float(speed["steps_per_second"]["median"] * speed["physics_steps_per_step"])
 
-    def listed(some: Sequence[Record]) -> str:
+    def listed(ahead: bool) -> str:
+        some = [one for one in peers if (simulated(one) > simulated(ours)) is ahead]
         ranked = sorted(some, key=simulated, reverse=True)
         lines = [
             f"- {_number(simulated(one) / simulated(ours))} times: {one['label']}" for one in ranked
         ]
-        return "\n".join(lines) if lines else "- none"
+        return "\n".join(lines) or "- none"
 
-    ahead = [one for one in peers if simulated(one) > simulated(ours)]
-    behind = [one for one in peers if simulated(one) <= simulated(ours)]
     fastest = max(peers, key=physics_steps)
-    return [
+    return (
         f"## Who is ahead, in simulated seconds per wall second on the same beam\n\n"
         f"{ours['label']}: {_number(simulated(ours))} simulated seconds per second. No peer "
         f"computes the added mass of\nthe surrounding flow. Ahead of this package:\n\n"
-        f"{listed(ahead)}\n\nBehind it:\n\n{listed(behind)}\n\n"
+        f"{listed(True)}\n\nBehind it:\n\n{listed(False)}\n\n"
         f"In plain steps per second peers are ahead: {_number(physics_steps(fastest))} of "
         f"{fastest['label']},\n{_number(physics_steps(ours))} here."
-    ]
+    )
 
 
-def _memory_table(memory: Record | None) -> list[str]:
+def _memory_table(memory: Record | None) -> str:
     if memory is None:
-        return []
+        return ""
     arrays, resident, many = memory["arrays"], memory["resident"], memory["many_elements"]
-    rows = [
-        [f"arrays of {members} members", _number(size / 1e6)]
-        for members, size in arrays["bytes"].items()
-    ]
-    rows.append(["each member more", _number(arrays["bytes_per_member"] / 1e6)])
-    rows.append([f"each of {many['elements']} elements", _number(many["bytes_per_member"] / 1e6)])
+    sizes = {f"arrays of {members} members": size for members, size in arrays["bytes"].items()}
+    sizes["each member more"] = arrays["bytes_per_member"]
+    sizes[f"each of {many['elements']} elements"] = many["bytes_per_member"]
     if resident is not None:
-        rows.append(["a process with one member", _number(resident["process"] / 1e6)])
-        rows += [
-            [f"it grows by, {members} members more", _number(size / 1e6)]
-            for members, size in resident["growth"].items()
-        ]
+        sizes["a process with one member"] = resident["process"]
+        for members, size in resident["growth"].items():
+            sizes[f"it grows by, {members} members more"] = size
     title = f"Memory, scene {memory['scene']} with {memory['elements']} elements"
-    return [_table(title, ["of", "MB"], rows)]
+    rows = [[name, _number(size / 1e6)] for name, size in sizes.items()]
+    return _table(title, ["of", "MB"], rows)
 
 
-def _startup_table(startup: Record | None) -> list[str]:
+def _startup_table(startup: Record | None) -> str:
     if startup is None:
-        return []
+        return ""
     warm, cold = startup["warm"], startup.get("cold")
     phases = [phase for phase in PHASES if phase in warm]
     rows = [["kernels in the cache", *(_spread(warm[phase]) for phase in phases), *_aim(warm, "<")]]
@@ -299,14 +242,11 @@ def _startup_table(startup: Record | None) -> list[str]:
     if cold is not None and cold["announcement"]:
         said = "\n".join(f"    {line}" for line in cold["announcement"])
         text += f"\n\nSaid on stderr, first after {cold['announced_after']:.1f} s:\n\n{said}"
-    return [text]
+    return text
 
 
-def _training_table(training: Record) -> list[str]:
+def _training_table(training: Record) -> str:
     runs = [run for run in training.values() if run]
-    if not runs:
-        return []
-    heads = ["training", "steps per second", *runs[0]["shares"]]
     rows = [
         [
             f"{run['algorithm']}, {run['members']} members, {run['environment_threads']} threads, "
@@ -316,4 +256,5 @@ def _training_table(training: Record) -> list[str]:
         ]
         for run in runs
     ]
-    return [_table("Where training spends its time", heads, rows)]
+    parts = runs[0]["shares"] if runs else {}
+    return _table("Where training spends its time", ["training", "steps per second", *parts], rows)

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable
 from typing import Any
 
 from studies.benchmark.subprocesses import Finished, run_python
-from studies.benchmark.timing import spread_of
+from studies.benchmark.timing import Progress, spread_of
 from swim_env.physics.loading import load_kernels
 
-__all__ = ["COLD_AIM", "PHASES", "WARM_AIM", "measure_cold_start", "measure_warm_start"]
+__all__ = ["PHASES", "measure_cold_start", "measure_warm_start"]
 
 #: What a start consists of; ``total`` is their sum and ``process`` all that the process took.
 PHASES = ("import", "make_and_reset", "first_step", "total", "process")
 
 #: What ``total`` should stay below (s), with the kernels in the cache and without.
-WARM_AIM, COLD_AIM = 2.0, 25.0
+_WARM_AIM, _COLD_AIM = 2.0, 25.0
 
 _CODE = """
 import time
@@ -40,40 +39,28 @@ def _phases(done: Finished) -> dict[str, float]:
     return dict(zip(PHASES, seconds, strict=True))
 
 
-def measure_warm_start(
-    rounds: int, after_round: Callable[[int], object] | None = None
-) -> dict[str, Any]:
+def measure_warm_start(rounds: int, progress: Progress | None = None) -> dict[str, Any]:
     """Measure starts with the compiled kernels in the cache, each in a process of its own.
 
-    Parameters
-    ----------
-    rounds : int
-        Number of starts that count; one more comes before them and fills the disk's cache.
-    after_round : callable, optional
-        Called with 1 after every start that counts.
+    One start more comes before them, fills the disk's cache and does not count.
 
     Returns
     -------
     dict
         Spreads of PHASES (s), ``aim`` for the total, and ``met``: whether its median is below.
-
-    Raises
-    ------
-    SwimError
-        If a start fails.
     """
     load_kernels()
     run_python(_CODE)
     runs = []
     for _ in range(rounds):
         runs.append(_phases(run_python(_CODE)))
-        if after_round is not None:
-            after_round(1)
+        if progress is not None:
+            progress(1)
     spreads = {phase: spread_of([run[phase] for run in runs]) for phase in PHASES}
     return {
         **{phase: spread.as_dict() for phase, spread in spreads.items()},
-        "aim": WARM_AIM,
-        "met": spreads["total"].median < WARM_AIM,
+        "aim": _WARM_AIM,
+        "met": spreads["total"].median < _WARM_AIM,
     }
 
 
@@ -86,11 +73,6 @@ def measure_cold_start() -> dict[str, Any]:
         PHASES (s); ``aim`` and ``met`` as for `measure_warm_start`; ``announcement``: the lines
         on standard error that say what is happening; ``announced_after``: when the first of them
         came, from the start of the process (s), None without one.
-
-    Raises
-    ------
-    SwimError
-        If the start fails.
     """
     with tempfile.TemporaryDirectory(prefix="swim_env-", ignore_cleanup_errors=True) as folder:
         done = run_python(_CODE, environment={"NUMBA_CACHE_DIR": folder})
@@ -98,8 +80,8 @@ def measure_cold_start() -> dict[str, Any]:
     phases = _phases(done)
     return {
         **phases,
-        "aim": COLD_AIM,
-        "met": phases["total"] < COLD_AIM,
+        "aim": _COLD_AIM,
+        "met": phases["total"] < _COLD_AIM,
         "announcement": [line for _, line in said],
         "announced_after": said[0][0] if said else None,
     }

@@ -1,4 +1,4 @@
-"""Python processes of their own, with what they say and when they said it."""
+"""Python processes of their own, with what they print and when."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,16 +17,9 @@ __all__ = ["Finished", "run_python"]
 
 
 class Finished(NamedTuple):
-    """A process that ended well.
+    """A process that ended well: its standard output, timed lines on standard error, wall time.
 
-    Attributes
-    ----------
-    output : str
-        What it wrote to standard output.
-    messages : list of (float, str)
-        Lines on standard error, each with the seconds from the start of the process to it.
-    seconds : float
-        Wall time of the whole process, Python's own start included (s).
+    Times are in seconds from the start of the process, Python's own start included.
     """
 
     output: str
@@ -36,33 +28,19 @@ class Finished(NamedTuple):
 
 
 def run_python(
-    code: str,
-    *arguments: str,
-    environment: Mapping[str, str] | None = None,
-    time_limit: float = 600.0,
+    code: str, *arguments: str, environment: Mapping[str, str] | None = None
 ) -> Finished:
-    """Run Python code with this interpreter and this package.
+    """Run Python code with this interpreter and this package, and some environment variables set.
 
-    Parameters
-    ----------
-    code : str
-        What to run.
-    *arguments : str
-        Its ``sys.argv[1:]``.
-    environment : mapping, optional
-        Variables to set beside those of this process.
-    time_limit : float
-        Seconds after which the process is ended.
+    Arguments become its ``sys.argv[1:]``.
 
     Raises
     ------
     SwimError
-        If it fails or takes longer.
+        If it fails.
     """
-    root = str(Path(__file__).parents[2])
-    paths = [root, *filter(None, [os.environ.get("PYTHONPATH")])]
+    paths = [str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])]
     variables = {**os.environ, **(environment or {}), "PYTHONPATH": os.pathsep.join(paths)}
-    messages: list[tuple[float, str]] = []
     with tempfile.TemporaryFile("w+", encoding="utf-8") as output:
         start = time.perf_counter()
         with subprocess.Popen(
@@ -73,18 +51,8 @@ def run_python(
             text=True,
             env=variables,
         ) as process:
-            limit = threading.Timer(time_limit, process.kill)
-            limit.start()
-            try:
-                assert process.stderr is not None
-                for line in process.stderr:
-                    messages.append((time.perf_counter() - start, line.rstrip("\n")))
-                process.wait()
-            except BaseException:
-                process.kill()
-                raise
-            finally:
-                limit.cancel()
+            assert process.stderr is not None
+            messages = [(time.perf_counter() - start, line.rstrip("\n")) for line in process.stderr]
         seconds = time.perf_counter() - start
         output.seek(0)
         text = output.read()

@@ -1,33 +1,32 @@
-"""The benchmark's sections: which measurements are made of what, and what they are compared to."""
+"""The benchmark's sections: what is measured, how much of it, and what it is compared to."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from swim_agents.commands.command_line import progress_bar
 
+from studies.benchmark.effects import effect_pairs, measure_effects
 from studies.benchmark.elastica_peer import SOFTENINGS
-from studies.benchmark.environments import Workload, speed_ratio, throughput
-from studies.benchmark.mujoco_chain import CHAIN_VARIANTS, ChainVariant
+from studies.benchmark.environments import Workload, swim_workloads, throughput
+from studies.benchmark.growth import growth_of
+from studies.benchmark.memory import measure_memory
+from studies.benchmark.mujoco_chain import CHAIN_VARIANTS, ChainVariant, Way
 from studies.benchmark.parts import measure_parts
-from studies.benchmark.timing import time_in_turn
+from studies.benchmark.peers import peer_workloads
+from studies.benchmark.startup import measure_cold_start, measure_warm_start
+from studies.benchmark.timing import Progress, ratio, time_in_turn
+from swim_env.envs.assessment import load_assessment
+from swim_env.errors import SwimError
 from swim_env.physics import FLUID_MODELS
+from swim_env.physics.runtime.threads import usable_threads
 from swim_env.scene import Scene, load_scene
 from swim_env.scene.fluid import MOST_ELEMENTS_OF_EXPANSION
 
-__all__ = [
-    "FULL",
-    "QUICK",
-    "RATIOS",
-    "SECTIONS",
-    "Extent",
-    "Ratio",
-    "kernel_scenes",
-    "measure_kernel",
-    "measure_speeds",
-]
+__all__ = ["FULL", "QUICK", "SECTIONS", "Extent", "kernel_scenes", "measure", "measure_speeds"]
 
 #: What can be measured by itself.
 SECTIONS = ("kernel", "effects", "environments", "startup", "training", "peers")
@@ -37,47 +36,35 @@ _WITHOUT_PANELS = ("none", "strip", "frozen", "expansion")
 #: The model that is there for comparison with the paper's equations only.
 _NOT_FOR_USE = "centreline"
 _USUAL_PANELS = 4
-#: Where the steps are long and their medians steady, fewer rounds do.
+#: Elements times panels above which steps are long and their medians steady: a third of the rounds
+#: do, at least 3.
 _LARGE = 250
+#: Growth is fitted over all beams, and over those from here on, where the panels dominate.
+_LARGE_BEAMS = 18
 
 
 class Extent(NamedTuple):
-    """How much is measured.
+    """How much is measured."""
 
-    Attributes
-    ----------
-    elements, panels : tuple of int
-        Beams and panels per element that the parts of a step are measured for.
-    rounds : int
-        How often each thing is timed.
-    single_steps, batch_steps : int
-        Environment steps in a timed call.
-    memory_members : tuple of int
-        Sizes of the batches whose memory is measured.
-    starts : int
-        Number of starts with a filled cache.
-    cold_start : bool
-        Whether a start with an empty cache is measured.
-    training_seconds : float
-        Length of each training run.
-    training : dict of str to dict
-        Changes to the shipped training configurations, by name.
-    chain_variants, chain_ways, softenings : tuple
-        What of the peers is prepared, see `studies.benchmark.peers.peer_workloads`.
-    """
-
+    #: Beams and panels per element that the parts of a step are measured for.
     elements: tuple[int, ...]
     panels: tuple[int, ...]
+    #: How often each thing is timed.
     rounds: int
+    #: Environment steps in a timed call.
     single_steps: int
     batch_steps: int
+    #: Sizes of the batches whose memory is measured.
     memory_members: tuple[int, ...]
+    #: Starts with a filled cache, and whether one with an empty cache is measured.
     starts: int
     cold_start: bool
+    #: Length of each training run (s), and changes to the shipped training configurations by name.
     training_seconds: float
     training: dict[str, dict[str, Any]]
+    #: What of the peers is prepared, see `studies.benchmark.peers.peer_workloads`.
     chain_variants: tuple[ChainVariant, ...]
-    chain_ways: tuple[str, ...]
+    chain_ways: tuple[Way, ...]
     softenings: tuple[float, ...]
 
 
@@ -107,65 +94,97 @@ QUICK = Extent(
     starts=2,
     cold_start=False,
     training_seconds=2.0,
-    training={
-        "ppo_forward": {"ppo.rollout": 32},
-        "sac_forward": {"sac.learning_starts": 256},
-    },
+    training={"ppo_forward": {"ppo.rollout": 32}, "sac_forward": {"sac.learning_starts": 256}},
     chain_variants=(ChainVariant("implicitfast", "ellipsoid", "rod"),),
     chain_ways=("held",),
     softenings=(),  # PyElastica compiles for half a minute
 )
 
-
-class Ratio(NamedTuple):
-    """A comparison of two workloads' speeds.
-
-    Attributes
-    ----------
-    label : str
-        What is compared, for tables.
-    above, below : str
-        Names of the workloads.
-    aim : float or None
-        What the ratio should be at least.
-    """
-
-    label: str
-    above: str
-    below: str
-    aim: float | None
-
-
-#: Comparisons in environment steps per second, made where both workloads were timed.
-RATIOS: dict[str, Ratio] = {
-    "swimmer_to_swimmer_v5": Ratio(
+#: Comparisons in environment steps per second, made where both workloads were timed: the label in
+#: tables, the workloads above and below, and what their ratio should be at least.
+_RATIOS: dict[str, tuple[str, str, str, float]] = {
+    "swimmer_to_swimmer_v5": (
         "swimmer (4 physics steps each) to Swimmer-v5", "swimmer", "swimmer_v5", 0.35
     ),
-    "paper_i_to_swimmer_v5": Ratio(
+    "paper_i_to_swimmer_v5": (
         "paper_i (2 physics steps each), random torques, to Swimmer-v5",
-        "paper_i",
-        "swimmer_v5",
-        0.6,
+        "paper_i", "swimmer_v5", 0.6,
     ),
-    "paper_i_wave_to_swimmer_v5": Ratio(
+    "paper_i_wave_to_swimmer_v5": (
         "paper_i (2 physics steps each), the paper's wave, to Swimmer-v5",
-        "paper_i_wave",
-        "swimmer_v5",
-        0.6,
+        "paper_i_wave", "swimmer_v5", 0.6,
     ),
-    "batch_all_cores_to_1_thread": Ratio(
+    "batch_all_cores_to_1_thread": (
         "batch on all cores to the same batch in one thread",
-        "batch_all_cores",
-        "batch_1_thread",
-        1.6,
+        "batch_all_cores", "batch_1_thread", 1.6,
     ),
-    "batch_to_swimmer_v5_sync_vector": Ratio(
+    "batch_to_swimmer_v5_sync_vector": (
         "batch on all cores to as many Swimmer-v5 in a synchronous vector environment",
-        "batch_all_cores",
-        "swimmer_v5_sync_vector",
-        1.0,
+        "batch_all_cores", "swimmer_v5_sync_vector", 1.0,
     ),
-}
+}  # fmt: skip
+
+
+def measure(sections: Iterable[str], extent: Extent, optional: bool) -> dict[str, Any]:
+    """Measure sections, with progress bars.
+
+    Parameters
+    ----------
+    sections : iterable of str
+        Of SECTIONS; peers come with the environments that they are compared to.
+    extent : Extent
+        How much of them.
+    optional : bool
+        Whether sections whose packages are not installed are left out.
+
+    Returns
+    -------
+    dict
+        Of ``kernel``, ``growth``, ``effects``, ``speeds``, ``ratios``, ``memory``, ``startup`` and
+        ``training`` what the sections give; ``skipped``: why others are missing, by name.
+
+    Raises
+    ------
+    SwimError
+        If nothing can be measured of a section that is not optional.
+    """
+    load_assessment()
+    record: dict[str, Any] = {}
+    skipped: dict[str, str] = {}
+    peers: dict[str, Workload] = {}
+    sections = set(sections)
+    if "kernel" in sections:
+        record |= _measure_kernel(extent)
+    if "effects" in sections:
+        with progress_bar(len(effect_pairs()), "effect", "effects") as progress:
+            record["effects"] = measure_effects(extent.rounds, progress)
+    if "peers" in sections:
+        peers, skipped = _prepare_peers(extent)
+        if not peers and not optional:
+            raise SwimError("; ".join(skipped.values()))
+    if sections & {"environments", "peers"}:
+        ours = swim_workloads(
+            usable_threads(), single_steps=extent.single_steps, batch_steps=extent.batch_steps
+        )
+        with progress_bar(extent.rounds, "round", "environments") as progress:
+            speeds, ratios = measure_speeds({**ours, **peers}, extent.rounds, progress)
+        for name, speed in speeds.items():
+            speed["peer"] = name in peers
+        record |= {"speeds": speeds, "ratios": ratios}
+    if "environments" in sections:
+        record["memory"] = measure_memory(members=extent.memory_members)
+    if "startup" in sections:
+        with progress_bar(extent.starts + extent.cold_start, "start", "start-up") as progress:
+            record["startup"] = {"warm": measure_warm_start(extent.starts, progress)}
+            record["startup"]["cold"] = measure_cold_start() if extent.cold_start else None
+    if "training" in sections:
+        try:
+            record["training"] = _measure_training(extent)
+        except ImportError as error:
+            if not optional:
+                raise
+            skipped["training"] = str(error)
+    return {**record, "skipped": skipped}
 
 
 def kernel_scenes(elements: Iterable[int], panels: Iterable[int]) -> list[Scene]:
@@ -178,89 +197,82 @@ def kernel_scenes(elements: Iterable[int], panels: Iterable[int]) -> list[Scene]
     for model in FLUID_MODELS:
         if model == _NOT_FOR_USE:
             continue
-        of_model = load_scene("paper_i").replace("fluid.model", model)
         for count in [_USUAL_PANELS] if model in _WITHOUT_PANELS else panels:
-            with_panels = of_model.replace("fluid.panels_per_element", count)
-            most = MOST_ELEMENTS_OF_EXPANSION if model == "expansion" else max(elements)
+            changes = {"fluid.model": model, "fluid.panels_per_element": count}
             scenes += [
-                with_panels.replace("beam.elements", number)
+                load_scene("paper_i").replace({**changes, "beam.elements": number})
                 for number in elements
-                if number <= most
+                if model != "expansion" or number <= MOST_ELEMENTS_OF_EXPANSION
             ]
     return scenes
 
 
-def measure_kernel(
-    scenes: Iterable[Scene],
-    rounds: int,
-    progress: Callable[[int], object] | None = None,
-) -> list[dict[str, Any]]:
-    """Measure the physics step of scenes by part.
-
-    Parameters
-    ----------
-    scenes : iterable of Scene
-        The scenes.
-    rounds : int
-        How often each part is timed; a third of it, at least 3, for large beams.
-    progress : callable, optional
-        Called with 1 after every scene.
-
-    Returns
-    -------
-    list of dict
-        Of every scene what `studies.benchmark.parts.measure_parts` returns.
-    """
-    cells: list[dict[str, Any]] = []
-    for scene in scenes:
-        panels = scene.fluid.panels_per_element if scene.fluid else 0
-        large = scene.beam.elements * panels > _LARGE
-        cells.append(measure_parts(scene, min(rounds, max(3, rounds // 3)) if large else rounds))
-        if progress is not None:
+def _measure_kernel(extent: Extent) -> dict[str, Any]:
+    """Measure the physics step of scenes by part, and how it grows with the number of elements."""
+    scenes = kernel_scenes(extent.elements, extent.panels)
+    cells = []
+    with progress_bar(len(scenes), "scene", "physics step") as progress:
+        for scene in scenes:
+            panels = scene.fluid.panels_per_element if scene.fluid else 0
+            large = scene.beam.elements * panels > _LARGE
+            rounds = min(extent.rounds, max(3, extent.rounds // 3)) if large else extent.rounds
+            cells.append(measure_parts(scene, rounds))
             progress(1)
-    return cells
+    return {"kernel": cells, "growth": growth_of(cells) + growth_of(cells, _LARGE_BEAMS)}
+
+
+def _prepare_peers(extent: Extent) -> tuple[dict[str, Workload], dict[str, str]]:
+    """Return what is timed of the peers, and why others are missing."""
+    total = 1 + len(extent.chain_variants) + len(extent.softenings)
+    with progress_bar(total, "peer", "preparing the peers") as progress:
+        return peer_workloads(
+            variants=extent.chain_variants,
+            softenings=extent.softenings,
+            ways=extent.chain_ways,
+            single_steps=extent.single_steps,
+            batch_steps=extent.batch_steps,
+            progress=progress,
+        )
 
 
 def measure_speeds(
-    workloads: Mapping[str, Workload],
-    rounds: int,
-    progress: Callable[[int], object] | None = None,
+    workloads: Mapping[str, Workload], rounds: int, progress: Progress | None = None
 ) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, Any]]]:
-    """Time workloads in turn and compare them.
-
-    Parameters
-    ----------
-    workloads : mapping of str to Workload
-        What is timed, by name.
-    rounds : int
-        How often each is timed.
-    progress : callable, optional
-        Called with 1 after every round.
+    """Time workloads in turn and compare them; `progress` is called after every round.
 
     Returns
     -------
     speeds : dict of str to dict
         By workload what `studies.benchmark.environments.throughput` returns.
     ratios : dict of str to dict
-        By name of RATIOS: ``label``, the spread ``ratio`` over the rounds, ``aim``, and ``met``:
-        whether the median reaches it; both None without an aim.
+        By comparison: ``label``, the spread ``ratio`` over the rounds, ``aim``, and ``met``:
+        whether the median reaches it.
     """
-    times = time_in_turn(
-        {name: workload.call for name, workload in workloads.items()},
-        rounds=rounds,
-        after_round=progress,
-    )
+    calls = {name: workload.call for name, workload in workloads.items()}
+    times = time_in_turn(calls, rounds=rounds, after_round=progress)
     speeds = {name: throughput(workload, times[name]) for name, workload in workloads.items()}
-    return speeds, _ratios(workloads, times)
-
-
-def _ratios(
-    workloads: Mapping[str, Workload], times: Mapping[str, NDArray[np.float64]]
-) -> dict[str, dict[str, Any]]:
-    found: dict[str, dict[str, Any]] = {}
-    for name, (label, above, below, aim) in RATIOS.items():
+    ratios = {}
+    for name, (label, above, below, aim) in _RATIOS.items():
         if above in workloads and below in workloads:
-            spread = speed_ratio(workloads[above], times[above], workloads[below], times[below])
-            met = None if aim is None else spread.median >= aim
-            found[name] = {"label": label, "ratio": spread.as_dict(), "aim": aim, "met": met}
-    return found
+            rates: list[NDArray[np.float64]] = [
+                workloads[one].steps / times[one] for one in (above, below)
+            ]
+            spread = ratio(*rates)
+            met = spread.median >= aim
+            ratios[name] = {"label": label, "ratio": spread.as_dict(), "aim": aim, "met": met}
+    return speeds, ratios
+
+
+def _measure_training(extent: Extent) -> dict[str, Any]:
+    from swim_agents.learning.config import load_config
+
+    from studies.benchmark.training_cost import CONFIGS, measure_training
+
+    runs = {}
+    for name in CONFIGS:
+        config = load_config(name, extent.training.get(name))
+        with progress_bar(int(extent.training_seconds), "s", f"training, {name}") as progress:
+            runs[config.algorithm] = measure_training(
+                config, seconds=extent.training_seconds, progress=progress
+            )
+    return runs

@@ -1,7 +1,7 @@
 """Timings on shared machines: several callables in turn, round after round, medians with spread.
 
 The speed of a shared machine drifts by half within minutes. What is to be compared is therefore
-timed in the same rounds, and compared by the ratios of the times that stand next to each other.
+timed in the same rounds, and compared by the ratios of times of the same round.
 """
 
 from __future__ import annotations
@@ -13,20 +13,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["Spread", "ratio", "spread_of", "time_in_turn"]
+__all__ = ["Progress", "Spread", "ratio", "spread_of", "time_in_turn"]
+
+#: Called with the number of things done since the last call.
+Progress = Callable[[int], object]
 
 
 class Spread(NamedTuple):
-    """The median of repeated measurements and how far they lie apart.
+    """Median, lower and upper quartile, smallest value and number of repeated measurements.
 
-    Attributes
-    ----------
-    median, low, high : float
-        Median and the quartiles below and above it.
-    smallest : float
-        The smallest value: other programs only ever add to a time.
-    rounds : int
-        Number of measurements.
+    Other programs only ever add to a time, which is why the smallest is kept.
     """
 
     median: float
@@ -35,23 +31,13 @@ class Spread(NamedTuple):
     smallest: float
     rounds: int
 
-    def scaled(self, factor: float) -> Spread:
-        """Return the spread in another unit."""
-        return Spread(
-            factor * self.median,
-            factor * self.low,
-            factor * self.high,
-            factor * self.smallest,
-            self.rounds,
-        )
-
     def as_dict(self) -> dict[str, Any]:
         """Return the fields by name, for JSON."""
         return self._asdict()
 
 
 def spread_of(values: ArrayLike) -> Spread:
-    """Return the spread of a list of measurements, at least one."""
+    """Return the spread of measurements, at least one."""
     numbers = np.asarray(values, dtype=np.float64).ravel()
     low, median, high = np.quantile(numbers, (0.25, 0.5, 0.75))
     return Spread(float(median), float(low), float(high), float(numbers.min()), numbers.size)
@@ -61,23 +47,14 @@ def time_in_turn(
     calls: Mapping[str, Callable[[], object]],
     *,
     rounds: int,
-    after_round: Callable[[int], object] | None = None,
+    after_round: Progress | None = None,
 ) -> dict[str, np.ndarray]:
-    """Time several callables in turn, round after round.
-
-    Parameters
-    ----------
-    calls : mapping of str to callable
-        What to time; called once before the first round to warm up.
-    rounds : int
-        How often each is timed, at least 1.
-    after_round : callable, optional
-        Called with 1 after every round, for progress bars.
+    """Time callables in turn, each `rounds` times, after one call each to warm up.
 
     Returns
     -------
     dict of str to (rounds,) array
-        Seconds of every call; entries of one index come from the same round.
+        Seconds of every call; entries with the same index come from the same round.
     """
     for call in calls.values():
         call()
@@ -93,5 +70,5 @@ def time_in_turn(
 
 
 def ratio(above: np.ndarray, below: np.ndarray) -> Spread:
-    """Return the spread of the ratios of two lists of times, pair by pair of the same round."""
+    """Return the spread of the ratios of two arrays of times, round by round."""
     return spread_of(above / below)

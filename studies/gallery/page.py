@@ -4,45 +4,38 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from swim_agents.comparison.performance import measure_gait
 
+from studies.gallery.pictures import draw_learning, draw_pareto
 from studies.gallery.runs import (
     FULL,
     PAPER_SCENES,
     TARGET,
     Plan,
+    Progress,
     Runs,
     play_all,
     stored_curves,
     table,
 )
+from swim_env import plots
 from swim_env.envs.task import TARGET_RADIUS
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
 from swim_env.files.folders import check_folder, page_of, write_folder
 from swim_env.files.provenance import where_and_when
-from swim_env.plots import (
-    draw_energy,
-    draw_gaits,
-    draw_kymographs,
-    draw_learning,
-    draw_pareto,
-    draw_path,
-    draw_paths,
-    draw_torques,
-    save_figure,
-)
+from swim_env.files.tables import markdown_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = ["GALLERY_FILES", "check_gallery", "make_gallery"]
 
-#: Who is shown with the energy budget: the wave and an agent.
+#: The wave and the agent whose energy budgets are shown.
 _BUDGETS = ("tuned_wave", "ppo_forward")
 
 #: Pictures by file, each with its heading, the function that draws it, and what is to be seen.
@@ -136,23 +129,12 @@ def check_gallery(folder: str | os.PathLike[str]) -> None:
 
 
 def make_gallery(
-    folder: str | os.PathLike[str],
-    plan: Plan,
-    command: str,
-    progress: Callable[[float], object],
+    folder: str | os.PathLike[str], plan: Plan, command: str, progress: Progress
 ) -> dict[str, Any]:
     """Play everything, draw it, and write pictures and page, all of them or none.
 
-    Parameters
-    ----------
-    folder : path
-        Where pictures and ``gallery.json`` go; the page stands beside it, with its name.
-    plan : Plan
-        How much is played.
-    command : str
-        What to call the command on the page.
-    progress : callable
-        Called with the simulated seconds since the last call.
+    Pictures and ``gallery.json`` go into the folder, the page beside it, with its name. It says
+    what command made it.
 
     Returns
     -------
@@ -175,7 +157,7 @@ def make_gallery(
 
     def write(ready: Path) -> None:
         for name, figure in figures.items():
-            save_figure(figure, ready / name)
+            plots.save_figure(figure, ready / name)
             record["pictures"][name] = (ready / name).stat().st_size
         text = json.dumps(record, indent=1, allow_nan=False)
         (ready / "gallery.json").write_text(text + "\n", encoding="utf-8")
@@ -201,16 +183,16 @@ def _draw(runs: Runs) -> dict[str, Figure]:
     radius = TARGET_RADIUS * target.scene.beam.length
     forward, aiming = stored_curves()
     return {
-        "paths.png": draw_paths(full),
-        "path_ppo_forward.png": draw_path(full["ppo_forward"], 9, "ppo_forward"),
-        "path_ppo_target.png": draw_path(
+        "paths.png": plots.draw_paths(full),
+        "path_ppo_forward.png": plots.draw_path(full["ppo_forward"], 9, "ppo_forward"),
+        "path_ppo_target.png": plots.draw_path(
             runs.target.trajectory, name=TARGET, target=target.goal, radius=radius
         ),
-        **{f"path_{name}.png": draw_path(runs.paper[name], 11) for name in PAPER_SCENES},
-        "kymograph.png": draw_kymographs(full),
-        "torques.png": draw_torques(full),
-        "gaits.png": draw_gaits(full, gaits),
-        "energy.png": draw_energy(budgets, starts),
+        **{f"path_{name}.png": plots.draw_path(runs.paper[name], 11) for name in PAPER_SCENES},
+        "kymograph.png": plots.draw_kymographs(full),
+        "torques.png": plots.draw_torques(full),
+        "gaits.png": plots.draw_gaits(full, gaits),
+        "energy.png": plots.draw_energy(budgets, starts),
         "pareto.png": draw_pareto(
             {name: [one.trajectory for one in some] for name, some in runs.strengths.items()},
             {name: [bool(one.verified) for one in some] for name, some in runs.strengths.items()},
@@ -259,16 +241,19 @@ def _page(record: Mapping[str, Any], folder: str) -> str:
         f"```sh\n{record['command']}\n```",
         settings,
         "Colours are the same for a policy in every picture; blue and orange are below and above "
-        "zero, white is zero. BL: body length. The functions are those of `swim_env.plots`; they "
-        "take trajectories and return matplotlib figures. What accuracy costs is drawn in "
-        "docs/accuracy.md, speed in docs/speed.md, the paper's figures in docs/paper.md.",
-        "\n".join(
-            [
-                "| policy at full strength | net displacement | computed finer | positive work "
-                "| energy not explained |",
-                "|---|---|---|---|---|",
-                *(_row(name, rows[-1]) for name, rows in record["policies"].items()),
-            ]
+        "zero, white is zero. BL: body length. The functions are those of `swim_env.plots`, and "
+        "`draw_pareto` and `draw_learning` of `studies.gallery.pictures`; they take trajectories "
+        "and return matplotlib figures. What accuracy costs is drawn in docs/accuracy.md, speed in "
+        "docs/speed.md, the paper's figures in docs/paper.md.",
+        markdown_table(
+            (
+                "policy at full strength",
+                "net displacement",
+                "computed finer",
+                "positive work",
+                "energy not explained",
+            ),
+            [_row(name, rows[-1]) for name, rows in record["policies"].items()],
         ),
     ]
     tolerance = record["energy_tolerance"]
@@ -300,9 +285,12 @@ def _page(record: Mapping[str, Any], folder: str) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _row(name: str, row: Mapping[str, Any]) -> str:
+def _row(name: str, row: Mapping[str, Any]) -> tuple[str, ...]:
     check = "" if row["verified"] else ", disagrees"
     return (
-        f"| `{name}` | {row['net_displacement']:.3f} BL | {row['fine_displacement']:.3f} BL{check} "
-        f"| {row['positive_work']:.3g} J | {100.0 * row['energy_drift']:.1f} % of the largest |"
+        f"`{name}`",
+        f"{row['net_displacement']:.3f} BL",
+        f"{row['fine_displacement']:.3f} BL{check}",
+        f"{row['positive_work']:.3g} J",
+        f"{100.0 * row['energy_drift']:.1f} % of the largest",
     )

@@ -28,9 +28,11 @@ from swim_env.sim.trajectory import Trajectory
 __all__ = ["FULL", "QUICK", "Episode", "Plan", "Runs", "play_all", "stored_curves"]
 
 Curve = dict[str, list[float]]
+#: Called with the simulated seconds since the last call.
+Progress = Callable[[float], object]
 
 SCENE = "swimmer"
-#: Who is shown, and who is played at rising strength besides the paper's wave.
+#: The policies that swim forward, each shown at rising strength.
 FORWARD = (*REFERENCES, "ppo_forward", "sac_forward")
 TARGET = "ppo_target"
 #: Scenes whose prescribed torques, or none, are played as in the paper's Figs. 4 and 8.
@@ -41,23 +43,15 @@ _TRIED = Path(__file__).parents[2] / "docs" / "training" / "tried"
 
 @dataclass(frozen=True)
 class Plan:
-    """How much is played.
+    """How much is played."""
 
-    Attributes
-    ----------
-    seed : int
-        Of the start's noise and of the target.
-    duration : float or None
-        Of an episode (s); the scene's own where it is None.
-    paper_duration : float
-        Of the paper's scenes (s).
-    strengths : tuple of float
-        Factors on the torques of the runs of rising strength, the last of them 1.
-    """
-
+    #: Of the start's noise and of the target.
     seed: int = FIRST_SEED
+    #: Of an episode (s); the scene's own where it is None.
     duration: float | None = None
+    #: Of the paper's scenes (s).
     paper_duration: float = 100.0
+    #: Factors on the torques of the runs of rising strength, the last of them 1.
     strengths: tuple[float, ...] = (0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
 
     def __post_init__(self) -> None:
@@ -85,45 +79,27 @@ QUICK = Plan(duration=1.2, paper_duration=4.0, strengths=(0.5, 1.0))
 
 @dataclass(frozen=True, eq=False)
 class Episode:
-    """A policy's episode.
-
-    Attributes
-    ----------
-    rollout : Rollout
-        The episode.
-    trajectory : Trajectory
-        The same motion, with energy and work.
-    fine_displacement : float or None
-        Its net displacement computed finer (BL), see `agents.verify_rollout`; None if unchecked.
-    verified : bool or None
-        Whether the two agree.
-    """
+    """A policy's episode."""
 
     rollout: Rollout
+    #: The same motion, with energy and work.
     trajectory: Trajectory
+    #: Its net displacement computed finer (BL), see `swim_agents.verify_rollout`, and whether the
+    #: two agree; None if unchecked.
     fine_displacement: float | None = None
     verified: bool | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """Everything that was played.
-
-    Attributes
-    ----------
-    plan : Plan
-        How much.
-    paper : dict of str to Trajectory
-        The paper's scenes.
-    strengths : dict of str to list of Episode
-        Of each policy that swims forward an episode for each strength of the plan.
-    target : Episode
-        Of the agent that swims to a target.
-    """
+    """Everything that was played."""
 
     plan: Plan
+    #: The paper's scenes.
     paper: dict[str, Trajectory]
+    #: Of each policy that swims forward an episode for each strength of the plan.
     strengths: dict[str, list[Episode]]
+    #: Of the agent that swims to a target.
     target: Episode
 
     @property
@@ -150,16 +126,8 @@ class _Weaker:
         return self._share * np.asarray(actions), state
 
 
-def play_all(plan: Plan, progress: Callable[[float], object]) -> Runs:
-    """Play everything that the gallery shows.
-
-    Parameters
-    ----------
-    plan : Plan
-        How much.
-    progress : callable
-        Called with the simulated seconds since the last call.
-    """
+def play_all(plan: Plan, progress: Progress) -> Runs:
+    """Play everything that the gallery shows; progress is in simulated seconds."""
     paper = {}
     for name in PAPER_SCENES:
         step = load_scene(name).integrator.time_step
@@ -194,8 +162,7 @@ def play_all(plan: Plan, progress: Callable[[float], object]) -> Runs:
     return Runs(plan, paper, strengths, Episode(target, target.simulate()))
 
 
-def _play(env: SwimEnv, policy: Policy, seed: int, progress: Callable[[float], object]) -> Rollout:
-    """Play an episode."""
+def _play(env: SwimEnv, policy: Policy, seed: int, progress: Progress) -> Rollout:
     interval = env.scene.episode.control_interval
     rollout = play_episode(env, policy, seed, progress=lambda actions: progress(actions * interval))
     env.close()
@@ -205,11 +172,8 @@ def _play(env: SwimEnv, policy: Policy, seed: int, progress: Callable[[float], o
 def stored_curves() -> tuple[dict[str, list[Curve]], dict[str, list[Curve]]]:
     """Return the evaluations of the shipped agents' trainings and of their other seeds.
 
-    Returns
-    -------
-    forward, target : dict of str to list of dict
-        For each agent the columns of its runs' ``evaluations.csv``; the other seeds are there only
-        in a checkout.
+    For each agent, forward and with a target, that is the columns of its runs'
+    ``evaluations.csv``; the other seeds are there only in a checkout.
     """
     forward = {name: _curves(name) for name in FORWARD if name not in REFERENCES}
     return forward, {TARGET: _curves(TARGET)}
@@ -223,9 +187,8 @@ def _curves(name: str) -> list[Curve]:
 
 def table(runs: Runs) -> Mapping[str, Sequence[dict[str, Any]]]:
     """Return the figures of every episode as plain values, for each policy over the strengths."""
-    found: dict[str, list[dict[str, Any]]] = {}
-    for name, episodes in runs.strengths.items():
-        found[name] = [
+    return {
+        name: [
             {
                 "strength": share,
                 "net_displacement": episode.rollout.net_displacement,
@@ -236,4 +199,5 @@ def table(runs: Runs) -> Mapping[str, Sequence[dict[str, Any]]]:
             }
             for share, episode in zip(runs.plan.strengths, episodes, strict=True)
         ]
-    return found
+        for name, episodes in runs.strengths.items()
+    }

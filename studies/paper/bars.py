@@ -13,20 +13,11 @@ STEPS, PANELS = 2.0, 3.0
 
 
 def coarse_error(change: float, ratio: float, order: float = 1.0) -> float:
-    """Return how far a coarse figure is from its limit, by what refining it once changes.
+    """Return how far a coarse figure is from its limit, from the change by refining it once.
 
-    Where the error is c h^p, the change from h to h/r is c h^p (1 - r^-p): the coarse figure is off
-    by the change over (1 - r^-p). For p = 1 that is twice the change where steps are halved, and
-    1.5 times the change where panels are cut in three.
-
-    Parameters
-    ----------
-    change : float
-        Fine figure minus coarse one.
-    ratio : float
-        r, above 1.
-    order : float
-        p.
+    Where the error is c h^p, the ``change`` from h to h/r is c h^p (1 - r^-p), r the ``ratio`` and
+    p the ``order``: the coarse figure is off by the change over (1 - r^-p). For p = 1 that is twice
+    the change where steps are halved, and 1.5 times the change where panels are cut in three.
     """
     return abs(change) / (1.0 - float(ratio**-order))
 
@@ -41,12 +32,7 @@ def bar_of(value: float | None, half: float | None, fine: float | None) -> float
 
     The scheme and the panels are both of first order: twice the change that half the step makes,
     plus 1.5 times the change that three times the panels make. The number of elements is the
-    paper's and not covered.
-
-    Returns
-    -------
-    float or None
-        In the figure's unit; None where a part of it is missing.
+    paper's and not covered. None where a part of it is missing.
     """
     if value is None or half is None or fine is None:
         return None
@@ -69,25 +55,15 @@ def bar_text(bar: float) -> str:
 
 
 def with_bar(value: float, bar: float | None, sign: str = "", digits: int = 6) -> str:
-    """Return a number and its bar, down to the bar's digit.
+    """Return a number and its bar, down to the bar's digit, with so many decimals at most.
 
-    Parameters
-    ----------
-    value : float
-        The number.
-    bar : float or None
-        Its error bar; where there is none, four digits are shown and no bar.
-    sign : str
-        ``+`` to show the sign of positive numbers.
-    digits : int
-        Most decimals.
+    Where there is no bar, four digits are shown; ``sign`` is ``+`` to show that of positive ones.
     """
     if bar is None:
         return number_text(value, f"{sign}.4g")
     shown = bar_text(bar)
     if bar == 0.0:
         return f"{number_text(value, f'{sign}.4g')} ± {shown}"
-    places = max(0, -math.floor(math.log10(float(shown))))
     # Where the bar is smaller than anybody asks for, the value ends before it.
-    places = min(places, digits)
+    places = min(max(0, -math.floor(math.log10(float(shown)))), digits)
     return f"{number_text(value, f'{sign}.{places}f')} ± {shown}"

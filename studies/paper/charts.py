@@ -1,8 +1,9 @@
-"""Pictures of what the paper has no figure of: onset, variants, what is kept, forces."""
+"""Pictures of what the paper has no figure of: onset, variants, what is kept, forces, maps."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,11 +12,12 @@ from numpy.typing import NDArray
 from studies.paper.bars import bar_of
 from studies.paper.constants import RESOLVED
 from studies.paper.figures import LINES
+from studies.paper.maps import is_verified
 from studies.paper.measures import heading_turn, way_ahead
-from studies.paper.onset import PAPER_TIMES, implied_rate
+from studies.paper.onset import LATERAL, PAPER_TIMES, implied_rate
 from studies.paper.runs import NUMERALS
 from studies.paper.variants import VARIANTS
-from studies.paper.verdicts import onset_of
+from studies.paper.verdicts import LEVELS, Data, onset_of
 from swim_env.plots.style import (
     BLUE,
     GREY,
@@ -23,6 +25,7 @@ from swim_env.plots.style import (
     SMALL,
     TIME_COLOURS,
     diverging_map,
+    name_panel,
     new_figure,
     style_axes,
 )
@@ -31,22 +34,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = [
-    "draw_constants",
-    "draw_internal",
-    "draw_onset",
-    "draw_variants",
-]
+__all__ = ["STARTS", "draw_constants", "draw_internal", "draw_maps", "draw_onset", "draw_variants"]
 
-Data = Mapping[str, Any]
 Arrays = Mapping[str, NDArray[Any]]
 
-STARTS = {
-    "epsilon": "2.2e-16 m/s",
-    "small": "1e-4 m/s",
-    "sloped": "(3.5 - x/dl) 1e-5 m/s",
-}
-_MARKS = {"epsilon": "o", "small": "s", "sloped": "^"}
+#: The starts of the straight body, as they are called on the page.
+STARTS = dict(zip(LATERAL, ("2.2e-16 m/s", "1e-4 m/s", "(3.5 - x/dl) 1e-5 m/s"), strict=True))
+_MARKS = dict(zip(LATERAL, "os^", strict=True))
 #: How far apart the rows of energy are, in thousandths of the largest.
 _ROW = 4.0
 #: The smallest drift of momentum that is drawn (kg m/s, kg m²/s).
@@ -56,6 +50,10 @@ _MOMENTS = {"torque": "drive", "elastic": "spring", "total": "sum"}
 _FORCES = {"shear": "across", "axial": "along"}
 _LOOKS = ("o-", "s--", "^:")
 _VARIANT_MARKS = ("s", "x", "o", "^", "v", "D")
+_SPLIT = "#DDDDDD"
+
+
+# ---- the straight body's instability -----------------------------------------------------------
 
 
 def draw_onset(data: Data) -> Figure:
@@ -69,17 +67,16 @@ def draw_onset(data: Data) -> Figure:
         if onset_of(data, n, panels, "small") is not None
     ]
     for colour, (kind, name) in zip(LINES, STARTS.items(), strict=False):
+        mark = {"marker": _MARKS[kind], "color": colour, "markersize": 6}
         for x, (n, panels) in enumerate(bodies):
             ours = onset_of(data, n, panels, kind)
             if ours is not None and ours["time"] is not None:
-                left.plot(x - 0.1, ours["time"], _MARKS[kind], color=colour, markersize=6)
+                left.plot(x - 0.1, ours["time"], **mark)
             if ours is not None and ours["expected"] is not None:
                 left.plot(x - 0.1, ours["expected"], "_", color="black", markersize=12)
             paper = PAPER_TIMES.get((n, panels, kind))
             if paper is not None:
-                left.plot(
-                    x + 0.18, paper, _MARKS[kind], color=colour, markersize=6, fillstyle="none"
-                )
+                left.plot(x + 0.18, paper, fillstyle="none", **mark)
         left.plot([], [], _MARKS[kind], color=colour, label=name)
     left.plot([], [], "o", color=GREY, fillstyle="none", label="hollow: the paper")
     left.plot([], [], "_", color="black", markersize=12, label="Kirchhoff's equations")
@@ -93,7 +90,7 @@ def draw_onset(data: Data) -> Figure:
         fontsize=SMALL - 1,
         frameon=False,
     )
-    left.set_title("an end is 1 % of the length off its line", fontsize=SMALL, loc="left")
+    name_panel(left, "an end is 1 % of the length off its line")
     style_axes(left, "", "time (s)")
     _draw_rates(right, data)
     return figure
@@ -101,32 +98,18 @@ def draw_onset(data: Data) -> Figure:
 
 def _draw_rates(axes: Axes, data: Data) -> None:
     shown = [one for one in data["onset"] if one["rate"] is not None and one["step"] == 0.01]
-    bodies = sorted({(one["elements"], one["panels"]) for one in shown})
+    # Kirchhoff's rate is that of the body's own masses, which depend on these two alone.
+    rates = {(one["elements"], one["panels"]): one["kirchhoff"] for one in reversed(shown)}
+    bodies = sorted(rates)
     for one in shown:
-        axes.plot(
-            bodies.index((one["elements"], one["panels"])),
-            one["rate"],
-            _MARKS[one["perturbation"]],
-            color=BLUE,
-            markersize=4,
-            alpha=0.6,
-        )
-    for x, (n, panels) in enumerate(bodies):
-        # Of the body's own masses, which hang on elements and panels and on nothing else.
-        rate = next(
-            one["kirchhoff"] for one in shown if (one["elements"], one["panels"]) == (n, panels)
-        )
-        axes.plot([x - 0.35, x + 0.35], [rate, rate], color="black", linewidth=1.2)
-        times = [PAPER_TIMES.get((n, panels, kind)) for kind in ("epsilon", "small")]
-        if times[0] is not None and times[1] is not None:
-            axes.plot(
-                x,
-                implied_rate(times[0], times[1]),
-                "D",
-                color=ORANGE,
-                fillstyle="none",
-                markersize=6,
-            )
+        x = bodies.index((one["elements"], one["panels"]))
+        mark = _MARKS[one["perturbation"]]
+        axes.plot(x, one["rate"], mark, color=BLUE, markersize=4, alpha=0.6)
+    for x, body in enumerate(bodies):
+        axes.plot([x - 0.35, x + 0.35], [rates[body]] * 2, color="black", linewidth=1.2)
+        if (*body, "small") in PAPER_TIMES:
+            rate = implied_rate(*(PAPER_TIMES[*body, kind] for kind in ("epsilon", "small")))
+            axes.plot(x, rate, "D", color=ORANGE, fillstyle="none", markersize=6)
     axes.plot([], [], "o", color=BLUE, label="fitted to our runs")
     axes.plot([], [], color="black", label="Kirchhoff's equations")
     axes.plot([], [], "D", color=ORANGE, fillstyle="none", label="needed by the paper's pairs")
@@ -134,8 +117,11 @@ def _draw_rates(axes: Axes, data: Data) -> None:
     axes.set_xlim(-0.5, len(bodies) - 0.5)
     axes.set_xticks(range(len(bodies)), [f"{n}, {panels}" for n, panels in bodies])
     axes.legend(fontsize=SMALL - 1, frameon=False, loc="upper right")
-    axes.set_title("growth rate at 0.1 m/s", fontsize=SMALL, loc="left")
+    name_panel(axes, "growth rate at 0.1 m/s")
     style_axes(axes, "N, panels", "rate (1/s)")
+
+
+# ---- readings of the print ---------------------------------------------------------------------
 
 
 def draw_variants(data: Data) -> Figure:
@@ -155,40 +141,31 @@ def draw_variants(data: Data) -> Figure:
         known = [
             x for x, name in enumerate(scenes) if name in of_scene and not of_scene[name]["end"]
         ]
-        ahead, turn = [], []
-        for x in known:
-            run = of_scene[scenes[x]]
-            ahead.append(way_ahead(run))
-            turn.append(heading_turn(run))
+        runs = [of_scene[scenes[x]] for x in known]
         look = {"marker": mark, "color": colours[i], "linestyle": "", "markersize": 6}
-        top.plot(np.array(known) + spread[i], ahead, label=words, **look)
-        bottom.plot(np.array(known) + spread[i], turn, **look)
+        top.plot(np.array(known) + spread[i], [*map(way_ahead, runs)], label=words, **look)
+        bottom.plot(np.array(known) + spread[i], [*map(heading_turn, runs)], **look)
     for axes in (top, bottom):
         axes.axhline(0.0, color=GREY, linewidth=0.6)
         for x in range(len(scenes) - 1):
-            axes.axvline(x + 0.5, color="#DDDDDD", linewidth=0.6)
+            axes.axvline(x + 0.5, color=_SPLIT, linewidth=0.6)
     top.set_yscale("symlog", linthresh=0.03)
     top.set_ylim(-6.0, 6.0)
     top.set_yticks([-1.0, -0.1, 0.0, 0.1, 1.0], ["-1", "-0.1", "0", "0.1", "1"])
     top.set_xticks(range(len(scenes)), scenes)
     duration = data["runs"][scenes[0]]["duration"] if scenes else 0.0
-    top.set_title(f"runs of {duration:g} s", fontsize=SMALL, loc="left")
+    name_panel(top, f"runs of {duration:g} s")
     style_axes(top, "", "head first (body lengths)")
     style_axes(bottom, "scene", "turn (°), left positive")
     figure.legend(loc="outside lower center", ncols=2, fontsize=SMALL - 1, frameon=False)
     return figure
 
 
-def draw_constants(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
-    """Draw what energy and momentum do over time in the twelve runs.
+# ---- what is kept ------------------------------------------------------------------------------
 
-    Parameters
-    ----------
-    data : mapping
-        Of `studies.paper.suite.collect`.
-    arrays : mapping
-        Of each scene, those of `studies.paper.runs.play_run`.
-    """
+
+def draw_constants(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
+    """Draw what energy and momentum do over time in the twelve runs, from their arrays."""
     from matplotlib import colormaps
 
     figure = new_figure(8.6, 4.2)
@@ -199,7 +176,7 @@ def draw_constants(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
         found, energy = arrays[name], data["runs"][name]["energy"]
         look = {"color": colours[i], "linewidth": 0.8, "linestyle": ("-", "--", ":")[i % 3]}
         scale = energy["largest"] or 1.0
-        left.axhline(-_ROW * i, color="#DDDDDD", linewidth=0.5)
+        left.axhline(-_ROW * i, color=_SPLIT, linewidth=0.5)
         share = 1e3 * found["unexplained"] / scale
         left.plot(found["series_time"], share - _ROW * i, color=colours[i], linewidth=0.7)
         # Round-off goes up and down by decades: the largest so far says what is kept.
@@ -213,84 +190,160 @@ def draw_constants(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
     right.set_yscale("log")
     right.set_ylim(_FLOOR, 10.0 * max(bound, 1e-9))
     left.set_yticks([-_ROW * i for i in range(len(names))], names)
-    left.set_title(
+    name_panel(
+        left,
         f"energy that the work does not explain: rows are {_ROW:g}/1000\nof the largest "
         "energy apart",
-        fontsize=SMALL,
-        loc="left",
     )
-    right.set_title(
-        "momentum: largest |J - J(0)| so far (kg m/s, kg m²/s)", fontsize=SMALL, loc="left"
-    )
+    name_panel(right, "momentum: largest |J - J(0)| so far (kg m/s, kg m²/s)")
     style_axes(left, "time (s)", "scene")
     style_axes(right, "time (s)", "drift")
     figure.legend(loc="outside right center", fontsize=SMALL - 1, frameon=False)
     return figure
 
 
+# ---- forces along the beam ---------------------------------------------------------------------
+
+
 def draw_internal(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
     """Draw moments and forces along the beam in scenes i and v, as far as steps resolve them.
 
-    Parameters
-    ----------
-    data : mapping
-        Of `studies.paper.suite.collect`; root mean squares of the whole run are drawn with their
-        error bars.
-    arrays : mapping
-        Of each scene; those with ``total``.
+    Root mean squares of the whole run have error bars; over time there are arrays, ``total``.
     """
     names = [name for name in ("i", "v") if "total" in arrays.get(name, {})]
     figure = new_figure(8.6, 2.7 * max(1, len(names)))
     grid = figure.subplots(max(1, len(names)), 3, squeeze=False)
-    for row, name in enumerate(names):
-        found = arrays[name]
-        joints = found["total"].shape[1]
+    for name, (moments, forces, over_time) in zip(names, grid, strict=True):
+        total = arrays[name]["total"]
+        joints = total.shape[1]
         place = np.arange(1, joints + 1) / (joints + 1)
-        for axes, keys in zip(grid[row], (_MOMENTS, _FORCES), strict=False):
+        for axes, keys in ((moments, _MOMENTS), (forces, _FORCES)):
             for colour, look, (key, words) in zip(LINES, _LOOKS, keys.items(), strict=False):
-                values, bars = _along(data, name, key)
-                axes.errorbar(
-                    place,
-                    values,
-                    bars,
-                    fmt=look,
-                    color=colour,
-                    markersize=4,
-                    capsize=2.5,
-                    label=words,
-                )
-        largest = float(np.abs(found["total"]).max()) or 1.0
-        image = grid[row, 2].pcolormesh(
+                style = {"color": colour, "markersize": 4, "capsize": 2.5, "label": words}
+                axes.errorbar(place, *_along(data, name, key), fmt=look, **style)
+            axes.set_ylim(bottom=0.0)
+            if name == names[0]:
+                axes.legend(fontsize=SMALL - 1, frameon=False)
+        largest = float(np.abs(total).max()) or 1.0
+        image = over_time.pcolormesh(
             place,
-            np.arange(len(found["total"])) / len(found["total"]),
-            found["total"],
+            np.arange(len(total)) / len(total),
+            total,
             cmap=diverging_map(),
             vmin=-largest,
             vmax=largest,
             shading="nearest",
         )
-        bar = figure.colorbar(image, ax=grid[row, 2])
+        bar = figure.colorbar(image, ax=over_time)
         bar.set_label("sum (N m)", fontsize=SMALL)
         bar.ax.tick_params(labelsize=SMALL - 1)
-        for axes in grid[row, :2]:
-            axes.set_ylim(bottom=0.0)
-            if row == 0:
-                axes.legend(fontsize=SMALL - 1, frameon=False)
-        grid[row, 0].set_title(
-            f"{name}) moments at joints, below {RESOLVED:g} Hz", fontsize=SMALL, loc="left"
-        )
-        grid[row, 1].set_title("forces at joints", fontsize=SMALL, loc="left")
-        grid[row, 2].set_title("sum, last second but one", fontsize=SMALL, loc="left")
-        style_axes(grid[row, 0], "place s/l", "root mean square (N m)")
-        style_axes(grid[row, 1], "place s/l", "root mean square (N)")
-        style_axes(grid[row, 2], "place s/l", "time (s)")
+        name_panel(moments, f"{name}) moments at joints, below {RESOLVED:g} Hz")
+        name_panel(forces, "forces at joints")
+        name_panel(over_time, "sum, last second but one")
+        style_axes(moments, "place s/l", "root mean square (N m)")
+        style_axes(forces, "place s/l", "root mean square (N)")
+        style_axes(over_time, "place s/l", "time (s)")
     return figure
 
 
 def _along(data: Data, name: str, key: str) -> tuple[list[float], list[float]]:
     """Return a figure of every joint and its error bar, zero where finer runs are missing."""
-    runs = [data["runs"].get(f"{name}{level}", {}) for level in ("", "_half", "_fine")]
+    runs = [data["runs"].get(f"{name}{level}", {}) for level in LEVELS]
     values = [run.get("internal", {}).get(key) for run in runs]
     finer = [one or [None] * len(values[0]) for one in values[1:]]
     bars = [bar_of(*three) or 0.0 for three in zip(values[0], *finer, strict=True)]
     return values[0], bars
+
+
+# ---- maps --------------------------------------------------------------------------------------
+
+
+def draw_maps(data: Data) -> Figure:
+    """Draw net speed over frequency and wave number, and over stiffness and length.
+
+    Grey points are not verified; lines are the natural frequencies of the straight body.
+    """
+    figure = new_figure(9.0, 4.6)
+    left, right = figure.subplots(1, 2)
+    drive = sorted(data["maps"].get("drive", []), key=lambda row: row["frequency"])
+    body = sorted(data["maps"].get("body", []), key=lambda row: row["stiffness"])
+    star: dict[str, Any] = {"color": "black", "markerfacecolor": "white", "markersize": 9}
+    if drive:
+        frequencies = np.array([row["frequency"] for row in drive])
+        across = np.array(drive[0]["columns"]) / math.pi
+        _draw_map(figure, left, across, frequencies, drive)
+        for frequency in drive[0]["resonances"][0]:
+            if frequency <= frequencies[-1]:
+                left.axhline(frequency, color="black", linewidth=0.9, linestyle="--")
+                place = (across[0], frequency)
+                _write_over(left, f"{frequency:.1f} Hz", place, (2, 2), SMALL - 1)
+        left.plot(2.0, 1.0, "*", **star)
+    name_panel(left, "drive: scene swimmer, 1 N m (star: the paper's)")
+    style_axes(left, "wave number κ (π rad per body length)", "frequency (Hz)")
+    if body:
+        stiffness = np.array([row["stiffness"] for row in body])
+        lengths = np.array(body[0]["columns"])
+        _draw_map(figure, right, lengths, stiffness, body)
+        right.set_yscale("log")
+        usual = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+        ticks = [one for one in usual if stiffness[0] <= one <= stiffness[-1]]
+        right.set_yticks(ticks, [f"{one:g}" for one in ticks])
+        right.set_yticks([], minor=True)
+        modes = np.array([row["resonances"] for row in body])[..., :2]
+        if min(modes.shape[:2]) > 1:
+            for values, style in zip(np.moveaxis(modes, 2, 0), ("--", ":"), strict=True):
+                if values.min() < 1.0 < values.max():
+                    right.contour(
+                        lengths, stiffness, values, [1.0], colors="black", linestyles=style
+                    )
+        for length, name in ((1.0, "iii"), (2.0, "v")):
+            right.plot(length, 5.0, "*", **star)
+            _write_over(right, name, (length, 5.0), (6, 4), SMALL)
+    name_panel(right, "body: the paper's wave, 0.5 N m (-- first, ··· second mode at 1 Hz)")
+    style_axes(right, "length (m)", "stiffness EI (N m²)")
+    return figure
+
+
+def _write_over(
+    axes: Axes, text: str, place: tuple[float, float], away: tuple[int, int], size: int
+) -> None:
+    """Write beside a place, with a white edge that keeps it readable over a map."""
+    from matplotlib.patheffects import withStroke
+
+    axes.annotate(
+        text,
+        place,
+        xytext=away,
+        textcoords="offset points",
+        fontsize=size,
+        path_effects=[withStroke(linewidth=2.5, foreground="white")],
+    )
+
+
+def _draw_map(
+    figure: Figure, axes: Axes, x: NDArray[Any], y: NDArray[Any], rows: Sequence[Data]
+) -> None:
+    """Draw a row of points after another, in colour where they are verified and grey elsewhere."""
+    from matplotlib.colors import SymLogNorm
+
+    good = np.array([[is_verified(point) for point in row["points"]] for row in rows])
+    # None, where a run ended early, becomes NaN.
+    speed = np.array([[point["speed"] for point in row["points"]] for row in rows], dtype=float)
+    known = np.abs(speed[good & np.isfinite(speed)])
+    largest = float(known.max()) if known.size else 1.0
+    axes.set_facecolor("#BBBBBB")
+    image = axes.pcolormesh(
+        x,
+        y,
+        np.ma.masked_where(~good, speed),
+        cmap=diverging_map(),
+        norm=SymLogNorm(max(1e-3, 1e-2 * largest), vmin=-largest, vmax=largest),
+        shading="nearest",
+    )
+    bar = figure.colorbar(image, ax=axes, location="bottom", shrink=0.9, aspect=35)
+    bar.set_label(
+        "net speed (body lengths a second): orange head first, blue tail first;\n"
+        "grey: not verified",
+        fontsize=SMALL,
+    )
+    bar.ax.tick_params(labelsize=SMALL - 2)

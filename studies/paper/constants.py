@@ -10,17 +10,6 @@ from scipy.signal import butter, sosfiltfilt
 
 from swim_env.sim.trajectory import Trajectory
 
-__all__ = [
-    "RESOLVED",
-    "energy_figures",
-    "has_forces",
-    "internal_figures",
-    "internal_forces",
-    "joint_moments",
-    "momentum_figures",
-    "resolved",
-]
-
 Array = NDArray[np.float64]
 
 #: What rounding adds to the momentum in a step, as a share of its terms.
@@ -32,9 +21,8 @@ RESOLVED = 8.0
 def momentum_figures(trajectory: Trajectory) -> dict[str, Any]:
     """Return how well the discrete momentum map is kept.
 
-    The bound is 10 tolerances plus 1e-15 n times the size of the map's terms, n the step (PHYSICS
-    section 6): Newton's method leaves an error of its tolerance that the carried momenta hand on,
-    and the sums round.
+    The bound is 10 tolerances plus 1e-15 n times the size of the map's terms, n the step: Newton's
+    method leaves an error of its tolerance that the carried momenta pass on, and sums round.
 
     Returns
     -------
@@ -148,14 +136,9 @@ def has_forces(trajectory: Trajectory) -> bool:
 
 
 def resolved(values: Array, step: float) -> Array:
-    """Return the part of series below `RESOLVED`, by a Butterworth filter that shifts no phase.
+    """Return the part of series (T, ...) below `RESOLVED`, by a filter that shifts no phase.
 
-    Parameters
-    ----------
-    values : (T, ...) array
-        Series in time.
-    step : float
-        Their time step (s).
+    ``step`` is their time step (s); it is a Butterworth filter, run forwards and backwards.
     """
     sections = butter(4, RESOLVED, fs=1.0 / step, output="sos")
     slow: Array = sosfiltfilt(sections, values, axis=0)

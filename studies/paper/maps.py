@@ -27,8 +27,8 @@ LENGTHS = tuple(float(x) for x in np.arange(0.5, 3.01, 0.125))
 _AMPLITUDE = 0.5
 #: Panels of an element of the constant added mass, and of the runs that check it.
 _PANELS, _CHECK_PANELS = 24, 8
-#: Every so many rows and columns a point is played with panels at every step.
-_EVERY = (4, 4)
+#: A point in every so many rows and columns is also computed with panels at every step.
+_EVERY = 4
 #: A point is verified where two ways to compute it agree to this share, or to this speed (body
 #: lengths a second), 0.002 body lengths in 20 s.
 AGREEMENT, SMALLEST = 0.1, 1e-4
@@ -38,69 +38,51 @@ LARGEST_BEND = 0.4
 
 
 def map_units(quick: bool = False) -> list[Unit]:
-    """Return the rows of both maps as units; the quick ones have few points and a second each."""
-    rows, columns = (slice(1, None, 16), slice(4, None, 8)) if quick else (slice(None),) * 2
-    duration = 2.0 if quick else 20.0
+    """Return the rows of both maps as units; the quick ones have few points and two seconds each.
+
+    Both are of scene ``swimmer`` with the straight body's added mass and the second-order scheme.
+    """
+    drive = (slice(1, None, 16), slice(4, None, 8)) if quick else (slice(None),) * 2
+    body = (slice(2, None, 8), slice(4, None, 8)) if quick else (slice(None),) * 2
     units = []
-    for i, frequency in enumerate(FREQUENCIES[rows]):
-        scene = _body(
-            "swimmer", {"actuation.frequency": 2.0 * math.pi * frequency}, duration, 0.005
-        )
-        options = {
-            "map": "drive",
-            "row": i,
-            "frequency": frequency,
-            "columns": list(WAVE_NUMBERS[columns]),
-            "field": "actuation.wave_number",
-            "checked": [] if i % _EVERY[0] else _checked(len(WAVE_NUMBERS[columns])),
-        }
-        units.append(Unit(f"map_drive_{i:02d}", "map", scene, options, 10.0 + 30.0 * (i % 4 == 0)))
-    rows, columns = (slice(2, None, 8), slice(4, None, 8)) if quick else (slice(None),) * 2
-    duration = 2.0 if quick else 40.0
-    for i, stiffness in enumerate(STIFFNESS[rows]):
-        drive = {"actuation.amplitude": _AMPLITUDE, "beam.bending_stiffness": stiffness}
-        scene = _body("swimmer", drive, duration, 0.01)
-        options = {
-            "map": "body",
-            "row": i,
-            "stiffness": stiffness,
-            "columns": list(LENGTHS[columns]),
-            "field": "beam.length",
-            "checked": [] if i % _EVERY[0] else _checked(len(LENGTHS[columns])),
-        }
-        units.append(Unit(f"map_body_{i:02d}", "map", scene, options, 10.0 + 30.0 * (i % 4 == 0)))
+    for i, frequency in enumerate(FREQUENCIES[drive[0]]):
+        changes = {"actuation.frequency": 2.0 * math.pi * frequency}
+        changes |= {"integrator.time_step": 0.005, "episode.duration": 2.0 if quick else 20.0}
+        row = {"map": "drive", "row": i, "frequency": frequency}
+        columns = list(WAVE_NUMBERS[drive[1]])
+        units.append(_row(changes, row, columns, "actuation.wave_number"))
+    for i, stiffness in enumerate(STIFFNESS[body[0]]):
+        changes = {"actuation.amplitude": _AMPLITUDE, "beam.bending_stiffness": stiffness}
+        changes |= {"integrator.time_step": 0.01, "episode.duration": 2.0 if quick else 40.0}
+        row = {"map": "body", "row": i, "stiffness": stiffness}
+        units.append(_row(changes, row, list(LENGTHS[body[1]]), "beam.length"))
     return units
 
 
-def _checked(count: int) -> list[int]:
-    return list(range(0, count, _EVERY[1]))
-
-
-def _body(name: str, changes: dict[str, Any], duration: float, step: float) -> Scene:
-    return load_scene(
-        name,
-        {
-            **changes,
-            "fluid.model": "frozen",
-            "fluid.panels_per_element": _PANELS,
-            "fluid.cap_panels": "proportional",
-            "integrator.scheme": "composed",
-            "integrator.time_step": step,
-            "episode.duration": duration,
-        },
-    )
+def _row(changes: dict[str, float], row: dict[str, Any], columns: list[float], varied: str) -> Unit:
+    constant = {
+        "fluid.model": "frozen",
+        "fluid.panels_per_element": _PANELS,
+        "fluid.cap_panels": "proportional",
+        "integrator.scheme": "composed",
+    }
+    checked = [] if row["row"] % _EVERY else list(range(0, len(columns), _EVERY))
+    options = {**row, "columns": columns, "field": varied, "checked": checked}
+    scene = load_scene("swimmer", {**changes, **constant})
+    name = f"map_{row['map']}_{row['row']:02d}"
+    return Unit(name, measure_row, scene, options, 40.0 if checked else 10.0)
 
 
 def measure_row(unit: Unit) -> tuple[Figures, Arrays]:
-    """Play a row of a map.
+    """Simulate a row of a map.
 
     Returns
     -------
     figures : dict
         The unit's options and ``points``, one for each column: ``speed`` (body lengths a second,
         positive head first) with steps half as long, ``coarse`` with the steps of the map, and
-        ``panels`` with panels at every step or None where that was not played; None where a run
-        ended early. ``bend`` is the largest joint angle (rad), ``trusted`` says whether the
+        ``panels`` with panels at every step, None where that was not done; None where a run ended
+        early. ``bend`` is the largest joint angle (rad), ``trusted`` says whether the
         energy of the finer run adds up, ``turn`` is the heading's (rad). ``resonances`` are the
         first natural frequencies (Hz) at each column, or one set for all.
     arrays : dict
@@ -110,29 +92,27 @@ def measure_row(unit: Unit) -> tuple[Figures, Arrays]:
     points = []
     for j, value in enumerate(columns):
         scene = unit.scene.replace(name, value)
-        fine = _play(scene, 0.5)
-        coarse = _play(scene, 1.0)
-        point: dict[str, Any] = {
-            "speed": None if fine is None else _speed(fine),
-            "coarse": None if coarse is None else _speed(coarse),
-            "panels": None,
-            "checked": j in unit.options["checked"],
-            "bend": None if fine is None else _bend(fine),
-            "turn": None if fine is None else fine.heading_change,
-            "trusted": fine is not None and not fine.warnings(),
-        }
-        if point["checked"]:
-            changes = {"fluid.model": "panels", "fluid.panels_per_element": _CHECK_PANELS}
-            whole = _play(scene.replace(changes), 1.0)
-            point["panels"] = None if whole is None else _speed(whole)
-        points.append(point)
+        fine = _played(scene, 0.5)
+        checked = j in unit.options["checked"]
+        changes = {"fluid.model": "panels", "fluid.panels_per_element": _CHECK_PANELS}
+        points.append(
+            {
+                "speed": _speed(fine),
+                "coarse": _speed(_played(scene, 1.0)),
+                "panels": _speed(_played(scene.replace(changes), 1.0)) if checked else None,
+                "checked": checked,
+                "bend": None if fine is None else _bend(fine),
+                "turn": None if fine is None else fine.heading_change,
+                "trusted": fine is not None and not fine.warnings(),
+            }
+        )
     modes = columns if name.startswith("beam.") else columns[:1]
     resonances = [natural_frequencies(unit.scene.replace(name, value), 3) for value in modes]
     return {**unit.options, "points": points, "resonances": resonances}, {}
 
 
-def _play(scene: Scene, share: float) -> Trajectory | None:
-    """Play a scene with steps of a share of its own; None where it ends early."""
+def _played(scene: Scene, share: float) -> Trajectory | None:
+    """Simulate a scene with steps of a share of its own; None where it ends early."""
     step = share * scene.integrator.time_step
     try:
         simulator = Simulator(scene.replace("integrator.time_step", step))
@@ -143,12 +123,14 @@ def _play(scene: Scene, share: float) -> Trajectory | None:
     return None if trajectory.termination_reason else trajectory
 
 
-def _speed(trajectory: Trajectory) -> float:
+def _speed(trajectory: Trajectory | None) -> float | None:
     """Return the net speed head first (body lengths a second), over the middle of swings.
 
     The body lies along +x at first, its head towards -x. The mean centre at the end is that of the
     last period of the drive.
     """
+    if trajectory is None:
+        return None
     actuation, beam = trajectory.scene.actuation, trajectory.scene.beam
     assert actuation is not None
     period = 2.0 * math.pi / actuation.frequency
@@ -166,9 +148,9 @@ def is_verified(point: Mapping[str, Any]) -> bool:
     """Tell whether a point's speed holds.
 
     It does where the run with half the step came to its end, its energy adds up, and the speed is
-    that of the coarser steps, and that of panels where those were played, within 10 % or 1e-4 body
-    lengths a second. A point whose joints bend so far that the constant added mass is not known to
-    do counts only with panels.
+    that of the coarser steps, and that of panels where those were used, within 10 % or 1e-4 body
+    lengths a second. A point whose joints bend further than the constant added mass is known to
+    allow counts only with panels.
     """
     speed = point["speed"]
     if speed is None or not point["trusted"]:

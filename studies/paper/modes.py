@@ -3,18 +3,36 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 from studies.paper.units import Arrays, Figures, Unit
 from swim_env.analysis.kirchhoff import mass_matrix, rigid_mass
 from swim_env.analysis.modes import bending_frequencies, natural_frequencies
-from swim_env.scene import Scene
+from swim_env.scene import Scene, load_scene
 from swim_env.sim.simulator import Simulator
 
-__all__ = ["bending_orders", "measure_modes", "modes_figures"]
+__all__ = ["bending_orders", "modes_figures", "modes_units"]
 
-#: beta l of a free-free beam's first bending modes (Rayleigh).
-FREE_FREE = (4.730041, 7.853205, 10.995608)
+#: beta l of a free-free beam's first bending mode (Rayleigh).
+FREE_FREE = 4.730041
+
+
+def modes_units(numerals: Sequence[str]) -> list[Unit]:
+    """Return a unit for every scene of the paper; i also has the order in the elements."""
+    return [
+        Unit(f"modes_{one}", measure_modes, load_scene(f"paper_{one}"), {"orders": one == "i"}, 0.1)
+        for one in numerals
+    ]
+
+
+def measure_modes(unit: Unit) -> tuple[Figures, Arrays]:
+    """Return the figures of `modes_figures`, of the first scene with those of `bending_orders`."""
+    found: Figures = modes_figures(unit.scene)
+    if unit.options["orders"]:
+        found["orders"] = bending_orders(unit.scene)
+    return found, {}
 
 
 def modes_figures(scene: Scene) -> dict[str, Any]:
@@ -23,36 +41,20 @@ def modes_figures(scene: Scene) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``frequencies`` (Hz), ``fine`` the same with three times the panels and ends to match, and
-        ``highest`` of all, ``along``, ``across`` (kg), ``inertia``
-        (kg m^2) and ``coupling`` (kg m).
+        The first ``frequencies`` (Hz), ``fine`` the same with three times the panels and ends to
+        match, the ``highest`` of all; the fields of `RigidMass`.
     """
-    matrix = mass_matrix(Simulator(scene))
-    frequencies = bending_frequencies(scene, matrix)
-    mass = rigid_mass(matrix)
-    return {
-        "frequencies": frequencies[:3],
-        "fine": natural_frequencies(_with_fine_panels(scene), 3),
-        "highest": frequencies[-1],
-        "along": mass.along,
-        "across": mass.across,
-        "inertia": mass.inertia,
-        "coupling": mass.coupling,
-    }
-
-
-def _with_fine_panels(scene: Scene) -> Scene:
     assert scene.fluid is not None
     panels = 3 * scene.fluid.panels_per_element
-    return scene.replace({"fluid.panels_per_element": panels, "fluid.cap_panels": "proportional"})
-
-
-def measure_modes(unit: Unit) -> tuple[Figures, Arrays]:
-    """Return the figures of `modes_figures`, of the first scene with those of `bending_orders`."""
-    found: Figures = modes_figures(unit.scene)
-    if unit.options.get("orders"):
-        found["orders"] = bending_orders(unit.scene)
-    return found, {}
+    finer = {"fluid.panels_per_element": panels, "fluid.cap_panels": "proportional"}
+    matrix = mass_matrix(Simulator(scene))
+    frequencies = bending_frequencies(scene, matrix)
+    return {
+        "frequencies": frequencies[:3],
+        "fine": natural_frequencies(scene.replace(finer), 3),
+        "highest": frequencies[-1],
+        **asdict(rigid_mass(matrix)),
+    }
 
 
 def bending_orders(scene: Scene) -> dict[str, Any]:
@@ -66,7 +68,7 @@ def bending_orders(scene: Scene) -> dict[str, Any]:
         the two ``before``.
     """
     beam = scene.beam
-    exact = FREE_FREE[0] ** 2 / beam.length**2 / (2.0 * math.pi)
+    exact = FREE_FREE**2 / beam.length**2 / (2.0 * math.pi)
     exact *= math.sqrt(float(beam.stiffness_at_joints()[0]) / beam.line_density)
     counts, found = (9, 18, 36), []
     for elements in counts:

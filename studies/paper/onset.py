@@ -1,4 +1,4 @@
-"""The onset of the straight body's instability, beside the paper's times and Kirchhoff's rate."""
+"""When the straight body leaves its line, compared with the paper's times and Kirchhoff's rate."""
 
 from __future__ import annotations
 
@@ -16,44 +16,34 @@ from swim_env.analysis.kirchhoff import growth_rate, mass_matrix, onset_by_kirch
 from swim_env.scene import Scene, load_scene
 from swim_env.sim.simulator import Simulator
 
-__all__ = [
-    "LATERAL",
-    "PAPER_TIMES",
-    "fitted_rate",
-    "implied_rate",
-    "measure_onset",
-    "onset_units",
-]
+__all__ = ["LATERAL", "PAPER_TIMES", "fitted_rate", "implied_rate", "measure_onset", "onset_units"]
 
 Array = NDArray[np.float64]
 
 SPEED = 0.1
 #: The paper's three perturbations: the floating-point accuracy, a small velocity, a linear one.
-EPSILON = 2.2e-16
-LATERAL = {"epsilon": EPSILON, "small": 1e-4, "sloped": 1e-5}
+LATERAL = {"epsilon": 2.2e-16, "small": 1e-4, "sloped": 1e-5}
 STIFFNESS = (5.0, 10.0, 1e2, 1e3, 1e4)
 #: First deviation (s) as the paper has it, by elements, panels and perturbation.
 PAPER_TIMES: dict[tuple[int, int, str], float] = {
-    (3, 12, "epsilon"): 35.13,
-    (3, 12, "small"): 2.13,
-    (3, 12, "sloped"): 3.8,
-    (9, 4, "epsilon"): 78.1,
-    (9, 4, "small"): 4.4,
-    (9, 4, "sloped"): 9.91,
-    (9, 12, "epsilon"): 78.03,
-    (9, 12, "small"): 4.37,
-    (9, 12, "sloped"): 9.86,
-    (27, 4, "epsilon"): 82.04,
-    (27, 4, "small"): 5.26,
-    (27, 4, "sloped"): 4.59,
+    (*body, kind): time
+    for body, times in {
+        (3, 12): (35.13, 2.13, 3.8),
+        (9, 4): (78.1, 4.4, 9.91),
+        (9, 12): (78.03, 4.37, 9.86),
+        (27, 4): (82.04, 5.26, 4.59),
+    }.items()
+    for kind, time in zip(LATERAL, times, strict=True)
 }
+#: Elements and panels of the paper's scenes x, xi and xii.
+PAPER_BODIES = {"x": (3, 12), "xi": (9, 4), "xii": (27, 4)}
 #: Longest run (s), and that of one that should stay on its line for ever.
 LONGEST, STRAIGHT = 300.0, 100.0
 #: Wall time of a step (s) by elements and panels, for guesses of cost.
 _STEP = {(3, 4): 3e-5, (3, 12): 7e-5, (9, 4): 1e-4, (9, 12): 5e-4, (27, 4): 5e-4, (27, 12): 6e-3}
 #: Between these angles (rad) growth is that of the linear equations: above rounding, below bends.
 _LINEAR = 0.02
-#: Angles below this share of the largest weigh no more than it in the fit.
+#: Angles below this share of the largest have the weight of that share in the fit.
 _EARLY = 1e-2
 _BLOCK = 200
 
@@ -61,10 +51,10 @@ _BLOCK = 200
 def onset_units(quick: bool = False) -> list[Unit]:
     """Return the study: perturbations x elements x panels x stiffness, finer runs, and controls.
 
-    The one combination whose every step takes several milliseconds, 27 elements with 12 panels,
-    is played with panels at both ends of the stiffness and with the constant added mass of the
-    straight body (`frozen`, the same while the body is straight) in between, where the perturbation
-    is so small that it takes minutes to grow; so is its run with half the step.
+    Steps of 27 elements with 12 panels take several milliseconds each. Where the perturbation is so
+    small that it takes minutes to grow, that body has panels at both ends of the stiffness alone,
+    and in between the constant added mass of the straight body (`frozen`, the same while the body
+    is straight); so has its run with half the step.
     """
     units = []
     counts = (3, 9) if quick else (3, 9, 27)
@@ -106,16 +96,16 @@ def _unit(
         "step": step,
         "duration": duration,
     }
-    return Unit(name, "onset", scene, options, seconds / step * each)
+    return Unit(name, measure_onset, scene, options, seconds / step * each)
 
 
 def perturbed(elements: int, panels: int, stiffness: float, kind: str) -> Scene:
     """Return the straight body with one of the paper's initial velocities.
 
     The third one, (3.5 - x/dl) 1e-5 across, is a uniform part and a slope, which is also the
-    turning rate: without it the velocities would break (15). The print divides x
-    by the time step, which is taken for a slip: x is counted in elements here, from the head, as
-    s/dl is in the caption of the paper's Fig. 6.
+    turning rate: without it the velocities would break (15). The print divides x by the time step,
+    which is taken for a slip: x is counted in elements here, from the head, as s/dl is in the
+    caption of the paper's Fig. 6.
     """
     start: dict[str, Any] = {"velocity": [SPEED, 0.0]}
     if kind == "sloped":
@@ -135,12 +125,7 @@ def perturbed(elements: int, panels: int, stiffness: float, kind: str) -> Scene:
 
 
 def measure_onset(unit: Unit) -> tuple[Figures, Arrays]:
-    """Play a perturbed straight body until an end has left its line.
-
-    Parameters
-    ----------
-    unit : Unit
-        Of `onset_units`.
+    """Simulate a perturbed straight body until an end has left its line.
 
     Returns
     -------
@@ -182,41 +167,35 @@ def measure_onset(unit: Unit) -> tuple[Figures, Arrays]:
     time, angle = np.concatenate(times), np.concatenate(angles)
     sloped = unit.options["perturbation"] == "sloped"
     rate = growth_rate(mass, SPEED)
+    across, turning = float(moving[1]), float(moving[2])
+    expected = onset_by_kirchhoff(mass, SPEED, across, turning, length, LEFT_LINE)
     figures = {
         **unit.options,
         "time": left,
         "end": simulator.termination_reason,
         "rate": None if watch_all else fitted_rate(time, angle, rate),
         "kirchhoff": rate,
-        "expected": _finite(
-            onset_by_kirchhoff(mass, SPEED, float(moving[1]), float(moving[2]), length, LEFT_LINE)
-        ),
+        "expected": expected if math.isfinite(expected) else None,
         "largest_angle": float(np.concatenate(bends).max()),
         "largest_offset": float(np.concatenate(offsets).max()),
-        "lateral": float(moving[1]),
-        "turning": float(moving[2]) if sloped else 0.0,
+        "lateral": across,
+        "turning": turning if sloped else 0.0,
     }
     return figures, {}
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def fitted_rate(time: Array, angle: Array, guess: float) -> float | None:
     """Return the rate at which an angle grows, fitted over its linear part.
 
     theta = a + b exp(lambda t) + c exp(-lambda t) solves Kirchhoff's linear equations from any
-    start; a, b and c follow from lambda by linear least squares. Each point is weighed by the size
+    start; a, b and c follow from lambda by linear least squares. Each point is weighted by the size
     of the angle there, so that early and late growth count alike, but for the first hundredth of
     the angle, where the little that the body bends at the start would count.
 
     Parameters
     ----------
-    time : (T,) array
-        Instants (s).
-    angle : (T,) array
-        Mean element angle (rad).
+    time, angle : (T,) arrays
+        Instants (s) and the mean element angle (rad).
     guess : float
         Where to look (1/s): between a fifth and five times that.
 
@@ -240,9 +219,9 @@ def fitted_rate(time: Array, angle: Array, guess: float) -> float | None:
         columns = np.stack(
             [np.ones_like(time), np.exp(rate * (time - time[-1])), np.exp(-rate * time)], axis=1
         )
-        weighed = columns * weight[:, None]
-        solved, *_ = np.linalg.lstsq(weighed, angle * weight, rcond=None)
-        return float(np.sum((weighed @ solved - angle * weight) ** 2))
+        weighted = columns * weight[:, None]
+        solved, *_ = np.linalg.lstsq(weighted, angle * weight, rcond=None)
+        return float(np.sum((weighted @ solved - angle * weight) ** 2))
 
     spread = np.linspace(math.log(guess / 5.0), math.log(guess * 5.0), 41)
     best = int(np.argmin([misfit(one) for one in spread]))
@@ -256,4 +235,4 @@ def implied_rate(slow: float, quick: float) -> float:
 
     The same exponential growth from 1e-4 instead of 2.2e-16 m/s is ln(1e-4/2.2e-16)/lambda sooner.
     """
-    return math.log(LATERAL["small"] / EPSILON) / (slow - quick)
+    return math.log(LATERAL["small"] / LATERAL["epsilon"]) / (slow - quick)

@@ -1,23 +1,27 @@
-"""The page: statements, figures and verdicts side by side, every number of ours from the data."""
+"""The page: the words of ``page.md`` filled with verdicts, tables and figures from the data."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
+from pathlib import Path
+from string import Formatter
+from typing import Any
 
-from studies.paper.sections import (
-    closing,
-    constants,
-    forces,
-    maps,
-    onset,
-    opening,
-    scenes,
-    variants,
-)
+from studies.paper.sections import ends, maps, onset, scenes, variants
 from studies.paper.statements import find_all
 from studies.paper.verdicts import Data
 
-__all__ = ["make_page"]
+__all__ = ["filled", "make_page"]
+
+#: By section, the text between its comment and the next.
+_SECTIONS = dict(
+    re.findall(
+        r"<!-- (\w+) -->\n\n(.*?)\n(?=\n<!--|\Z)",
+        Path(__file__).with_name("page.md").read_text(encoding="utf-8"),
+        re.DOTALL,
+    )
+)
 
 
 def make_page(
@@ -25,30 +29,62 @@ def make_page(
 ) -> str:
     """Return the page as Markdown.
 
+    A number of ours that is not in the data, those of `studies.paper.suite.collect`, is not on it.
+
     Parameters
     ----------
-    data : mapping
-        Of `studies.paper.suite.collect`, and nothing else: a number of ours that is not in it is
-        not on the page.
     pictures : mapping
         Paths of the pictures that were drawn, relative to the page, by name.
-    command : str
-        What made it.
-    written : str, optional
-        The commit of the code that writes the page, which may be newer than that of the figures.
+    command, written : str
+        What made it, and the commit of that code, which may be newer than that of the figures.
     """
     findings = find_all(data)
+    fields = {
+        "opening": ends.opening(data, findings, command, written),
+        "runs": scenes.runs(data),
+        "onset": onset.onset(data),
+        "variants": variants.variants(data),
+        "constants": scenes.constants(data),
+        "forces": scenes.forces(data),
+        "maps": maps.maps(data, lambda found: filled(_SECTIONS["map"], found, {})),
+        "discussion": ends.discussion(data, findings, written),
+    }
     parts = [
-        opening.head(data, command, written),
-        opening.short(data, findings),
-        opening.statements(findings),
-        scenes.section(data, pictures),
-        onset.section(data, pictures),
-        variants.section(data, pictures),
-        constants.section(data, pictures),
-        forces.section(data, pictures),
-        maps.section(data, pictures),
-        closing.discussion(data, findings),
-        closing.settings(data, written),
+        filled(_SECTIONS[name], known, pictures)
+        for name, known in fields.items()
+        if known is not None
     ]
-    return "\n".join(part for part in parts if part)
+    return "\n\n".join(parts) + "\n"
+
+
+def filled(text: str, fields: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
+    """Return a text with its fields filled in.
+
+    What is in [[double brackets]], and a whole paragraph, is left out where one of its fields is
+    None. A paragraph ``!NAME CAPTION`` is a picture, left out where it was not drawn.
+
+    Raises
+    ------
+    KeyError
+        If the text has a field that is not known.
+    """
+
+    def is_known(part: str) -> bool:
+        names = {name for _, name, *_ in Formatter().parse(part) if name}
+        return all(fields[name] is not None for name in names)
+
+    paragraphs = []
+    for paragraph in text.split("\n\n"):
+        # Every other piece is optional.
+        pieces = re.split(r"\[\[(.*?)\]\]", paragraph)
+        if not is_known("".join(pieces[::2])):
+            continue
+        found = "".join(one for i, one in enumerate(pieces) if i % 2 == 0 or is_known(one))
+        found = found.format_map(fields)
+        if found.startswith("!"):
+            name, _, caption = found[1:].partition(" ")
+            if name not in pictures:
+                continue
+            found = f"![{caption}]({pictures[name]})\n\n*{caption}*"
+        paragraphs.append(found)
+    return "\n\n".join(paragraphs)

@@ -1,9 +1,9 @@
-"""The twelve scenes of Table 1, their finer runs for error bars, and what is kept of a run."""
+"""The twelve scenes of Table 1, their finer runs for error bars, and the figures of a run."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,9 @@ from swim_env.sim.trajectory import Trajectory
 __all__ = [
     "NUMERALS",
     "first_crossing",
+    "guess",
     "play_run",
+    "played",
     "run_figures",
     "scene_units",
 ]
@@ -34,11 +36,8 @@ Array = NDArray[np.float64]
 
 #: The paper's numbers of its simulations.
 NUMERALS = ("i", "ii", "iii", "iv", "v", "vi", "vii", "viii", "ix", "x", "xi", "xii")
-#: What makes the error bar of a run: half the step, and three times the panels with ends to match.
-_FINER: Mapping[str, Mapping[str, Any]] = {
-    "half": {"integrator.time_step": 0.005},
-    "fine": {"fluid.cap_panels": "proportional"},
-}
+#: The paper's settings, half the step, and three times the panels with ends to match.
+_LEVELS = ("", "half", "fine")
 #: An end that is farther from its first y than this share of the length has left its line.
 LEFT_LINE = 0.01
 #: Seconds of simulated time that a step of 9 elements and 4 panels takes, for guesses of cost.
@@ -48,42 +47,41 @@ _SERIES = 10
 
 
 def scene_units(duration: float, finest: bool = True) -> list[Unit]:
-    """Return the twelve runs, their finer ones, and the ones that statements ask for besides.
+    """Return the twelve runs, their finer ones, and the others that statements need.
 
-    Parameters
-    ----------
-    duration : float
-        Simulated time (s), the paper's 100 or less.
-    finest : bool
-        Whether scene xii is played with fine panels too, the longest run of all.
+    Each lasts ``duration`` (s), the paper's 100 or less; ``finest`` tells whether scene xii is
+    computed with fine panels too, the longest run of all.
     """
     units = []
     for numeral in NUMERALS:
         scene = load_scene(f"paper_{numeral}").replace("episode.duration", duration)
-        units.append(_unit(f"run_{numeral}", scene.replace("internal_forces", {}), True))
-        for level, changes in _FINER.items():
-            if level == "fine":
-                if numeral == "xii" and not finest:
-                    continue
-                panels = 3 * scene.fluid.panels_per_element if scene.fluid else 4
-                changes = {**changes, "fluid.panels_per_element": panels}
-            finer = scene.replace({**changes, "internal_forces": {}})
-            units.append(_unit(f"run_{numeral}_{level}", finer))
+        levels = _LEVELS if finest or numeral != "xii" else ("", "half")
+        units += _units(f"run_{numeral}", scene.replace("internal_forces", {}), levels, True)
     first = load_scene("paper_i").replace("episode.duration", duration)
-    units.append(_unit("run_i_alone", first.replace("fluid", None)))
-    units.append(_unit("run_i_mirrored", first.replace("actuation.phase", math.pi)))
+    units += _units("run_i_alone", first.replace("fluid", None), ("",))
+    units += _units("run_i_mirrored", first.replace("actuation.phase", math.pi), ("",))
     # Stiff in its rear half instead: is it the head that must bend?
     pieces = [{"until": 0.5, "value": 5.0}, {"until": 1.0, "value": 50.0}]
-    other = first.replace("beam.bending_stiffness", {"pieces": pieces})
-    units.append(_unit("run_vi_reversed", other))
-    units.append(_unit("run_vi_reversed_half", other.replace(dict(_FINER["half"]))))
-    fine = {**_FINER["fine"], "fluid.panels_per_element": 12}
-    units.append(_unit("run_vi_reversed_fine", other.replace(fine)))
+    units += _units("run_vi_reversed", first.replace("beam.bending_stiffness", {"pieces": pieces}))
     return units
 
 
-def _unit(name: str, scene: Scene, pictured: bool = False) -> Unit:
-    return Unit(name, "run", scene, {"pictured": pictured}, guess(scene))
+def _units(
+    name: str, scene: Scene, levels: Sequence[str] = _LEVELS, pictured: bool = False
+) -> list[Unit]:
+    """Return a run and its finer ones, of which only the first is pictured."""
+    units = []
+    for level in levels:
+        changes: dict[str, Any] = {}
+        if level == "half":
+            changes = {"integrator.time_step": 0.005}
+        elif level == "fine":
+            panels = 3 * scene.fluid.panels_per_element if scene.fluid else 4
+            changes = {"fluid.cap_panels": "proportional", "fluid.panels_per_element": panels}
+        finer = scene.replace(changes)
+        options = {"pictured": pictured and not level}
+        units.append(Unit(f"{name}_{level}".rstrip("_"), play_run, finer, options, guess(finer)))
+    return units
 
 
 def guess(scene: Scene) -> float:
@@ -97,21 +95,16 @@ def guess(scene: Scene) -> float:
 
 
 def play_run(unit: Unit) -> tuple[Figures, Arrays]:
-    """Play a scene's prescribed torque for its episode's duration.
-
-    Parameters
-    ----------
-    unit : Unit
-        Its option ``pictured`` asks for arrays.
+    """Simulate a scene under its prescribed torque for its episode's duration.
 
     Returns
     -------
     figures : dict
-        Those of `run_figures`.
+        Those of `run_figures`, and ``internal`` those of `studies.paper.constants`.
     arrays : dict
-        For pictures, or empty: nodes and directors at whole seconds, series of energy and
-        momentum; ``torque`` over the last second, and over the one before ``total``, the sum of
-        moments below `studies.paper.constants.RESOLVED`.
+        If the option ``pictured`` asks for them: nodes and angles at whole seconds, series of
+        energy and momentum; ``torque`` over the last second, and over the one before ``total``,
+        the sum of moments below `studies.paper.constants.RESOLVED`.
     """
     trajectory = played(Simulator(unit.scene))
     figures = run_figures(trajectory)
@@ -121,14 +114,14 @@ def play_run(unit: Unit) -> tuple[Figures, Arrays]:
 
 
 def played(simulator: Simulator) -> Trajectory:
-    """Play a simulator's scene for its episode's duration."""
+    """Simulate a simulator's scene for its episode's duration."""
     scene = simulator.scene
     steps = round(scene.episode.duration / scene.integrator.time_step)
     return simulator.rollout(simulator.prescribed_torques(steps))
 
 
 def run_figures(trajectory: Trajectory) -> dict[str, Any]:
-    """Return what is said of a run.
+    """Return the figures of a run.
 
     Paths and headings are means over each second, the period of the paper's drive, so that the
     body's swing to and fro does not count as swimming or turning.
@@ -178,20 +171,7 @@ def run_figures(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def first_crossing(time: Array, values: Array, limit: float) -> float | None:
-    """Return when a series first exceeds a limit, on the straight line between two instants.
-
-    Parameters
-    ----------
-    time, values : (T,) arrays
-        Instants (s), and what is there.
-    limit : float
-        In the unit of the values; the first of them is below it.
-
-    Returns
-    -------
-    float or None
-        The time (s), None where it never does.
-    """
+    """Return when (s) values (T,) first exceed a limit, interpolated; None where they never do."""
     beyond = values > limit
     if not beyond.any():
         return None

@@ -1,11 +1,10 @@
-"""The other readings of the printed equations, played on the paper's scenes."""
+"""The other readings of the printed equations, applied to the paper's scenes."""
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import asdict
 
 import numpy as np
-from numpy.typing import NDArray
 
 from studies.paper.onset import SPEED
 from studies.paper.runs import NUMERALS, guess, played, run_figures
@@ -17,9 +16,7 @@ from swim_env.sim.simulator import Simulator
 
 __all__ = ["VARIANTS", "measure_variant", "variant_units", "with_halved_turning"]
 
-Array = NDArray[np.float64]
-
-#: What is played beside the closed outline, and what it is in words.
+#: What is compared with the closed outline, and what it is in words.
 VARIANTS: dict[str, str] = {
     "frozen": "closed outline, the straight body's added mass",
     "halved": "the same, turning with the printed factor 1/2",
@@ -31,14 +28,9 @@ VARIANTS: dict[str, str] = {
 
 
 def variant_units(duration: float, quick: bool = False) -> list[Unit]:
-    """Return every variant on every scene, each with half the step besides.
+    """Return every variant on every scene for a duration (s).
 
-    Parameters
-    ----------
-    duration : float
-        Simulated time (s).
-    quick : bool
-        Whether to leave out the scene with 27 elements and half of the variants.
+    The quick ones leave out the scene with 27 elements and half of the variants.
     """
     names = ("frozen", "halved", "consistent", "printed_factor") if quick else tuple(VARIANTS)
     units = []
@@ -48,16 +40,18 @@ def variant_units(duration: float, quick: bool = False) -> list[Unit]:
             scene = of_variant(scene, variant)
             options = {"variant": variant, "scene": numeral}
             cost = 3.0 * guess(load_scene(f"paper_{numeral}")) if "arm" in variant else 1.0
-            units.append(Unit(f"variant_{variant}_{numeral}", "variant", scene, options, cost))
+            units.append(
+                Unit(f"variant_{variant}_{numeral}", measure_variant, scene, options, cost)
+            )
     scene = load_scene("paper_i", {"actuation.phase": np.pi, "episode.duration": duration})
     mirrored = of_variant(scene, "consistent")
     options = {"variant": "consistent", "scene": "i"}
-    units.append(Unit("variant_mirrored", "variant", mirrored, options))
+    units.append(Unit("variant_mirrored", measure_variant, mirrored, options))
     return units
 
 
 def of_variant(scene: Scene, variant: str) -> Scene:
-    """Return a scene with the fluid model of a variant; `halved` needs its simulator besides."""
+    """Return a scene with the fluid model of a variant; `halved` also needs its own simulator."""
     if variant in ("frozen", "halved"):
         return scene.replace("fluid.model", "frozen")
     return scene.replace({"fluid.model": "centreline", "fluid.variant": variant})
@@ -69,12 +63,7 @@ def with_halved_turning(scene: Scene) -> Simulator:
     The printed (28) has the factor 1/2 on the normal velocity of a turning element; A = -rho B^T L
     P G^-1 B is quadratic in it, so the entries of turning with moving across are halved and those
     of turning with turning quartered. No scene has that, as it is a misprint: a turning plate would
-    weigh a quarter of what it does.
-
-    Parameters
-    ----------
-    scene : Scene
-        With the fluid model ``frozen``.
+    have a quarter of its inertia. The scene's fluid model is ``frozen``.
     """
     simulator = Simulator(scene)
     n = scene.beam.elements
@@ -82,23 +71,22 @@ def with_halved_turning(scene: Scene) -> Simulator:
     scaled = np.outer(factors, factors)[np.tril_indices(2 * n)]
     # The kernels' constants end with the lower triangle of A, row by row.
     bodies = simulator._bodies
-    bodies._constants[0][-scaled.size :] *= scaled
-    # The work space remembers the mass, which hangs on no shape here: make it forget.
-    bodies._floats[:] = 0.0
+    bodies._constants[1][-scaled.size :] *= scaled
+    # The work space keeps the mass, which does not depend on the shape here: clear it.
+    bodies._integers[:] = 0
     simulator.reset()
     return simulator
 
 
 def measure_variant(unit: Unit) -> tuple[Figures, Arrays]:
-    """Play a scene with a variant, and again with half the step.
+    """Simulate a scene with a variant, and again with half the step.
 
     Returns
     -------
     figures : dict
         ``variant``, ``scene``, ``base`` and ``half``: those of `run_figures`; the straight body's
-        ``kirchhoff`` rate at the paper's 0.1 m/s (1/s) and masses ``along``, ``across`` (kg),
-        ``inertia`` (kg m^2) and ``coupling`` (kg m). A run that cannot begin has its reason under
-        ``end``.
+        ``kirchhoff`` rate at the paper's 0.1 m/s (1/s) and the fields of `RigidMass`. A run that
+        cannot begin has its reason under ``end``.
     arrays : dict
         Empty.
     """
@@ -107,21 +95,11 @@ def measure_variant(unit: Unit) -> tuple[Figures, Arrays]:
     found: Figures = dict(unit.options)
     mass = rigid_mass(mass_matrix(make(unit.scene)))
     rate = growth_rate(mass, SPEED)
-    found |= {
-        "kirchhoff": rate if np.isfinite(rate) else None,
-        "along": mass.along,
-        "across": mass.across,
-        "inertia": mass.inertia,
-        "coupling": mass.coupling,
-    }
+    found |= {"kirchhoff": rate if np.isfinite(rate) else None, **asdict(mass)}
     for level, step in (("base", 0.01), ("half", 0.005)):
         scene = unit.scene.replace("integrator.time_step", step)
-        found[level] = _figures_or_reason(make, scene)
+        try:
+            found[level] = run_figures(played(make(scene)))
+        except SimulationEndedError as error:
+            found[level] = {"end": error.reason, "duration": 0.0}
     return found, {}
-
-
-def _figures_or_reason(make: Any, scene: Scene) -> dict[str, Any]:
-    try:
-        return run_figures(played(make(scene)))
-    except SimulationEndedError as error:
-        return {"end": error.reason, "duration": 0.0}

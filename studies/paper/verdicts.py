@@ -1,4 +1,4 @@
-"""Verdicts, figures with their error bars, and the one rule that makes one of the other.
+"""Verdicts, figures with their error bars, and the one rule that turns these into those.
 
 A figure agrees with a limit where its whole bar does, differs where none of it does, and is
 undecided where the bar spans the limit.
@@ -12,31 +12,11 @@ from typing import Any
 
 from studies.paper.bars import STEPS, bar_of, coarse_error, with_bar
 
-__all__ = [
-    "AGREE",
-    "DIFFER",
-    "NOT_MEASURED",
-    "UNDECIDED",
-    "Data",
-    "Finding",
-    "MissingError",
-    "Value",
-    "above",
-    "all_of",
-    "at_most",
-    "larger",
-    "listed",
-    "onset_of",
-    "onset_time",
-    "ratio_of",
-    "run_of",
-    "value_of",
-    "within",
-    "yes",
-]
-
 #: Of `studies.paper.suite.collect`.
 Data = Mapping[str, Any]
+
+#: What follows the name of a run: its own settings, half the step, and fine panels.
+LEVELS = ("", "_half", "_fine")
 
 AGREE, DIFFER, UNDECIDED, NOT_MEASURED = "agree", "differ", "undecided", "not measured"
 
@@ -47,20 +27,13 @@ class MissingError(Exception):
 
 @dataclass(frozen=True)
 class Finding:
-    """What came of a statement.
+    """What was found about a statement."""
 
-    Attributes
-    ----------
-    measured : str
-        Our figures in words, with error bars.
-    verdict : str
-        One of AGREE, DIFFER, UNDECIDED and NOT_MEASURED.
-    why : str
-        The reason, where it is known.
-    """
-
+    #: Our figures in words, with error bars.
     measured: str
+    #: One of AGREE, DIFFER, UNDECIDED and NOT_MEASURED.
     verdict: str
+    #: The reason, where it is known.
     why: str = ""
 
 
@@ -75,42 +48,49 @@ class Value:
         """Return both as text, down to the bar's digit."""
         return with_bar(self.value, self.bar, digits=7)
 
+    def size(self) -> Value:
+        """Return the figure without its sign."""
+        return Value(abs(self.value), self.bar)
+
+    def times(self, side: float) -> Value:
+        """Return the figure with its sign kept or turned, by 1 or -1."""
+        return Value(side * self.value, self.bar)
+
     def over(self, other: Value) -> Value:
         """Return the ratio to another figure, whose bar is independent of this one's."""
         ratio = self.value / other.value
         shares = abs(self.bar / self.value) if self.value else 0.0
         return Value(ratio, abs(ratio) * (shares + abs(other.bar / other.value)))
 
+    def above(self, limit: float) -> str:
+        """Return the verdict on a figure that should be above a limit: the one rule for all."""
+        if self.value - self.bar > limit:
+            return AGREE
+        return DIFFER if self.value + self.bar <= limit else UNDECIDED
 
-# ---- the rule ----------------------------------------------------------------------------------
+    def at_most(self, limit: float) -> str:
+        """Return the verdict on a figure that should not be above a limit."""
+        return {AGREE: DIFFER, DIFFER: AGREE, UNDECIDED: UNDECIDED}[self.above(limit)]
 
+    def within(self, target: float, tolerance: float) -> str:
+        """Return the verdict on a figure that should be as near to another as a tolerance."""
+        return Value(abs(self.value - target), self.bar).at_most(tolerance)
 
-def above(figure: Value, limit: float) -> str:
-    """Return the verdict on a figure that should be above a limit."""
-    if figure.value - figure.bar > limit:
-        return AGREE
-    return DIFFER if figure.value + figure.bar <= limit else UNDECIDED
-
-
-def at_most(figure: Value, limit: float) -> str:
-    """Return the verdict on a figure that should not be above a limit."""
-    return {AGREE: DIFFER, DIFFER: AGREE, UNDECIDED: UNDECIDED}[above(figure, limit)]
-
-
-def within(figure: Value, target: float, tolerance: float) -> str:
-    """Return the verdict on a figure that should be as near to another as a tolerance."""
-    return at_most(Value(abs(figure.value - target), figure.bar), tolerance)
-
-
-def larger(a: Value, b: Value) -> str:
-    """Return the verdict on a figure that should be larger than another."""
-    return above(Value(a.value - b.value, a.bar + b.bar), 0.0)
+    def larger_than(self, other: Value) -> str:
+        """Return the verdict on a figure that should be larger than another."""
+        return Value(self.value - other.value, self.bar + other.bar).above(0.0)
 
 
 def all_of(verdicts: Iterable[str]) -> str:
     """Return the verdict on several parts: one that differs decides, then one that is undecided."""
     found = set(verdicts)
     return next(one for one in (DIFFER, UNDECIDED, AGREE) if one in found)
+
+
+def at_least_one_of(verdicts: Iterable[str]) -> str:
+    """Return the verdict on alternatives: one that agrees decides, then one that is undecided."""
+    found = set(verdicts)
+    return next(one for one in (AGREE, UNDECIDED, DIFFER) if one in found)
 
 
 def yes(holds: bool) -> str:
@@ -139,19 +119,22 @@ def run_of(data: Data, name: str, least: float = 2.0) -> Data:
     return run
 
 
-def value_of(data: Data, name: str, pick: Callable[[Data], float], least: float = 2.0) -> Value:
+def value_of(data: Data, name: str, pick: Callable[[Data], float], least: float = 10.0) -> Value:
     """Return a figure of a run with its error bar, from half the step and from fine panels."""
     value = pick(run_of(data, name, least))
-    others: list[float | None] = []
-    for level in ("half", "fine"):
-        try:
-            others.append(pick(run_of(data, f"{name}_{level}", least)))
-        except MissingError:
-            others.append(None)
-    bar = bar_of(value, *others)
-    if bar is None:
-        raise MissingError(f"no finer runs of {name}")
+    try:
+        bar = bar_of(value, *(pick(run_of(data, name + level, least)) for level in LEVELS[1:]))
+    except MissingError:
+        raise MissingError(f"no finer runs of {name}") from None
+    assert bar is not None
     return Value(value, bar)
+
+
+def values_of(
+    data: Data, names: Iterable[str], pick: Callable[[Data], float], least: float = 10.0
+) -> dict[str, Value]:
+    """Return a figure of several runs by name; see `value_of`."""
+    return {name: value_of(data, name, pick, least) for name in names}
 
 
 def ratio_of(data: Data, over: str, under: str, pick: Callable[[Data], float]) -> Value:
@@ -160,7 +143,7 @@ def ratio_of(data: Data, over: str, under: str, pick: Callable[[Data], float]) -
     What step and panels do to both alike cancels, so it is known better than either.
     """
     values = []
-    for level in ("", "_half", "_fine"):
+    for level in LEVELS:
         divisor = pick(run_of(data, f"{under}{level}", 10.0))
         if divisor == 0.0:
             raise MissingError(f"{under} does not move")
@@ -186,12 +169,8 @@ def onset_of(
 ) -> Data | None:
     """Return the run of the stability study with these settings, None where there is none."""
     wanted = (elements, panels, kind, stiffness, step, model)
-    for one in data["onset"]:
-        found = (one["elements"], one["panels"], one["perturbation"], one["stiffness"])
-        if (*found, one["step"], one["model"]) == wanted:
-            match: Data = one
-            return match
-    return None
+    keys = ("elements", "panels", "perturbation", "stiffness", "step", "model")
+    return next((one for one in data["onset"] if tuple(one[key] for key in keys) == wanted), None)
 
 
 def onset_time(data: Data, elements: int, panels: int, kind: str) -> Value | None:
@@ -202,7 +181,7 @@ def onset_time(data: Data, elements: int, panels: int, kind: str) -> Value | Non
     Raises
     ------
     MissingError
-        If it was not played, or not with half the step.
+        If it was not computed, or not with half the step.
     """
     found = onset_of(data, elements, panels, kind)
     if found is None:

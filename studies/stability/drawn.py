@@ -13,26 +13,21 @@ from swim_env.errors import SceneError
 from swim_env.scene import ENERGY_EXCESSES, SCHEME_NAMES, STRAIN_NAMES, Scene
 from swim_env.scene.fluid import CENTRELINE_VARIANTS
 
-__all__ = ["draw_run", "draw_scene"]
+__all__ = ["draw_run"]
 
 _MOST_STEPS = 25
 _MODELS = ("none", "strip", "frozen", "expansion", "panels", "panels", "panels", "centreline")
 
 
 def draw_run(seed: int) -> HardRun:
-    """Return a short run of a random scene with random torques.
-
-    Parameters
-    ----------
-    seed : int
-        The same run for the same seed.
-    """
+    """Return a short run of a random scene with random torques, the same for the same seed."""
     rng = np.random.default_rng(seed)
-    scene = draw_scene(rng)
+    scene = _draw_scene(rng)
     steps = int(rng.integers(1, _MOST_STEPS + 1))
     step = scene.integrator.time_step
+    stiffest = max(float(scene.beam.stiffness_at_joints().max()), 1e-3)
     # From torques that hardly bend the body to ones that fold it within a step.
-    amplitude = _log_uniform(rng, 1e-3, 30.0) * _stiffest(scene) / scene.beam.length
+    amplitude = _log_uniform(rng, 1e-3, 30.0) * stiffest / scene.beam.length
     drive = rng.choice(3)
     held = step * int(rng.integers(1, 6))
     torques = WhiteNoise(amplitude, seed, held) if drive else SquareWave(amplitude, 2.0 * held)
@@ -45,18 +40,14 @@ def draw_run(seed: int) -> HardRun:
         velocity = np.concatenate(
             [speed * rng.uniform(-1.0, 1.0, 2), spin * rng.uniform(-1.0, 1.0, n)]
         )
-    return HardRun("drawn", f"seed {seed}", scene, steps * step, torques, velocity=velocity)
-
-
-def _stiffest(scene: Scene) -> float:
-    return max(float(scene.beam.stiffness_at_joints().max()), 1e-3)
+    return HardRun(f"seed {seed}", scene, steps * step, torques, velocity=velocity, case="drawn")
 
 
 def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
     return float(math.exp(rng.uniform(math.log(low), math.log(high))))
 
 
-def draw_scene(rng: np.random.Generator) -> Scene:
+def _draw_scene(rng: np.random.Generator) -> Scene:
     """Return a random scene that is valid, however odd."""
     while True:
         try:

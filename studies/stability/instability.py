@@ -7,9 +7,6 @@ lambda^2 = U^2 m11 (m22 - m11)/(m22 I - g^2), m11, m22, I and g the body's own w
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
-
 import numpy as np
 from scipy.optimize import least_squares
 
@@ -17,7 +14,7 @@ from swim_env.analysis.kirchhoff import growth_rate, mass_matrix, rigid_mass
 from swim_env.scene import load_scene
 from swim_env.sim.simulator import Simulator
 
-__all__ = ["Onset", "measure_onset"]
+__all__ = ["measure_onset"]
 
 _SPEED = 0.1
 #: Lateral velocity (m/s) small enough for the linear equations over the time (s) that is watched.
@@ -26,46 +23,16 @@ _LATERAL, _WATCHED = 1e-7, 40.0
 _PANELS = {3: 12}
 
 
-@dataclass(frozen=True)
-class Onset:
-    """How a straight body of N elements leaves its line.
+def measure_onset(elements: int, stiffness: float) -> dict[str, float]:
+    """Measure how a body of N elements with EI (N m^2) leaves its line at 0.1 m/s.
 
-    Attributes
-    ----------
-    elements : int
-        N.
-    stiffness : float
-        EI (N m^2).
-    rate : float
-        The rate that was fitted, over Kirchhoff's.
-    kirchhoff : float
-        Kirchhoff's rate (1/s) with the discrete body's own mass.
-    alone, tiny : float
-        Largest angle of an element after 60 s (rad) without any perturbation but the solver's own,
-        and with one of 1e-16 m/s.
-    """
-
-    elements: int
-    stiffness: float
-    rate: float
-    kirchhoff: float
-    alone: float
-    tiny: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fields by name, for JSON."""
-        return asdict(self)
-
-
-def measure_onset(elements: int, stiffness: float) -> Onset:
-    """Measure how a body leaves its line at 0.1 m/s.
-
-    Parameters
-    ----------
-    elements : int
-        N.
-    stiffness : float
-        EI (N m^2).
+    Returns
+    -------
+    dict
+        ``elements``, ``stiffness``; ``rate``, the one that was fitted, over Kirchhoff's;
+        ``kirchhoff``, Kirchhoff's rate (1/s) with the discrete body's own mass; ``alone`` and
+        ``tiny``, the largest angle of an element after 60 s (rad) without any perturbation but the
+        solver's own, and with one of 1e-16 m/s.
     """
     simulator = _simulator(elements, stiffness, _LATERAL)
     mass = rigid_mass(mass_matrix(simulator))
@@ -86,18 +53,21 @@ def measure_onset(elements: int, stiffness: float) -> Onset:
         other = _simulator(elements, stiffness, lateral)
         run = other.rollout(np.zeros((round(60.0 / other.time_step), elements - 1)))
         left.append(float(np.abs(run.angles[-1]).max()))
-    return Onset(elements, stiffness, float(fit.x[0]), rate, *left)
+    return {
+        "elements": elements,
+        "stiffness": stiffness,
+        "rate": float(fit.x[0]),
+        "kirchhoff": rate,
+        "alone": left[0],
+        "tiny": left[1],
+    }
 
 
 def _simulator(elements: int, stiffness: float, lateral: float) -> Simulator:
-    return Simulator(
-        load_scene(
-            "paper_x",
-            {
-                "beam.elements": elements,
-                "beam.bending_stiffness": stiffness,
-                "fluid.panels_per_element": _PANELS.get(elements, 4),
-                "initial.velocity": [_SPEED, lateral],
-            },
-        )
-    )
+    changes = {
+        "beam.elements": elements,
+        "beam.bending_stiffness": stiffness,
+        "fluid.panels_per_element": _PANELS.get(elements, 4),
+        "initial.velocity": [_SPEED, lateral],
+    }
+    return Simulator(load_scene("paper_x", changes))

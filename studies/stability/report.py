@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+from swim_env.files.tables import markdown_table
 
 __all__ = ["failures_of", "stability_tables"]
 
+Record = Mapping[str, Any]
 
-def failures_of(results: Mapping[str, Any]) -> list[str]:
+
+def failures_of(results: Record) -> list[str]:
     """Return in words everything that was not right."""
     found = [
         f"{run['case']}, {run['label']}: {text}"
@@ -20,7 +24,7 @@ def failures_of(results: Mapping[str, Any]) -> list[str]:
     return found + list(results["drawn"]["failures"])
 
 
-def _wrong_onset(one: Mapping[str, Any]) -> list[str]:
+def _wrong_onset(one: Record) -> list[str]:
     """Return what is not right with how a straight body left its line."""
     label = f"straight body, N = {one['elements']}, EI {one['stiffness']:g}"
     found = []
@@ -34,136 +38,102 @@ def _wrong_onset(one: Mapping[str, Any]) -> list[str]:
     return found
 
 
-def stability_tables(results: Mapping[str, Any]) -> str:
+def stability_tables(results: Record) -> str:
     """Return the results as Markdown: a table of the cases, and one of their runs."""
-    runs = list(results["runs"])
+    machine = results["machine"]
     parts = [
-        _origin(results),
-        "## Cases\n",
-        _cases(runs),
-        _drawn(results["drawn"]),
-        _onsets(results["onsets"]),
-        "## Runs\n",
-        _runs(runs),
+        f"Measured {results['date']} at commit {results['commit']}, kernels {results['kernels']}, "
+        f"on {machine['processor']}, {machine['cores']} cores."
     ]
     failures = failures_of(results)
     if failures:
-        parts.insert(1, "## Not right\n\n" + "".join(f"- {text}\n" for text in failures))
-    return "\n".join(part for part in parts if part)
+        parts.append("## Not right\n\n" + "\n".join(f"- {text}" for text in failures))
+    parts += [
+        "## Cases\n\n" + _cases(results["runs"]),
+        _drawn(results["drawn"]),
+        _onsets(results["onsets"]),
+        "## Runs\n\n" + _runs(results["runs"]),
+    ]
+    return "\n\n".join(filter(None, parts)) + "\n"
 
 
-def _origin(results: Mapping[str, Any]) -> str:
-    machine = results["machine"]
-    return (
-        f"Measured {results['date']} at commit {results['commit']}, kernels {results['kernels']}, "
-        f"on {machine['processor']}, {machine['cores']} cores.\n"
-    )
-
-
-def _table(heads: tuple[str, ...], rows: Iterable[Iterable[object]]) -> str:
-    lines = [f"| {' | '.join(heads)} |", "|" + "---|" * len(heads)]
-    lines += [f"| {' | '.join(str(cell) for cell in row)} |" for row in rows]
-    return "\n".join(lines) + "\n"
-
-
-def _cases(runs: list[dict[str, Any]]) -> str:
+def _cases(runs: Sequence[Record]) -> str:
     rows = []
     for case in dict.fromkeys(run["case"] for run in runs):
         some = [run for run in runs if run["case"] == case]
         ends = Counter(run["reason"] for run in some if run["reason"])
         compared = [run for run in some if run["agreement"] is not None]
-        rows.append(
-            (
-                case,
-                len(some),
-                f"{sum(not run['reason'] for run in some)}",
-                ", ".join(f"{count} {reason}" for reason, count in sorted(ends.items())) or "none",
-                sum(not run["trusted"] for run in some),
-                f"{sum(run['claimed'] for run in compared)} of {len(compared)}",
-                f"{max(run['residual'] for run in some):.0e}",
-                f"{max(run['momentum'] for run in some):.1e}",
-                max(run["most_parts"] for run in some),
-                f"{1e3 * max(run['slowest'] for run in some):.0f}",
-                sum(bool(run["failures"]) for run in some),
+        row = {
+            "case": case,
+            "runs": len(some),
+            "to the end": sum(not run["reason"] for run in some),
+            "explicit ends": ", ".join(
+                f"{count} {reason}" for reason, count in sorted(ends.items())
             )
-        )
-    heads = (
-        "case",
-        "runs",
-        "to the end",
-        "explicit ends",
-        "energy flagged",
-        "displacement agrees with half the step",
-        "largest residual",
-        "momentum drift / bound",
-        "most parts of a step",
-        "slowest step (ms)",
-        "not right",
-    )
-    return _table(heads, rows)
+            or "none",
+            "energy flagged": sum(not run["trusted"] for run in some),
+            "displacement agrees with half the step": (
+                f"{sum(run['claimed'] for run in compared)} of {len(compared)}"
+            ),
+            "largest residual": f"{max(run['residual'] for run in some):.0e}",
+            "momentum drift / bound": f"{max(run['momentum'] for run in some):.1e}",
+            "most parts of a step": max(run["most_parts"] for run in some),
+            "slowest step (ms)": f"{1e3 * max(run['slowest'] for run in some):.0f}",
+            "not right": sum(bool(run["failures"]) for run in some),
+        }
+        rows.append(row)
+    return _table(rows)
 
 
-def _drawn(drawn: Mapping[str, Any]) -> str:
+def _drawn(drawn: Record) -> str:
     if not drawn["count"]:
         return ""
     rows = [
-        (reason or "to the end", count, f"{count / drawn['count']:.1%}")
+        {"end": reason or "to the end", "runs": count, "share": f"{count / drawn['count']:.1%}"}
         for reason, count in sorted(drawn["ends"].items(), key=lambda item: -item[1])
     ]
     return (
         f"## Drawn at random\n\n{drawn['count']:,} short runs; {len(drawn['failures'])} not right, "
         f"{drawn['untrusted']:,} flagged for their energy, slowest step "
-        f"{1e3 * drawn['slowest']:.0f} ms.\n\n" + _table(("end", "runs", "share"), rows)
+        f"{1e3 * drawn['slowest']:.0f} ms.\n\n{_table(rows)}"
     )
 
 
-def _onsets(onsets: list[dict[str, Any]]) -> str:
+def _onsets(onsets: Sequence[Record]) -> str:
     if not onsets:
         return ""
     rows = [
-        (
-            one["elements"],
-            f"{one['stiffness']:g}",
-            f"{one['kirchhoff']:.4f}",
-            f"{one['rate']:.4f}",
-            f"{one['alone']:.1e}",
-            f"{one['tiny']:.1e}",
-        )
+        {
+            "N": one["elements"],
+            "EI (N m²)": f"{one['stiffness']:g}",
+            "Kirchhoff's rate (1/s)": f"{one['kirchhoff']:.4f}",
+            "measured rate / Kirchhoff's": f"{one['rate']:.4f}",
+            "angle after 60 s, left alone (rad)": f"{one['alone']:.1e}",
+            "angle after 60 s, 1e-16 m/s aside (rad)": f"{one['tiny']:.1e}",
+        }
         for one in onsets
     ]
-    heads = (
-        "N",
-        "EI (N m²)",
-        "Kirchhoff's rate (1/s)",
-        "measured rate / Kirchhoff's",
-        "angle after 60 s, left alone (rad)",
-        "angle after 60 s, 1e-16 m/s aside (rad)",
-    )
-    return "## The straight body's instability at 0.1 m/s\n\n" + _table(heads, rows)
+    return f"## The straight body's instability at 0.1 m/s\n\n{_table(rows)}"
 
 
-def _runs(runs: list[dict[str, Any]]) -> str:
+def _runs(runs: Sequence[Record]) -> str:
     rows = [
-        (
-            run["case"],
-            run["label"],
-            run["reason"] or "to the end",
-            f"{run['steps']:,} of {run['wanted']:,}",
-            f"{run['energy_drift']:.1e}" + ("" if run["trusted"] else " (flagged)"),
-            f"{run['momentum']:.1e}",
-            f"{run['cut_steps']:,} ({run['most_parts']})",
-            "" if run["agreement"] is None else f"{run['agreement']:.1e}",
-        )
+        {
+            "case": run["case"],
+            "run": run["label"],
+            "end": run["reason"] or "to the end",
+            "steps": f"{run['steps']:,} of {run['wanted']:,}",
+            "energy drift": f"{run['energy_drift']:.1e}{'' if run['trusted'] else ' (flagged)'}",
+            "momentum drift / bound": f"{run['momentum']:.1e}",
+            "steps cut (most parts)": f"{run['cut_steps']:,} ({run['most_parts']})",
+            "distance from half the step": (
+                "" if run["agreement"] is None else f"{run['agreement']:.1e}"
+            ),
+        }
         for run in runs
     ]
-    heads = (
-        "case",
-        "run",
-        "end",
-        "steps",
-        "energy drift",
-        "momentum drift / bound",
-        "steps cut (most parts)",
-        "distance from half the step",
-    )
-    return _table(heads, rows)
+    return _table(rows)
+
+
+def _table(rows: Sequence[Mapping[str, object]]) -> str:
+    return markdown_table(list(rows[0]), [row.values() for row in rows]) if rows else "none"

@@ -1,17 +1,17 @@
-"""Playing all hard runs, side by side, and what is kept of them."""
+"""Playing all hard runs side by side, and what is kept of them."""
 
 from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import asdict
 from typing import Any
 
+from studies.fingerprint import kernel_digest
 from studies.fresh_processes import Call, in_fresh_processes
 from studies.stability.cases import hard_runs
-from studies.stability.digest import kernel_digest
 from studies.stability.drawn import draw_run
 from studies.stability.instability import measure_onset
 from studies.stability.runs import HardRun, Verdict, play
@@ -36,7 +36,7 @@ def measure_stability(
     names: tuple[str, ...] | None = None,
     draws: int = 100_000,
     workers: int | None = None,
-    progress: Callable[[int], object] | None = None,
+    progress: Callable[[int], object] = lambda done: None,
 ) -> dict[str, Any]:
     """Play hard runs and judge them.
 
@@ -65,20 +65,22 @@ def measure_stability(
     order = sorted(range(len(runs)), key=lambda i: -_cost(runs[i]))
     parts = [(first, min(first + _TOGETHER, draws)) for first in range(0, draws, _TOGETHER)]
     calls: list[Call] = [(play, (runs[i],)) for i in order]
-    calls += [(_onset, key) for key in onsets]
+    calls += [(measure_onset, key) for key in onsets]
     calls += [(drawn_runs, part) for part in parts]
     found: list[Any] = [None] * len(calls)
     with closing(in_fresh_processes(calls, workers, load_kernels)) as results:
         for index, result in results:
             found[index] = result
-            if progress is not None:
-                progress(1)
-    verdicts = dict(zip(order, found, strict=False))
+            progress(1)
+    verdicts: dict[int, Verdict] = dict(zip(order, found, strict=False))
     last = len(runs) + len(onsets)
     return {
         **where_and_when(),
         "kernels": kernel_digest(),
-        "runs": [_plain(verdicts[i]) for i in range(len(runs))],
+        "runs": [
+            {**asdict(one), "trusted": one.trusted, "claimed": one.claimed}
+            for _, one in sorted(verdicts.items())
+        ],
         "onsets": found[len(runs) : last],
         "drawn": _together(found[last:]),
     }
@@ -86,37 +88,19 @@ def measure_stability(
 
 def drawn_runs(first: int, last: int) -> dict[str, Any]:
     """Play the random runs of some seeds; returns what `measure_stability` says of them."""
-    ends: Counter[str] = Counter()
-    failures: list[str] = []
-    untrusted = 0
-    slowest = 0.0
+    parts = []
     for seed in range(first, last):
         verdict = play(draw_run(seed))
-        ends[verdict.reason] += 1
-        failures += [f"seed {seed}: {text}" for text in verdict.failures]
-        untrusted += not verdict.trusted
-        slowest = max(slowest, verdict.slowest)
-    return {
-        "count": last - first,
-        "ends": dict(ends),
-        "failures": failures,
-        "untrusted": untrusted,
-        "slowest": slowest,
-    }
-
-
-def _onset(elements: int, stiffness: float) -> dict[str, Any]:
-    return measure_onset(elements, stiffness).to_dict()
-
-
-def _cost(run: HardRun) -> float:
-    """Return a guess of how long a run takes, in steps of nine elements."""
-    steps = run.duration / run.scene.integrator.time_step
-    return steps * (run.scene.beam.elements / 9.0) ** 2
-
-
-def _plain(verdict: Verdict) -> dict[str, Any]:
-    return {**asdict(verdict), "trusted": verdict.trusted, "claimed": verdict.claimed}
+        parts.append(
+            {
+                "count": 1,
+                "ends": {verdict.reason: 1},
+                "failures": [f"seed {seed}: {text}" for text in verdict.failures],
+                "untrusted": int(not verdict.trusted),
+                "slowest": verdict.slowest,
+            }
+        )
+    return _together(parts)
 
 
 def _together(parts: list[dict[str, Any]]) -> dict[str, Any]:
@@ -126,11 +110,13 @@ def _together(parts: list[dict[str, Any]]) -> dict[str, Any]:
     return {
         "count": sum(part["count"] for part in parts),
         "ends": dict(sorted(ends.items())),
-        "failures": list(_flat(part["failures"] for part in parts)),
+        "failures": [text for part in parts for text in part["failures"]],
         "untrusted": sum(part["untrusted"] for part in parts),
         "slowest": max((part["slowest"] for part in parts), default=0.0),
     }
 
 
-def _flat(lists: Iterator[list[str]]) -> Iterator[str]:
-    return itertools.chain.from_iterable(lists)
+def _cost(run: HardRun) -> float:
+    """Return a guess of how long a run takes, in steps of nine elements."""
+    steps = run.duration / run.scene.integrator.time_step
+    return steps * (run.scene.beam.elements / 9.0) ** 2

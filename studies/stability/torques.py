@@ -16,17 +16,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class WhiteNoise:
-    """Independent uniform torques at every joint, new after every `held` seconds.
-
-    Attributes
-    ----------
-    amplitude : float
-        Largest torque (N m).
-    seed : int
-        Of the random numbers.
-    held : float
-        Time over which a torque is held (s).
-    """
+    """Independent uniform torques up to `amplitude` (N m), each held for `held` seconds."""
 
     amplitude: float
     seed: int
@@ -34,25 +24,16 @@ class WhiteNoise:
 
     def __call__(self, scene: Scene, times: Array) -> Array:
         """Return torques (T, N - 1) in N m at times (T,) in s."""
-        joints = scene.beam.elements - 1
-        out = np.empty((len(times), joints))
+        out = np.empty((len(times), scene.beam.elements - 1))
         for row, number in enumerate(np.floor(times / self.held + 1e-6).astype(np.int64)):
             rng = np.random.default_rng((self.seed, int(number)))
-            out[row] = rng.uniform(-self.amplitude, self.amplitude, joints)
+            out[row] = rng.uniform(-self.amplitude, self.amplitude, out.shape[1])
         return out
 
 
 @dataclass(frozen=True)
 class SquareWave:
-    """The same torque at every joint, full one way and then full the other.
-
-    Attributes
-    ----------
-    amplitude : float
-        Torque (N m).
-    period : float
-        Time of both ways (s).
-    """
+    """The same torque (N m) at every joint, full one way and then full the other; `period` in s."""
 
     amplitude: float
     period: float = 0.4
@@ -66,17 +47,7 @@ class SquareWave:
 
 @dataclass(frozen=True)
 class Ramp:
-    """The same torque at every joint, growing in proportion to time, or at one joint alone.
-
-    Attributes
-    ----------
-    rate : float
-        Growth (N m/s).
-    joint : int, optional
-        The only joint that has it.
-    most : float
-        The torque stays where it gets to this (N m).
-    """
+    """A torque that grows by `rate` (N m/s) up to `most` (N m), at every joint or at one alone."""
 
     rate: float
     joint: int | None = None
@@ -84,11 +55,7 @@ class Ramp:
 
     def __call__(self, scene: Scene, times: Array) -> Array:
         """Return torques (T, N - 1) in N m at times (T,) in s."""
-        joints = scene.beam.elements - 1
-        size = np.minimum(self.rate * times, self.most)
-        out = np.zeros((len(times), joints))
-        if self.joint is None:
-            out[:] = size[:, None]
-        else:
-            out[:, self.joint] = size
+        out = np.zeros((len(times), scene.beam.elements - 1))
+        joints = slice(None) if self.joint is None else slice(self.joint, self.joint + 1)
+        out[:, joints] = np.minimum(self.rate * times, self.most)[:, None]
         return out

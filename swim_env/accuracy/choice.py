@@ -1,8 +1,8 @@
 """Choosing how to compute a scene: the cheapest settings of the measured front that suffice.
 
-The study says which settings are worth a try and in which order of cost. How far off they are hangs
-on the scene: so a reference is found for it, and the candidates are played one by one, the cheap
-ones first, until one is as close as was asked for. That takes a few seconds.
+The front says which settings are worth trying and in which order of cost. How large their errors
+are depends on the scene: so a reference is computed for it, and the candidates are played in order
+of cost until one is within the tolerance. That takes a few seconds.
 """
 
 from __future__ import annotations
@@ -12,18 +12,21 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from swim_env.accuracy.front import Measured, load_front
-from swim_env.accuracy.grid import duration_for
 from swim_env.accuracy.outcome import play
 from swim_env.accuracy.reference import FINE, PILOT, plan_for, reference_of
 from swim_env.accuracy.settings import Settings, lists_values
 from swim_env.errors import SceneError, SwimError
 from swim_env.scene import Scene
 
-__all__ = ["Choice", "choose", "with_chosen_settings"]
+__all__ = ["Choice", "choose", "duration_for", "with_chosen_settings"]
 
-#: Share of the tolerance that a candidate may use up; the rest is for what the reference is off.
+#: Share of the tolerance that a candidate may use up; the rest is for the reference's own error.
 _SHARE = 0.7
 _SMALLEST, _LARGEST = 1e-3, 0.3
+#: Longest run that settings are compared on (s): errors of a steady gait do not grow with time.
+_LONGEST = 20.0
+#: Of the front and the references; all their steps divide it (s).
+_COARSEST_STEP = 0.02
 #: How the cost grows with the number of elements where the fluid's inertia is constant.
 _GROWTH = 1.4
 
@@ -35,15 +38,10 @@ class Choice:
     Attributes
     ----------
     scene : Scene
-        The scene with its new settings.
-    settings : Settings
-        The settings.
-    tolerance : float
-        What was asked for.
-    error : float
-        What was found: relative error of the displacement.
-    uncertainty : float
-        How far the reference itself may be off.
+        The scene with its new `settings`.
+    tolerance, error, uncertainty : float
+        What was asked for, the relative error of the displacement that was found, and the error bar
+        of the reference.
     cost : float
         Measured cost in units of the paper's settings on scene paper_i.
     tried : int
@@ -82,8 +80,8 @@ def choose(
         Keep the number of elements, as an agent for so many joints needs it; the error is then that
         of a body of so many elements.
     duration : float, optional
-        Simulated time on which it is judged (s), the scene's own unless given; 20 s at most, as
-        the error of a steady gait does not grow.
+        Simulated time on which settings are judged (s), the scene's own unless given; 20 s at most,
+        as the error of a steady gait does not grow.
     progress : callable, optional
         Called with 1 after every run.
 
@@ -97,9 +95,8 @@ def choose(
     SwimError
         If the scene has no converged reference, or no settings of the front are good enough.
     """
-    if isinstance(tolerance, bool) or not isinstance(tolerance, (int, float)):
-        raise SwimError(f"the tolerance must be a number, got {tolerance!r}")
-    if not _SMALLEST <= tolerance <= _LARGEST:
+    no_number = isinstance(tolerance, bool) or not isinstance(tolerance, (int, float))
+    if no_number or not _SMALLEST <= tolerance <= _LARGEST:
         raise SwimError(
             f"the tolerance must be {_SMALLEST:g} to {_LARGEST:g}, got {tolerance!r}: smaller ones "
             "are beyond the reference, larger ones say nothing"
@@ -121,16 +118,17 @@ def choose(
     finer = plan_for(scene, FINE) != plan_for(scene, PILOT)
     if finer and reference.uncertainty > (1.0 - _SHARE) * tolerance:
         reference = reference_of(scene, duration, FINE, keep_elements, progress)
-    if reference.uncertainty > 0.5 * tolerance:
+    sure = reference.uncertainty
+    if sure > 0.5 * tolerance:
         raise SwimError(
             f"scene {scene.name} has no reference that is good enough for {tolerance:g}: what it "
-            f"converges to is known to {reference.uncertainty:.1e} only"
+            f"converges to is known to {sure:.1e} only"
         )
-    best = math.inf
-    tried = 0
-    for candidate in candidates:
+    best, tried = math.inf, 0
+    for settings, cost in candidates:
+        chosen = settings.apply(scene)
         try:
-            outcome = play(candidate.settings.apply(scene), duration)
+            outcome = play(chosen, duration)
         except SwimError:
             continue
         tried += 1
@@ -139,16 +137,13 @@ def choose(
         error = reference.error(outcome)
         best = min(best, error)
         if error <= _SHARE * tolerance:
-            return _choice(
-                scene,
-                candidate,
-                tolerance,
-                error,
-                reference.uncertainty,
-                tried,
-                duration,
-                keep_elements,
+            reason = (
+                f"for {tolerance:g} of the displacement: {_words(settings, keep_elements)}; off by "
+                f"{error:.1e} after {duration:g} s from a reference good to {sure:.1e}, about "
+                f"{cost:.2g} times the cost of the paper's settings; the {tried - 1} cheaper ones "
+                "tried were further off"
             )
+            return Choice(chosen, settings, tolerance, error, sure, cost, tried, reason)
     raise SwimError(
         f"no settings of the measured front compute scene {scene.name} to within {tolerance:g}: "
         f"the best of {tried} is off by {best:.1e}"
@@ -164,60 +159,55 @@ def with_chosen_settings(
     return choice.scene.replace("description", said)
 
 
-def _candidates(scene: Scene, keep_elements: bool) -> list[Measured]:
-    """Return what may be tried on a scene, by cost; the steps fit the control interval."""
-    seen: set[Settings] = set()
-    found: list[Measured] = []
+def duration_for(wanted: float) -> float:
+    """Return how long (s) to play for a duration (s): 20 s at most, whole steps of all settings.
+
+    So all runs end at the same instant.
+    """
+    return max(1, round(min(wanted, _LONGEST) / _COARSEST_STEP)) * _COARSEST_STEP
+
+
+def _candidates(scene: Scene, keep_elements: bool) -> list[tuple[Settings, float]]:
+    """Return the settings that may be tried on a scene and their costs, the cheapest first."""
+    found: dict[Settings, float] = {}
     for one in load_front():
-        settings, cost = one.settings, one.cost
-        if settings.solver is not None:
+        settings, cost = _fitted(one, scene, keep_elements)
+        if settings in found:
             continue
-        if keep_elements:
-            # As many panels along the body as were measured; the cost grows a little faster than
-            # the number of elements.
-            n = scene.beam.elements
-            along = settings.elements * settings.panels_per_element
-            panels = max(2, 2 * round(0.5 * along / n))
-            cost *= (n / settings.elements) ** _GROWTH
-            settings = replace(settings, elements=n, panels_per_element=panels)
-        if scene.fluid is None or not scene.fluid.present:
-            # Settings that differ in the fluid alone are the same here.
-            settings = replace(settings, fluid_model="none", panels_per_element=4, cap_panels=1)
-        if settings in seen:
-            continue
-        seen.add(settings)
         try:
             settings.apply(scene).steps_per_action  # noqa: B018
         except SceneError:
+            # Another model than an effect needs, or steps that do not fit the control interval.
             continue
-        found.append(Measured(settings, cost, one.errors))
-    return sorted(found, key=lambda one: one.cost)
+        found[settings] = cost
+    return sorted(found.items(), key=lambda pair: pair[1])
 
 
-def _choice(
-    scene: Scene,
-    chosen: Measured,
-    tolerance: float,
-    error: float,
-    uncertainty: float,
-    tried: int,
-    duration: float,
-    keep_elements: bool,
-) -> Choice:
-    settings = chosen.settings
+def _fitted(one: Measured, scene: Scene, keep_elements: bool) -> tuple[Settings, float]:
+    """Return settings and cost of an entry of the front as the scene takes them."""
+    settings, cost = one.settings, one.cost
+    if keep_elements:
+        # As many panels along the body as were measured; the cost grows a little faster than the
+        # number of elements.
+        n = scene.beam.elements
+        along = settings.elements * settings.panels_per_element
+        panels = max(2, 2 * round(0.5 * along / n))
+        cost *= (n / settings.elements) ** _GROWTH
+        settings = replace(settings, elements=n, panels_per_element=panels)
+    if scene.fluid is None or not scene.fluid.present:
+        # Settings that differ in the fluid alone are the same here.
+        settings = replace(settings, fluid_model="none", panels_per_element=4, cap_panels=1)
+    return settings, cost
+
+
+def _words(settings: Settings, kept: bool) -> str:
     panels = (
         ""
         if settings.fluid_model in ("none", "strip")
         else f", {settings.panels_per_element} panels an element, {settings.cap_panels} an end"
     )
-    kept = " (kept)" if keep_elements else ""
-    reason = (
-        f"for {tolerance:g} of the displacement: fluid model {settings.fluid_model}{panels}, "
-        f"{settings.elements} elements{kept}, steps of {1e3 * settings.time_step:g} ms of the "
-        f"{settings.scheme} scheme; off by {error:.1e} after {duration:g} s from a reference good "
-        f"to {uncertainty:.1e}, about {chosen.cost:.2g} times the cost of the paper's settings; "
-        f"the {tried - 1} cheaper ones tried were further off"
-    )
-    return Choice(
-        settings.apply(scene), settings, tolerance, error, uncertainty, chosen.cost, tried, reason
+    return (
+        f"fluid model {settings.fluid_model}{panels}, {settings.elements} elements"
+        f"{' (kept)' if kept else ''}, steps of {1e3 * settings.time_step:g} ms of the "
+        f"{settings.scheme} scheme"
     )

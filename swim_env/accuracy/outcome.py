@@ -1,4 +1,4 @@
-"""What is compared between two computations of one scene, by the kernels or by SciPy's solvers."""
+"""What is compared between two computations of one scene: displacement, path and energy."""
 
 from __future__ import annotations
 
@@ -9,20 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.analysis.continuous import integrate
 from swim_env.scene import Scene
 from swim_env.sim.replay import steps_of
 from swim_env.sim.simulator import Simulator
 from swim_env.sim.trajectory import Trajectory
 
-__all__ = ["SAMPLES", "Outcome", "outcome_of", "play", "relative_error", "solve"]
+__all__ = ["SAMPLES", "Outcome", "compared_figures", "outcome_of", "play", "relative_error"]
 
 Array = NDArray[np.float64]
 
 #: Instants at which paths are compared, besides the start.
 SAMPLES = 40
-#: A solver's absolute tolerance in units of its relative one: what moves is of order 0.01 to 1.
-_ABSOLUTE = 1e-2
 #: Displacements are compared on a scale of at least this, in body lengths.
 _SMALLEST = 0.01
 
@@ -37,24 +34,22 @@ class Outcome:
         Of the mean centre, its position averaged over the last period of the drive (m); in the
         frame of the stream where there is one.
     path : (SAMPLES + 1, 2) array
-        Position of the mean centre less the start's, at equal times, in the same frame (m).
+        Position of the mean centre relative to its start, at equal times, in the same frame (m).
     energy : float
         H averaged over the last period (J).
     largest_bend : float
-        Largest joint angle on the way (rad).
+        Largest joint angle during the run (rad).
     steps : int
-        Steps of the scene's time step that the run covers.
+        Number of the scene's time steps in the run.
     seconds : float
-        Wall time of the steps, or of the solver (s).
+        Wall time of the steps (s).
     cut_steps : int
         Steps that had to be cut.
     termination_reason : str
-        Why the run ended early, empty where it did not.
-    evaluations : int
-        Evaluations of the equations, with the added mass and its gradient, of the whole run.
-    corrections : int
-        Newton's corrections for all of its steps; those for which the fluid's force on the shape is
-        held, all of them where that is constant, take an evaluation without it. None for a solver.
+        Why the run ended early, empty if it did not.
+    evaluations, corrections : int
+        Evaluations of the equations together with the added mass and its gradient, and Newton
+        corrections, which keep the fluid's force on the shape if they can.
     """
 
     displacement: Array
@@ -75,15 +70,7 @@ class Outcome:
 
 
 def play(scene: Scene, duration: float) -> Outcome:
-    """Play a scene's prescribed torque and return what is compared.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-    duration : float
-        Simulated time (s).
-    """
+    """Play a scene's prescribed torque for a duration (s) and return what is compared."""
     simulator = Simulator(scene)
     torques = simulator.prescribed_torques(steps_of(scene, duration))
     start = time.perf_counter()
@@ -92,38 +79,11 @@ def play(scene: Scene, duration: float) -> Outcome:
     return outcome_of(trajectory, duration, seconds)
 
 
-def solve(scene: Scene, duration: float, method: str, tolerance: float) -> Outcome:
-    """Solve a scene's equations in continuous time and return what is compared.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene; of its integrator the time step counts alone, at whose multiples the solution is
-        compared.
-    duration : float
-        Simulated time (s).
-    method : str
-        One of `swim_env.analysis.continuous.METHODS`.
-    tolerance : float
-        The solver's relative tolerance; the absolute one is a hundredth of it.
-
-    Raises
-    ------
-    SwimError
-        If the solver gives up.
-    SimulationEndedError
-        If the body takes a shape that cannot be weighed.
-    """
-    run = integrate(scene, duration, method, tolerance, _ABSOLUTE * tolerance)
-    bends = float(np.abs(run.coordinates[:, 3:]).max(initial=0.0))
-    figures = _figures(scene, run.time, run.path, run.energy, duration)
-    return Outcome(*figures, bends, len(run.time) - 1, run.seconds, 0, "", run.evaluations)
-
-
 def outcome_of(trajectory: Trajectory, duration: float, seconds: float) -> Outcome:
-    """Return what is compared of a trajectory that was to last for a duration (s)."""
+    """Return what is compared of a run that was to last for a duration (s), with its wall time."""
+    recorded = (trajectory.time, trajectory.path, trajectory.energy)
     return Outcome(
-        *_figures(trajectory.scene, trajectory.time, trajectory.path, trajectory.energy, duration),
+        *compared_figures(trajectory.scene, *recorded, duration),
         largest_bend=float(np.abs(np.diff(trajectory.angles, axis=1)).max(initial=0.0)),
         steps=trajectory.steps,
         seconds=seconds,
@@ -134,13 +94,17 @@ def outcome_of(trajectory: Trajectory, duration: float, seconds: float) -> Outco
     )
 
 
-def _figures(
+def compared_figures(
     scene: Scene, times: Array, path: Array, energy: Array, duration: float
 ) -> tuple[Array, Array, float]:
-    """Return displacement, path and energy of an `Outcome` from those at all instants."""
+    """Return displacement, path and energy of an `Outcome`.
+
+    They are made of instants (T,) (s), mean centres (T, 2) (m) and H (T,) (J) of a run that was to
+    last for a duration (s).
+    """
     path = path - path[0]
     if scene.stream is not None:
-        # To be carried along is nothing that could be computed badly.
+        # Drifting with the stream is exact in any computation.
         path = path - np.outer(times - times[0], scene.stream.velocity)
     period = duration
     if scene.actuation is not None and scene.actuation.frequency != 0.0:
@@ -170,7 +134,7 @@ def _last_mean(times: Array, values: Array, period: float) -> float:
 
 
 def relative_error(displacement: Array, reference: Array, length: float) -> float:
-    """Return |dX - dX_ref| / max(|dX_ref|, 0.01 l), infinite where dX is not finite."""
+    """Return |dX - dX_ref| / max(|dX_ref|, 0.01 l), infinite if dX is not finite."""
     scale = max(float(np.hypot(*reference)), _SMALLEST * length)
     error = float(np.hypot(*(displacement - reference))) / scale
     return error if math.isfinite(error) else math.inf

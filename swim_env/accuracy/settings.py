@@ -1,4 +1,4 @@
-"""How a scene is computed, apart from what it is: the axes of the study of accuracy and cost."""
+"""The settings that are chosen for an accuracy: how a scene is computed, apart from what it is."""
 
 from __future__ import annotations
 
@@ -6,33 +6,30 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from swim_env.analysis.continuous import METHODS
 from swim_env.scene import Scene
 
-__all__ = ["PAPER_SETTINGS", "Settings", "lists_values", "settings_of"]
+__all__ = ["PAPER_SETTINGS", "Settings", "lists_values"]
+
+
+#: Where a scene holds them.
+_PATHS = {
+    "fluid_model": "fluid.model",
+    "elements": "beam.elements",
+    "panels_per_element": "fluid.panels_per_element",
+    "cap_panels": "fluid.cap_panels",
+    "time_step": "integrator.time_step",
+    "scheme": "integrator.scheme",
+    "strain": "integrator.strain",
+    "tolerance": "integrator.tolerance",
+}
 
 
 @dataclass(frozen=True)
 class Settings:
-    """One way to compute a scene.
+    """One way to compute a scene, the paper's unless given.
 
-    Attributes
-    ----------
-    fluid_model : str
-        `fluid.model`; of no meaning in a scene without a fluid.
-    elements : int
-        `beam.elements`.
-    panels_per_element : int
-        `fluid.panels_per_element`.
-    cap_panels : int or str
-        `fluid.cap_panels`.
-    time_step : float
-        `integrator.time_step` (s).
-    scheme, strain : str
-        `integrator.scheme` and `integrator.strain`; or, as a scheme, one of
-        `swim_env.analysis.continuous.METHODS`, SciPy's solvers of the equations in continuous time.
-    tolerance : float
-        `integrator.tolerance`, or the solver's relative tolerance.
+    Attributes are the scene's fields of these names, ``time_step`` in s; those of the fluid have no
+    meaning in a scene without one.
     """
 
     fluid_model: str = "panels"
@@ -44,16 +41,8 @@ class Settings:
     strain: str = "averaged_directors"
     tolerance: float = 1e-10
 
-    @property
-    def solver(self) -> str | None:
-        """The solver of SciPy that the scheme names; None where it is one of the kernels'."""
-        return self.scheme if self.scheme in METHODS else None
-
     def apply(self, scene: Scene) -> Scene:
         """Return a scene that is computed in this way.
-
-        What belongs to a solver of SciPy, its name and tolerance, is no matter of a scene: that
-        keeps its own.
 
         Raises
         ------
@@ -61,24 +50,11 @@ class Settings:
             If that is not possible, for example because the scene lists a stiffness for every
             joint of another number of them.
         """
-        changes: dict[str, object] = {
-            "beam.elements": self.elements,
-            "integrator.time_step": self.time_step,
-            "integrator.strain": self.strain,
-        }
-        if self.solver is None:
-            changes |= {
-                "integrator.scheme": self.scheme,
-                "integrator.tolerance": self.tolerance,
-            }
-        if scene.fluid is not None and scene.fluid.present:
-            changes |= {
-                "fluid.model": self.fluid_model,
-                "fluid.panels_per_element": self.panels_per_element,
-                "fluid.cap_panels": self.cap_panels,
-            }
-            if self.fluid_model != scene.fluid.model:
-                changes |= {"fluid.added_mass_per_length": None, "fluid.variant": None}
+        changes = {path: getattr(self, name) for name, path in _PATHS.items()}
+        if scene.fluid is None or not scene.fluid.present:
+            changes = {path: value for path, value in changes.items() if path[:6] != "fluid."}
+        elif self.fluid_model != scene.fluid.model:
+            changes |= {"fluid.added_mass_per_length": None, "fluid.variant": None}
         return scene.replace(changes)
 
     @property
@@ -86,8 +62,6 @@ class Settings:
         """A short text for tables: model, N x panels/caps, step, what departs from the default."""
         caps = "p" if isinstance(self.cap_panels, str) else self.cap_panels
         text = f"{self.fluid_model} {self.elements}x{self.panels_per_element}/{caps}"
-        if self.solver is not None:
-            return f"{text} {self.solver} rtol {self.tolerance:g}"
         text += f" {1e3 * self.time_step:g} ms {self.scheme}"
         if self.strain != "averaged_directors":
             text += f" {self.strain}"
@@ -99,27 +73,12 @@ class Settings:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Settings:
-        """Return what `to_dict` was made of; other entries are passed over."""
+        """Return what `to_dict` was made of; other entries are ignored."""
         return cls(**{spec.name: data[spec.name] for spec in fields(cls)})
 
 
 #: What the paper computes with.
 PAPER_SETTINGS = Settings()
-
-
-def settings_of(scene: Scene) -> Settings:
-    """Return how a scene is computed."""
-    fluid = scene.fluid
-    return Settings(
-        fluid.model if fluid else "none",
-        scene.beam.elements,
-        fluid.panels_per_element if fluid else 4,
-        fluid.cap_panels if fluid else 1,
-        scene.integrator.time_step,
-        scene.integrator.scheme,
-        scene.integrator.strain,
-        scene.integrator.tolerance,
-    )
 
 
 def lists_values(scene: Scene) -> bool:

@@ -18,7 +18,6 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +29,6 @@ from swim_env.physics.status import TERMINATION_REASONS, describe
 from swim_env.scene import Scene
 from swim_env.sim.batch import Bodies, minimal_start, scene_constants
 from swim_env.sim.replay import steps_of
-
-if TYPE_CHECKING:
-    from scipy.integrate import OdeSolution
 
 __all__ = ["METHODS", "ContinuousRun", "integrate"]
 
@@ -170,13 +166,13 @@ def integrate(
     largest_step: float = np.inf,
     progress: Callable[[float], object] | None = None,
 ) -> ContinuousRun:
-    """Solve the scene's equations in continuous time, its torques functions of time.
+    """Solve the scene's equations in continuous time, with torques that are functions of time.
 
     Parameters
     ----------
     scene : Scene
-        The scene. Of its integrator only the time step counts: the solution is returned at
-        multiples of it.
+        The scene. Of its integrator only the strain and the time step count: the solution is
+        returned at multiples of the step.
     duration : float
         Simulated time (s).
     method : str
@@ -198,9 +194,9 @@ def integrate(
     SwimError
         If the method is unknown or the solver gives up.
     SimulationEndedError
-        If the body takes a shape that cannot be weighed.
+        If the body takes a shape that has no added mass.
     """
-    # Takes longer to load than all else, and many want nothing but METHODS.
+    # SciPy takes longer to load than the rest of the package.
     from scipy.integrate import solve_ivp
 
     if method not in METHODS:
@@ -233,7 +229,7 @@ def integrate(
         if not solution.success:
             raise SwimError(f"{method} gave up at t = {solution.t[-1]:g} s: {solution.message}")
         inside = times[(times > begin) & (times <= until)]
-        states += list(_values(solution.sol, inside))
+        states += list(np.atleast_2d(solution.sol(inside).T))
         state = solution.y[:, -1]
         if progress is not None:
             progress(until - begin)
@@ -243,8 +239,3 @@ def integrate(
         [equations.energy_and_velocity(t, y)[0] for t, y in zip(times, found, strict=True)]
     )
     return ContinuousRun(times, found[:, :n], found[:, n:], energy, equations.evaluations, seconds)
-
-
-def _values(solution: OdeSolution, times: Array) -> Array:
-    values: Array = np.atleast_2d(solution(times).T)
-    return values

@@ -23,7 +23,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-#: What the body alone does not have.
+#: Blocks of a scene that the body alone is without.
 _SURROUNDINGS = ("axial_added_mass", "cross_flow_drag", "stream", "self_contact", "fluid")
 
 
@@ -79,7 +79,7 @@ def elastic_energy(trajectory: Trajectory, instants: ArrayLike | None = None) ->
     trajectory : Trajectory
         A run.
     instants : (K,) array_like of int, optional
-        Numbers of the instants; all unless given.
+        Indices of the instants; all unless given.
     """
     joint_angles = np.diff(trajectory.angles[_chosen(trajectory, instants)], axis=1)
     total: Array = elastic_moments(trajectory.scene, joint_angles)[1].sum(axis=1)
@@ -91,18 +91,19 @@ def split_energy(
 ) -> EnergySplit:
     """Split the energy of a run, exactly.
 
-    A trajectory holds no velocities, so its torques are played again. The kernels weigh the body
-    alone, without fluid, at rest and in motion; what is left of the recorded energy is the fluid's.
+    A trajectory holds no velocities, so its torques are played again. The simulator gives the
+    energy of the body alone, without fluid, in motion; the rest of the recorded energy is the
+    fluid's.
 
     Parameters
     ----------
     trajectory : Trajectory
         A run from its start.
     velocity : (N + 2,) array_like
-        That it started with, as `Simulator.velocity`: of the mean centre (m/s), and turning rates
-        (rad/s).
+        The run's first velocity, as `Simulator.velocity`: of the mean centre (m/s), and turning
+        rates (rad/s).
     instants : (K,) array_like of int, optional
-        Numbers of the instants, rising; all unless given.
+        Indices of the instants, increasing; all unless given.
 
     Raises
     ------
@@ -114,13 +115,13 @@ def split_energy(
     if trajectory.scene.stream is not None:
         rates[:, :2] -= trajectory.scene.stream.velocity
     elastic = elastic_energy(trajectory, chosen)
-    moving = _weighed_alone(trajectory, _places(trajectory)[chosen], rates)
+    moving = _energy_alone(trajectory, _places(trajectory)[chosen], rates)
     rest = trajectory.energy[chosen] - moving
     return EnergySplit(trajectory.time[chosen], moving - elastic, rest, elastic)
 
 
 def velocity_of_start(trajectory: Trajectory) -> Array | None:
-    """Return the velocity that a run started with, where it began as its scene says.
+    """Return the velocity that a run started with, if it began as its scene says.
 
     Parameters
     ----------
@@ -131,7 +132,7 @@ def velocity_of_start(trajectory: Trajectory) -> Array | None:
     Returns
     -------
     (N + 2,) array or None
-        As `Simulator.velocity`; None where the scene's own start does not lead along the run.
+        As `Simulator.velocity`; None if the scene's own start does not lead along the run.
     """
     try:
         simulator = Simulator(trajectory.scene)
@@ -154,7 +155,7 @@ def _velocities(trajectory: Trajectory, velocity: ArrayLike, chosen: NDArray[np.
     for row, instant in enumerate(chosen.tolist()):
         torques = trajectory.torques[again.steps : instant]
         if len(torques):
-            # Unlike `step` it does not fail where the run's last step was the last that may be.
+            # Unlike `step`, this does not raise where the run itself ended early.
             again.rollout(torques)
         rates[row] = again.velocity()
         off = np.abs(again.coordinates - places[again.steps]).max()
@@ -167,12 +168,12 @@ def _velocities(trajectory: Trajectory, velocity: ArrayLike, chosen: NDArray[np.
 
 
 def _tolerance(trajectory: Trajectory) -> float:
-    """Return by how much coordinates may be off and be the same (m, rad)."""
+    """Return how far apart coordinates may be that count as the same (m, rad)."""
     return 1e-6 * trajectory.scene.beam.length
 
 
 def summed(values: Array) -> Array:
-    """Return sums since the start, (T + 1,), of what every step adds, (T,)."""
+    """Return running sums from zero, (T + 1,), of what every step adds, (T,)."""
     sums: Array = np.concatenate([[0.0], np.cumsum(values)])
     return sums
 
@@ -192,8 +193,8 @@ def _places(trajectory: Trajectory) -> Array:
     return places
 
 
-def _weighed_alone(trajectory: Trajectory, places: Array, rates: Array) -> Array:
-    """Return the energy of the body without the fluid and what comes with it, (K,) (J)."""
+def _energy_alone(trajectory: Trajectory, places: Array, rates: Array) -> Array:
+    """Return the energy of the body without its surroundings, (K,) (J)."""
     alone = Simulator(trajectory.scene.replace(dict.fromkeys(_SURROUNDINGS)))
     found = np.empty(len(places))
     for row, (place, rate) in enumerate(zip(places, rates, strict=True)):

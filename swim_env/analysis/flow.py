@@ -4,19 +4,19 @@ The panels' source strengths that the added mass is made of give the potential o
 
 .. math:: \phi(x) = \sum_j P_j(x)\, \sigma_j, \qquad G \sigma = B V,
 
-and the unsteady Bernoulli equation its pressure (Pa),
+and the unsteady Bernoulli equation gives its pressure (Pa),
 
 .. math:: p = -\rho \left( \partial_t \phi + \tfrac{1}{2} |\nabla \phi|^2 \right),
 
-with the derivative by time at a point that rests in the fluid far away.
+with the time derivative at a point that is at rest in the fluid far away.
 
 The sources have a sum Q (m^2/s): the elements' motions are imposed on panels of which, at a bent
 joint, those of one side are shorter than those of the other, so they push out more on one side than
 they take in on the other, although the outline keeps its area. Far away the potential is
 :math:`Q / (2 \pi) \ln(r / L)` with the beam's length L, and the pressure is not zero but
-:math:`-\rho \dot Q / (2 \pi) \ln(r / L)`: its level hangs on L. It is left in, since the added
-mass that moves the body is made of the same sources. A rigid body has none. Influences are those of
-`swim_env.physics.fluid.panels`, shapes those of `swim_env.physics.fluid.outline`.
+:math:`-\rho \dot Q / (2 \pi) \ln(r / L)`: its level depends on L. It is left in, since the added
+mass that moves the body is made of the same sources. A rigid body has no such sum. Influences are
+those of `swim_env.physics.fluid.panels`, shapes those of `swim_env.physics.fluid.outline`.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class Flow:
     velocity : (P, 2) array
         Velocity (m/s).
     inside : (P,) array of bool
-        Which points are inside of the body, where the other numbers mean nothing.
+        Which points are inside the body, where the other numbers mean nothing.
     """
 
     potential: Array
@@ -137,10 +137,10 @@ def flow_of_sources(
     count : int
         Number M of panels in it.
     strengths : (M,) array
-        Source strengths G^-1 v_n, with the factor 2 pi that the influences of
-        `swim_env.physics.fluid.panels` carry left in G (m/s).
+        Source strengths G^-1 v_n (m/s), where G keeps the factor 2 pi of the influences of
+        `swim_env.physics.fluid.panels`.
     points : (P, 2) array
-        Where (m), none of them a corner of the outline.
+        Positions (m), none of them a corner of the outline.
     reference_length : float
         Length in whose units the logarithm of the potential is taken (m).
     """
@@ -232,7 +232,7 @@ class BodyFlow:
         Parameters
         ----------
         points : (P, 2) array
-            Where (m).
+            Positions (m).
         centre : (2,) array
             Mean of the element centres (m).
         angles : (N,) array
@@ -245,7 +245,7 @@ class BodyFlow:
         Returns
         -------
         Flow or None
-            None where the panels bear no flow around this shape.
+            None if the panels have no solution for this shape.
         """
         if added_mass(np.diff(angles), self._fluid, self._work, self._mass) != FINE:
             return None
@@ -264,7 +264,7 @@ class BodyFlow:
         return Flow(flow.potential, flow.velocity @ turn.T, flow.inside)
 
     def kinetic_energy(self, angles: Array, velocities: Array, turning: Array) -> float:
-        """Return V^T A V / 2 of the fluid (J), not a number where there is no added mass.
+        """Return V^T A V / 2 of the fluid (J), NaN where there is no added mass.
 
         Parameters are those of `at`.
         """
@@ -285,9 +285,9 @@ class BodyFlow:
         trajectory : Trajectory
             A run of at least two steps.
         instant : int
-            Which one.
+            Index of the instant.
         points : (P, 2) array
-            Where (m).
+            Positions (m).
 
         Returns
         -------

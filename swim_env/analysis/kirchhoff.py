@@ -1,7 +1,8 @@
 """Kirchhoff's equations for a straight body in its fluid: rigid masses, growth rate, onset.
 
-The masses come from the mass matrix of the discrete body at rest and straight, which the simulator
-gives column by column: the momenta of unit velocities.
+A straight body that moves along itself is unstable: it turns broadside on (Lamb, Hydrodynamics,
+ch. 6). The masses come from the mass matrix of the straight discrete body, whose columns are the
+momenta of unit velocities.
 """
 
 from __future__ import annotations
@@ -12,8 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
-from scipy.optimize import brentq
 
 from swim_env.sim.simulator import Simulator
 
@@ -31,7 +30,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RigidMass:
-    """What a straight body weighs with the fluid around it, as one rigid body.
+    """Mass of a straight body and the fluid around it, as one rigid body (per metre of depth).
 
     Attributes
     ----------
@@ -50,26 +49,31 @@ class RigidMass:
 
 
 def mass_matrix(simulator: Simulator) -> Array:
-    """Return the straight body's mass matrix, by the velocities of `Simulator.velocity`.
+    """Return the mass matrix of a simulator's straight body, with the fluid's added mass.
 
     Parameters
     ----------
     simulator : Simulator
-        Is put back to its start.
+        It is reset to its scene's start.
 
     Returns
     -------
     (N + 2, N + 2) array
-        Momenta (kg m/s, kg m^2/s) of unit velocities (m/s, rad/s).
+        Momenta (kg m/s, kg m^2/s) of unit velocities (m/s, rad/s), in the order of
+        `Simulator.velocity`.
     """
     n = simulator.elements + 2
-    columns = []
-    for unit in np.eye(n):
-        simulator.reset_to(np.zeros(n), unit)
-        columns.append(np.frombuffer(simulator.snapshot().state)[n : 2 * n].copy())
+
+    def momentum(velocity: Array) -> Array:
+        simulator.reset_to(np.zeros(n), velocity)
+        return np.frombuffer(simulator.snapshot().state)[n : 2 * n]
+
+    # In a stream a body at rest has momentum: momenta are those relative to the stream.
+    at_rest = momentum(np.zeros(n))
+    matrix: Array = np.array([momentum(unit) - at_rest for unit in np.eye(n)])
     simulator.reset()
-    matrix = np.array(columns)
-    return 0.5 * (matrix + matrix.T)
+    symmetric: Array = 0.5 * (matrix + matrix.T)
+    return symmetric
 
 
 def rigid_mass(matrix: Array) -> RigidMass:
@@ -82,7 +86,7 @@ def rigid_mass(matrix: Array) -> RigidMass:
 
 
 def growth_rate(mass: RigidMass, speed: float) -> float:
-    """Return Kirchhoff's rate (1/s) at which a stiff straight body leaves its line.
+    """Return the rate (1/s) at which a rigid straight body turns away from its line of motion.
 
     lambda^2 = U^2 m11 (m22 - m11)/(m22 I - g^2), from Kirchhoff's equations linearised about
     motion along the body (Lamb, Hydrodynamics, ch. 6); not a number where that is negative.
@@ -90,7 +94,7 @@ def growth_rate(mass: RigidMass, speed: float) -> float:
     Parameters
     ----------
     mass : RigidMass
-        Of body and fluid.
+        Of body and fluid, ``rigid_mass(mass_matrix(Simulator(scene)))``.
     speed : float
         U (m/s).
     """
@@ -102,7 +106,7 @@ def growth_rate(mass: RigidMass, speed: float) -> float:
 def onset_by_kirchhoff(
     mass: RigidMass, speed: float, lateral: float, turning: float, length: float, share: float
 ) -> float:
-    """Return when an end of a rigid straight body is off its line, by the linear equations.
+    """Return when an end of a rigid straight body leaves its line, by the linearised equations.
 
     Parameters
     ----------
@@ -122,6 +126,8 @@ def onset_by_kirchhoff(
     float
         Time (s), infinite where it does not happen within 1000 s.
     """
+    from scipy.linalg import expm
+
     # (y, theta, v, omega): y' = v + U theta, theta' = omega; Kirchhoff's equations for v and omega.
     system = np.zeros((4, 4))
     system[0, 1], system[0, 2], system[1, 3] = speed, 1.0, 1.0
@@ -142,9 +148,9 @@ def onset_by_kirchhoff(
 def rate_for_onset(
     mass: RigidMass, speed: float, lateral: float, length: float, share: float, time: float
 ) -> float:
-    """Return the growth rate (1/s) with which a rigid straight body is off its line at a time.
+    """Return the growth rate (1/s) with which a rigid straight body leaves its line at a time.
 
-    The masses are kept, and the rotary inertia is what it would have to be.
+    The masses are kept, and the rotary inertia is the one that this takes.
 
     Parameters
     ----------
@@ -153,8 +159,9 @@ def rate_for_onset(
     speed, lateral, length, share
         As in `onset_by_kirchhoff`, of a start that does not turn.
     time : float
-        When it is off its line (s).
+        When it leaves its line (s).
     """
+    from scipy.optimize import brentq
 
     def late(factor: float) -> float:
         other = dataclasses.replace(mass, inertia=factor * mass.inertia)

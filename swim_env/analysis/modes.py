@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 
 from swim_env.analysis.kirchhoff import mass_matrix
+from swim_env.errors import OptionError
 from swim_env.scene import Scene
 from swim_env.sim.simulator import Simulator
 
@@ -18,20 +18,42 @@ Array = NDArray[np.float64]
 
 
 def natural_frequencies(scene: Scene, count: int = 3) -> list[float]:
-    """Return the bending frequencies of the straight body in its fluid (Hz), lowest first.
+    """Return the natural frequencies (Hz) of the straight body in its fluid, lowest first.
+
+    They solve the generalised eigenvalue problem K x = omega^2 M x of the straight, undamped
+    discrete body, linearised: K has the stiffness EI/dl of (33) at every joint, M is the mass of
+    body and fluid, with the added mass of the scene's fluid model (none in a scene without a
+    fluid). The three rigid motions, of frequency zero, are left out. With more elements the lowest
+    ones tend, at second order in 1/N, to those of a free-free Euler-Bernoulli beam with added mass.
 
     Parameters
     ----------
     scene : Scene
-        The scene; its drive, damping and start do not matter.
+        The scene; its drive, damping, stream and start do not matter.
     count : int
-        How many; fewer come back where there are fewer joints.
+        How many, at least 1; a body of N elements has N - 1.
+
+    Raises
+    ------
+    OptionError
+        If the count is not a positive number.
+
+    Examples
+    --------
+    >>> [round(f, 1) for f in swim_env.natural_frequencies(swim_env.load_scene("paper_i"), 2)]
+    [5.1, 15.7]
     """
-    return bending_frequencies(scene, mass_matrix(Simulator(scene)))[:count]
+    if not count >= 1:
+        raise OptionError(f"count must be at least 1, got {count!r}")
+    at_rest = scene.replace({"initial": {}, "stream": None})
+    return bending_frequencies(at_rest, mass_matrix(Simulator(at_rest)))[:count]
 
 
 def bending_frequencies(scene: Scene, matrix: Array) -> list[float]:
-    """Return all bending frequencies (Hz) of the straight body with this mass matrix."""
+    """Return all bending frequencies (Hz) of the straight body with this `mass_matrix`."""
+    # SciPy takes longer to load than the rest of the package.
+    from scipy.linalg import eigh
+
     beam = scene.beam
     spring = beam.stiffness_at_joints() / beam.element_length
     bend = np.diff(np.eye(beam.elements), axis=0)

@@ -158,9 +158,9 @@ def _compile_motion() -> None:
     one = _sample()
     m = _views(one)
     scene = (one.beam, one.fluid, m.body)
-    step = (m.state.p, m.state.p, m.state.p, 0.01, False)
+    step = (m.state.p, m.state.p, m.state.p, 0.01)
     _compile(evaluate_step, *step, *scene, m.fluid_work)
-    _compile(evaluate_held_step, *step, *scene)
+    _compile(evaluate_held_step, *step, False, *scene)
     _compile(step_jacobian, 0.01, False, 0.0, *scene, m.fluid_work, m.newton)
 
 

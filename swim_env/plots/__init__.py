@@ -2,18 +2,15 @@
 
 from swim_env.plots.energy import draw_energy
 from swim_env.plots.gaits import draw_gaits, draw_paths, draw_scores
-from swim_env.plots.heat_maps import draw_kymographs, draw_torques
-from swim_env.plots.pareto import draw_pareto
-from swim_env.plots.stills import draw_path, draw_wave_search
+from swim_env.plots.heat_maps import draw_kymographs, draw_torques, draw_wave_search
+from swim_env.plots.stills import draw_path
 from swim_env.plots.style import require_matplotlib, save_figure
-from swim_env.plots.training import draw_learning, draw_training
+from swim_env.plots.training import draw_training
 
 __all__ = [
     "draw_energy",
     "draw_gaits",
     "draw_kymographs",
-    "draw_learning",
-    "draw_pareto",
     "draw_path",
     "draw_paths",
     "draw_scores",

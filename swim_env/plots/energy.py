@@ -1,4 +1,4 @@
-"""The energy of a run over time: what it consists of, where it came from, what nothing explains."""
+"""The energy of a run over time: its parts, where it came from, what nothing explains."""
 
 from __future__ import annotations
 
@@ -9,24 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swim_env.analysis.energy import elastic_energy, split_energy, summed
-from swim_env.errors import SwimError
-from swim_env.plots.style import (
-    AMBER,
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    LINE,
-    ORANGE,
-    PINK,
-    SKY,
-    SMALLER,
-    THIN,
-    WIDTH,
-    name_panel,
-    new_figure,
-    style_axes,
-)
+from swim_env.plots import style
 from swim_env.sim.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -35,9 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_energy"]
 
-Array = NDArray[np.float64]
-
-#: Most instants of a panel's lines: more than its pixels cannot be seen.
+#: Most instants of a panel's lines, and pieces of a band: more than its pixels cannot be seen.
 _MOST, _PIECES = 800, 250
 
 
@@ -66,25 +47,22 @@ def draw_energy(
     SwimError
         If there is no trajectory, or one has no steps, or a velocity is not that of its start.
     """
-    if not trajectories or any(run.steps < 1 for run in trajectories.values()):
-        raise SwimError("there is nothing to draw: no trajectory, or one without steps")
-    figure = new_figure(WIDTH, 5.4)
+    style.require_steps(trajectories)
+    figure = style.new_figure(style.WIDTH, 5.4)
     axes = figure.subplots(3, len(trajectories), height_ratios=(1.2, 1.2, 0.8), squeeze=False)
     for column, (name, run) in enumerate(trajectories.items()):
-        velocity = (velocities or {}).get(name)
         parts, spent, drift = axes[:, column]
-        _draw_parts(parts, run, velocity, seconds)
+        _draw_parts(parts, run, (velocities or {}).get(name), seconds)
         _draw_spent(spent, run)
         _draw_drift(drift, run)
-        name_panel(parts, f"{name}: energy in its parts, last {seconds:g} s")
-        name_panel(spent, f"{name}: since the start")
-        name_panel(drift, f"{name}: H - H(0) - work + dissipated")
-        first = column == 0
-        style_axes(parts, "time (s)", "energy (J)" if first else "")
-        style_axes(spent, "time (s)", "energy (J)" if first else "")
-        style_axes(drift, "time (s)", "share of the\nlargest H (%)" if first else "")
-        parts.legend(fontsize=SMALLER, frameon=False, loc="upper center", ncols=2)
-        spent.legend(fontsize=SMALLER, frameon=False, loc="upper left")
+        for place, label, title in (
+            (parts, "energy (J)", f"energy in its parts, last {seconds:g} s"),
+            (spent, "energy (J)", "since the start"),
+            (drift, "share of the\nlargest H (%)", "H - H(0) - work + dissipated"),
+        ):
+            style.style_axes(place, "time (s)", "" if column else label, f"{name}: {title}")
+        style.add_legend(parts, loc="upper center", ncols=2)
+        style.add_legend(spent, loc="upper left")
     return figure
 
 
@@ -92,51 +70,39 @@ def _draw_parts(axes: Axes, run: Trajectory, velocity: ArrayLike | None, seconds
     """Draw the parts on top of each other, and the energy as a line above them."""
     first = max(0, run.steps - round(seconds / run.scene.integrator.time_step))
     instants = _thinned(first, run.steps)
+    time, total = run.time[instants], run.energy[instants]
     if velocity is None:
         elastic = elastic_energy(run, instants)
-        layers: dict[str, tuple[Array, str]] = {
-            "elastic": (elastic, AMBER),
-            "kinetic, body and fluid": (run.energy[instants] - elastic, SKY),
+        layers = {
+            "elastic": (elastic, style.AMBER),
+            "kinetic, body and fluid": (total - elastic, style.SKY),
         }
     else:
         split = split_energy(run, velocity, instants)
         layers = {
-            "elastic": (split.elastic, AMBER),
-            "kinetic, fluid": (split.fluid, SKY),
-            "kinetic, body": (split.body, BLUE),
+            "elastic": (split.elastic, style.AMBER),
+            "kinetic, fluid": (split.fluid, style.SKY),
+            "kinetic, body": (split.body, style.BLUE),
         }
-    axes.stackplot(
-        run.time[instants],
-        *[values for values, _ in layers.values()],
-        labels=list(layers),
-        colors=[colour for _, colour in layers.values()],
-        linewidth=0,
-    )
-    axes.plot(
-        run.time[instants], run.energy[instants], color=BLACK, linewidth=LINE, label="H, their sum"
-    )
-    axes.set_xlim(run.time[instants[0]], run.time[instants[-1]])
+    values, colours = zip(*layers.values(), strict=True)
+    axes.stackplot(time, *values, labels=list(layers), colors=colours, linewidth=0)
+    axes.plot(time, total, color=style.BLACK, linewidth=style.LINE, label="H, their sum")
+    axes.set_xlim(time[0], time[-1])
     # Room for the legend.
-    axes.set_ylim(0.0, 1.45 * float(run.energy[instants].max()) or None)
+    axes.set_ylim(0.0, 1.45 * float(total.max()) or None)
 
 
 def _draw_spent(axes: Axes, run: Trajectory) -> None:
-    """Draw what the torques put in, what damping took, and what is there."""
+    """Draw the work of the torques, the losses to damping, and the energy that is there."""
     instants = _thinned(0, run.steps)
-    axes.axhline(0.0, color=GREY, linewidth=THIN)
+    style.mark_zero(axes)
     for label, values, colour, stroke in (
-        ("work of the torques", summed(run.work), ORANGE, "-"),
-        ("dissipated", summed(run.dissipated), GREEN, "--"),
-        ("H - H(0)", run.energy - run.energy[0], BLACK, "-"),
+        ("work of the torques", summed(run.work), style.ORANGE, "-"),
+        ("dissipated", summed(run.dissipated), style.GREEN, "--"),
+        ("H - H(0)", run.energy - run.energy[0], style.BLACK, "-"),
     ):
-        axes.plot(
-            run.time[instants],
-            values[instants],
-            color=colour,
-            linestyle=stroke,
-            linewidth=LINE,
-            label=label,
-        )
+        time, width = run.time[instants], style.LINE
+        axes.plot(time, values[instants], stroke, color=colour, linewidth=width, label=label)
     axes.set_xlim(run.time[0], run.time[-1])
 
 
@@ -146,8 +112,8 @@ def _draw_drift(axes: Axes, run: Trajectory) -> None:
     left = run.unexplained_energy
     begins = _thinned(0, run.steps, _PIECES)[:-1]
     low, high = (100.0 / largest * end.reduceat(left, begins) for end in (np.minimum, np.maximum))
-    axes.axhline(0.0, color=GREY, linewidth=THIN)
-    axes.fill_between(run.time[begins], low, high, color=PINK, linewidth=LINE)
+    style.mark_zero(axes)
+    axes.fill_between(run.time[begins], low, high, color=style.PINK, linewidth=style.LINE)
     axes.set_xlim(run.time[0], run.time[-1])
 
 

@@ -1,24 +1,24 @@
-"""Maps over the body and time, policies beside each other on one scale: bending and torques."""
+"""Maps in colours: bending and torques over the body and time, the search for the best wave."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.errors import SwimError
-from swim_env.plots.style import SMALL, WIDTH, diverging_map, name_panel, new_figure, style_axes
+from swim_env.plots import style
 from swim_env.sim.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
 
-__all__ = ["curvature", "draw_kymographs", "draw_map", "draw_torques"]
+__all__ = ["curvature", "draw_kymographs", "draw_map", "draw_torques", "draw_wave_search", "tail"]
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ def curvature(trajectory: Trajectory) -> Array:
 def draw_kymographs(trajectories: Mapping[str, Trajectory], seconds: float = 1.0) -> Figure:
     """Draw the curvature along the body over time, a panel for each policy, on one scale.
 
-    Stripes that lean are waves that travel along the body, upright ones stand.
+    Stripes that lean are waves that travel along the body, upright ones are standing waves.
 
     Parameters
     ----------
@@ -56,48 +56,9 @@ def draw_kymographs(trajectories: Mapping[str, Trajectory], seconds: float = 1.0
 
 
 def draw_torques(trajectories: Mapping[str, Trajectory], seconds: float = 1.0) -> Figure:
-    """Draw the torques of the joints over time, a panel for each policy, on one scale.
-
-    Parameters
-    ----------
-    trajectories : mapping of str to Trajectory
-        One of each policy.
-    seconds : float
-        Time that is shown, the last of each run (s).
-
-    Raises
-    ------
-    SwimError
-        If there is no trajectory, or one has no steps.
-    """
+    """Draw the torques of the joints over time, as `draw_kymographs` draws the curvature."""
     maps = {name: run.torques for name, run in trajectories.items()}
     return _draw_maps(trajectories, maps, seconds, "joint torque (N m)", "N m")
-
-
-def draw_map(axes: Axes, run: Trajectory, values: Array, limit: float) -> AxesImage:
-    """Draw values (K, N - 1) of a run's last steps and its joints as colours from -limit to limit.
-
-    Returns
-    -------
-    AxesImage
-        What a colour bar takes.
-    """
-    end = float(run.time[-1])
-    return axes.imshow(
-        values.T,
-        aspect="auto",
-        origin="upper",
-        interpolation="nearest",
-        cmap=diverging_map(),
-        vmin=-limit,
-        vmax=limit,
-        extent=(
-            end - len(values) * run.scene.integrator.time_step,
-            end,
-            values.shape[1] + 0.5,
-            0.5,
-        ),
-    )
 
 
 def _draw_maps(
@@ -108,34 +69,101 @@ def _draw_maps(
     unit: str,
 ) -> Figure:
     """Draw values (T, N - 1) of each step and joint; the colours of all reach as far."""
-    if not maps or any(run.steps < 1 for run in trajectories.values()):
-        raise SwimError("there is nothing to draw: no trajectory, or one without steps")
-    shown = {}
-    for name, run in trajectories.items():
-        count = max(1, round(seconds / run.scene.integrator.time_step))
-        shown[name] = maps[name][-count:]
+    style.require_steps(trajectories)
+    shown = {name: tail(maps[name], run, seconds) for name, run in trajectories.items()}
     limit = max(float(np.abs(values).max()) for values in shown.values()) or 1.0
     columns = min(_COLUMNS, len(maps))
     rows = math.ceil(len(maps) / columns)
-    figure = new_figure(WIDTH, 0.7 + 1.75 * rows)
+    figure = style.new_figure(style.WIDTH, 0.7 + 1.75 * rows)
     axes = figure.subplots(rows, columns, squeeze=False)
     for place in axes.ravel()[len(maps) :]:
         place.set_axis_off()
     for number, (name, values) in enumerate(shown.items()):
-        place, run = axes[number // columns, number % columns], trajectories[name]
+        place = axes[number // columns, number % columns]
         joints = values.shape[1]
-        image = draw_map(place, run, values, limit)
+        image = draw_map(place, trajectories[name], values, limit)
         place.set_yticks(np.unique(np.linspace(1, joints, min(joints, 4)).round().astype(int)))
-        largest = float(np.abs(values).max())
-        name_panel(place, f"{name}, largest {largest:.2g} {unit}")
-        below = number + columns >= len(maps)
-        style_axes(
+        style.style_axes(
             place,
-            "time (s)" if below else "",
+            "time (s)" if number + columns >= len(maps) else "",
             "joint, 1 at the head" if number % columns == 0 else "",
+            f"{name}, largest {float(np.abs(values).max()):.2g} {unit}",
             grid=False,
         )
-    bar = figure.colorbar(image, ax=axes, aspect=30, pad=0.015)
-    bar.set_label(label, fontsize=SMALL)
-    bar.ax.tick_params(labelsize=SMALL)
+    _add_bar(figure, axes, image, label, aspect=30, pad=0.015)
     return figure
+
+
+def draw_map(axes: Axes, run: Trajectory, values: Array, limit: float) -> AxesImage:
+    """Draw values (K, N - 1) of a run's last steps and its joints as colours, -limit to limit."""
+    end = float(run.time[-1])
+    begin = end - len(values) * run.scene.integrator.time_step
+    return axes.imshow(
+        values.T,
+        aspect="auto",
+        origin="upper",
+        interpolation="nearest",
+        cmap=style.diverging_map(),
+        vmin=-limit,
+        vmax=limit,
+        extent=(begin, end, values.shape[1] + 0.5, 0.5),
+    )
+
+
+def tail(values: Array, run: Trajectory, seconds: float) -> Array:
+    """Return the rows of the last seconds of values (T, ...) of a run's steps, at least one."""
+    return values[-max(1, round(seconds / run.scene.integrator.time_step)) :]
+
+
+def draw_wave_search(record: dict[str, Any]) -> Figure:
+    """Draw how far travelling waves of torque swim, over frequency and wave number.
+
+    The picture shows the grid of the search at full amplitude, and the wave that was chosen.
+
+    Parameters
+    ----------
+    record : dict
+        From `swim_agents.tuning.check_candidates`.
+    """
+    grid = record["search"]["grid"]
+    values = np.array(grid["net_displacement"])
+    figure = style.new_figure(0.8 * style.WIDTH, 4.2)
+    axes = figure.add_subplot()
+    largest = float(np.abs(values).max()) or 1.0
+    image = axes.pcolormesh(
+        np.array(grid["wave_number"]) / np.pi,
+        grid["frequency_hz"],
+        values,
+        cmap=style.diverging_map(),
+        vmin=-largest,
+        vmax=largest,
+        shading="nearest",
+    )
+    _add_bar(figure, axes, image, "net displacement along the heading (body lengths)")
+    wave = record["wave"]
+    if wave is not None:
+        axes.plot(
+            wave["wave_number"] / np.pi,
+            wave["frequency"] / (2.0 * np.pi),
+            "*",
+            color=style.BLACK,
+            markersize=11,
+            markerfacecolor="white",
+            label=f"tuned wave, {record['net_displacement']:.2f} body lengths",
+        )
+        axes.legend(fontsize=style.SMALL, loc="lower left")
+    style.style_axes(
+        axes,
+        "wave number \u03ba (\u03c0 rad per body length)",
+        "frequency (Hz)",
+        f"{record['scene']}: a wave of full torque over one episode",
+        grid=False,
+    )
+    return figure
+
+
+def _add_bar(figure: Figure, axes: Any, image: ScalarMappable, label: str, **options: Any) -> None:
+    """Add a labelled bar of an image's colours beside axes."""
+    bar = figure.colorbar(image, ax=axes, **options)
+    bar.set_label(label, fontsize=style.SMALL)
+    bar.ax.tick_params(labelsize=style.SMALL)

@@ -40,11 +40,5 @@ def write_results(
 
 
 def check_result_folder(folder: str | os.PathLike[str]) -> None:
-    """Refuse a result folder that exists and holds anything but earlier results.
-
-    Raises
-    ------
-    SwimError
-        If it does, or if the path is a file.
-    """
+    """Check that a result folder holds nothing but earlier results; else it is a SwimError."""
     check_folder(folder, RESULT_FILES)

@@ -1,4 +1,4 @@
-"""Pictures of one run: where it went, in which shapes; and of the search for the best wave."""
+"""A picture of one run: where it went, and in which shapes."""
 
 from __future__ import annotations
 
@@ -8,41 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swim_env.plots.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    LINE,
-    ORANGE,
-    SMALL,
-    SMALLER,
-    THIN,
-    TIME_COLOURS,
-    WIDTH,
-    diverging_map,
-    name_panel,
-    new_figure,
-    style_axes,
-)
+from swim_env.plots import style
 from swim_env.sim.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Those of the style are kept for modules that look for them here.
-__all__ = [
-    "BLUE",
-    "GREY",
-    "ORANGE",
-    "SMALL",
-    "TIME_COLOURS",
-    "draw_path",
-    "draw_wave_search",
-    "new_figure",
-    "style_axes",
-]
+__all__ = ["draw_path"]
 
 Array = NDArray[np.float64]
 
@@ -84,36 +57,37 @@ def draw_path(
         A point (m) that was to be reached, ...
     radius : float
         ... this close (m).
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The picture; `save_figure` writes it.
-
-    Raises
-    ------
-    SwimError
-        If matplotlib is not installed.
     """
-    figure = new_figure(WIDTH, 1.0)
-    from matplotlib import colormaps
-
+    figure = style.new_figure(style.WIDTH, 1.0)
     instants = np.unique(np.linspace(0, trajectory.steps, shapes).round().astype(int))
-    colours = colormaps[TIME_COLOURS](np.linspace(0.0, 0.88, len(instants)))
+    colours = style.time_colours(len(instants))
     step = _step_apart(trajectory, instants) if target is None else 0.0
-    box = _box(trajectory, instants, step, target, radius)
+    # Shapes of a slow swimmer are moved down one after the other.
+    down = step * np.arange(len(instants))[:, None, None] * np.array([0.0, 1.0])
+    nodes, centres = trajectory.nodes[instants] - down, trajectory.centres[instants] - down
+    box = _box(nodes, [] if step else [trajectory.path], target, radius)
+    director = _DIRECTOR * trajectory.scene.beam.element_length
+    margin = director + 0.02 * float(box[1, 0] - box[0, 0])
+    box += np.array([[-margin], [margin]])
     scale = _ACROSS / float(box[1, 0] - box[0, 0])
     height = float(np.clip(scale * (box[1, 1] - box[0, 1]), _LOWEST, _HIGHEST))
-    figure.set_size_inches(WIDTH, height + _AROUND + 2.3)
+    figure.set_size_inches(style.WIDTH, height + _AROUND + 2.3)
     rows = figure.add_gridspec(2, 2, height_ratios=(height + _AROUND, 2.0))
     plane = figure.add_subplot(rows[0, :])
-    _draw_shapes(plane, trajectory, instants, colours, step)
+    for row, n in enumerate(instants):
+        label, angles = f"{trajectory.time[n]:.3g} s", trajectory.angles[n]
+        _draw_shape(plane, nodes[row], centres[row], angles, director, colours[row], label)
+    if step:
+        plane.set_yticks([])
+    else:
+        path = trajectory.path.T
+        plane.plot(*path, color=style.GREY, linewidth=0.8, label="mean centre", zorder=4)
+    style.style_axes(plane, "x (m)", "" if step else "y (m)")
     if target is not None:
         _draw_target(plane, np.asarray(target, dtype=np.float64), radius)
-    _fit(plane, box)
-    plane.legend(
-        fontsize=SMALLER,
-        frameon=False,
+    style.show_plane(plane, box)
+    style.add_legend(
+        plane,
         ncols=len(instants) + 2,
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0),
@@ -123,10 +97,8 @@ def draw_path(
     )
     _draw_displacement(figure.add_subplot(rows[1, 0]), trajectory)
     _draw_heading(figure.add_subplot(rows[1, 1]), trajectory)
-    title = _title(trajectory, name)
-    if step:
-        title += f"; shapes moved apart by {step:.2g} m"
-    figure.suptitle(title, fontsize=SMALL + 1)
+    title = _title(trajectory, name) + (f"; shapes moved apart by {step:.2g} m" if step else "")
+    figure.suptitle(title, fontsize=style.SMALL + 1)
     # The limits of equal scales are known only now, and with them the widths of their numbers.
     figure.draw_without_rendering()
     return figure
@@ -150,85 +122,54 @@ def _step_apart(trajectory: Trajectory, instants: NDArray[np.int64]) -> float:
     return max(float(heights.max()), _APART * length)
 
 
-def _moved(points: Array, count: int, step: float) -> Array:
-    """Return points (count, ..., 2) of shapes moved down one after the other."""
-    moved: Array = points.copy()
-    moved[..., 1] -= step * np.arange(count).reshape(-1, *[1] * (points.ndim - 2))
-    return moved
-
-
-def _box(
-    trajectory: Trajectory,
-    instants: NDArray[np.int64],
-    step: float,
-    target: ArrayLike | None,
-    radius: float,
-) -> Array:
-    """Return the corners (m) of what the plane shows: lower left, upper right."""
-    nodes = _moved(trajectory.nodes[instants], len(instants), step).reshape(-1, 2)
-    points = [nodes] if step else [nodes, trajectory.path]
-    low, high = (end(np.concatenate(points), axis=0) for end in (np.min, np.max))
+def _box(nodes: Array, paths: list[Array], target: ArrayLike | None, radius: float) -> Array:
+    """Return lower left and upper right corner (m) of shapes, paths and a target."""
+    points = np.concatenate([nodes.reshape(-1, 2), *paths])
+    low, high = points.min(axis=0), points.max(axis=0)
     if target is not None:
         low = np.minimum(low, np.asarray(target) - radius)
         high = np.maximum(high, np.asarray(target) + radius)
-    margin = _DIRECTOR * trajectory.scene.beam.element_length + 0.02 * float(high[0] - low[0])
-    return np.array([low - margin, high + margin])
+    return np.array([low, high])
 
 
-def _fit(axes: Axes, box: Array) -> None:
-    """Show a box and what is around it at one scale."""
-    axes.update_datalim(box)
-    axes.margins(0.0)
-    axes.autoscale_view()
-    axes.set_aspect("equal", adjustable="datalim")
-
-
-def _draw_shapes(
-    axes: Axes, trajectory: Trajectory, instants: NDArray[np.int64], colours: Any, step: float
+def _draw_shape(
+    axes: Axes,
+    nodes: Array,
+    centres: Array,
+    angles: Array,
+    director: float,
+    colour: Any,
+    label: str,
 ) -> None:
-    """Draw shapes with directors, and where nothing is moved the path of the mean centre."""
+    """Draw a centre line with its head and, of some length (m), its directors."""
     from matplotlib.collections import LineCollection
 
-    count = len(instants)
-    nodes = _moved(trajectory.nodes[instants], count, step)
-    centres = _moved(trajectory.centres[instants], count, step)
-    director = _DIRECTOR * trajectory.scene.beam.element_length
-    for row, n in enumerate(instants):
-        colour = colours[row]
-        label = f"{trajectory.time[n]:.3g} s"
-        axes.plot(*nodes[row].T, color=colour, linewidth=1.6, label=label, zorder=2)
-        axes.plot(*nodes[row, 0], "o", color=colour, markersize=3.5, zorder=3)
-        normals = np.stack([-np.sin(trajectory.angles[n]), np.cos(trajectory.angles[n])], axis=-1)
-        lines = np.stack([centres[row], centres[row] + director * normals], axis=1)
-        axes.add_collection(
-            LineCollection(list(lines), colors=[colour], linewidths=THIN, alpha=0.8, zorder=1)
-        )
-    if step:
-        axes.set_yticks([])
-    else:
-        axes.plot(*trajectory.path.T, color=GREY, linewidth=0.8, label="mean centre", zorder=4)
-    style_axes(axes, "x (m)", "" if step else "y (m)")
+    axes.plot(*nodes.T, color=colour, linewidth=1.6, label=label, zorder=2)
+    axes.plot(*nodes[0], "o", color=colour, markersize=3.5, zorder=3)
+    normals = np.stack([-np.sin(angles), np.cos(angles)], axis=-1)
+    lines = list(np.stack([centres, centres + director * normals], axis=1))
+    looks: dict[str, Any] = {"linewidths": style.THIN, "alpha": 0.8, "zorder": 1}
+    axes.add_collection(LineCollection(lines, colors=[colour], **looks))
 
 
 def _draw_target(axes: Axes, target: Array, radius: float) -> None:
     """Draw a target as the circle that counts as reached."""
     from matplotlib.patches import Circle
 
-    axes.add_patch(
-        Circle((target[0], target[1]), radius, facecolor=GREEN, alpha=0.25, linewidth=0, zorder=0)
-    )
-    axes.plot(*target, "*", color=GREEN, markersize=7, linestyle="", label="target", zorder=5)
+    centre, colour = (target[0], target[1]), style.GREEN
+    axes.add_patch(Circle(centre, radius, facecolor=colour, alpha=0.25, linewidth=0, zorder=0))
+    axes.plot(*target, "*", color=colour, markersize=7, linestyle="", label="target", zorder=5)
 
 
 def _draw_displacement(axes: Axes, trajectory: Trajectory) -> None:
     """Draw the displacement of the mean centre over time."""
     net = (trajectory.path - trajectory.path[0]) / trajectory.scene.beam.length
-    axes.axhline(0.0, color=GREY, linewidth=THIN)
-    axes.plot(trajectory.time, net[:, 0], color=BLUE, linewidth=LINE, label="along x")
-    axes.plot(trajectory.time, net[:, 1], color=ORANGE, linewidth=LINE, label="along y")
-    axes.legend(fontsize=SMALLER, frameon=False)
-    name_panel(axes, "displacement of the mean centre")
-    style_axes(axes, "time (s)", "body lengths")
+    style.mark_zero(axes)
+    for values, name, colour in zip(net.T, "xy", (style.BLUE, style.ORANGE), strict=True):
+        look: dict[str, Any] = {"color": colour, "linewidth": style.LINE}
+        axes.plot(trajectory.time, values, label=f"along {name}", **look)
+    style.add_legend(axes)
+    style.style_axes(axes, "time (s)", "body lengths", "displacement of the mean centre")
 
 
 def _draw_heading(axes: Axes, trajectory: Trajectory) -> None:
@@ -243,65 +184,11 @@ def _draw_heading(axes: Axes, trajectory: Trajectory) -> None:
     pieces = np.split(turned, begins)
     middles = [float(time.mean()) for time in np.split(trajectory.time, begins)]
     low, high = [part.min() for part in pieces], [part.max() for part in pieces]
-    axes.axhline(0.0, color=GREY, linewidth=THIN)
-    axes.fill_between(middles, low, high, color=BLUE, alpha=0.25, linewidth=0)
-    axes.plot(middles, [part.mean() for part in pieces], color=BLUE, linewidth=LINE)
+    style.mark_zero(axes)
+    axes.fill_between(middles, low, high, color=style.BLUE, alpha=0.25, linewidth=0)
+    axes.plot(middles, [part.mean() for part in pieces], color=style.BLUE, linewidth=style.LINE)
     bottom, top = axes.get_ylim()
     # So that a turn of a thousandth of a degree does not look like a curve.
     axes.set_ylim(min(bottom, -1.0), max(top, 1.0))
-    name_panel(axes, "turn of the body, left positive (band: its swing)")
-    style_axes(axes, "time (s)", "mean element angle (\u00b0)")
-
-
-def draw_wave_search(record: dict[str, Any]) -> Figure:
-    """Draw how far travelling waves of torque swim, over frequency and wave number.
-
-    Parameters
-    ----------
-    record : dict
-        From `swim_agents.tuning.check_candidates`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The grid of the search at full amplitude, and the wave that was chosen.
-
-    Raises
-    ------
-    SwimError
-        If matplotlib is not installed.
-    """
-    grid = record["search"]["grid"]
-    values = np.array(grid["net_displacement"])
-    figure = new_figure(0.8 * WIDTH, 4.2)
-    axes = figure.add_subplot()
-    largest = float(np.abs(values).max()) or 1.0
-    image = axes.pcolormesh(
-        np.array(grid["wave_number"]) / np.pi,
-        grid["frequency_hz"],
-        values,
-        cmap=diverging_map(),
-        vmin=-largest,
-        vmax=largest,
-        shading="nearest",
-    )
-    bar = figure.colorbar(image, ax=axes)
-    bar.set_label("net displacement along the heading (body lengths)", fontsize=SMALL)
-    bar.ax.tick_params(labelsize=SMALL)
-    wave = record["wave"]
-    if wave is not None:
-        axes.plot(
-            wave["wave_number"] / np.pi,
-            wave["frequency"] / (2.0 * np.pi),
-            "*",
-            color=BLACK,
-            markersize=11,
-            markerfacecolor="white",
-            label=f"tuned wave, {record['net_displacement']:.2f} body lengths",
-        )
-        axes.legend(fontsize=SMALL, loc="lower left")
-    style_axes(
-        axes, "wave number \u03ba (\u03c0 rad per body length)", "frequency (Hz)", grid=False
-    )
-    name_panel(axes, f"{record['scene']}: a wave of full torque over one episode")
-    return figure
+    title = "turn of the body, left positive (band: its swing)"
+    style.style_axes(axes, "time (s)", "mean element angle (\u00b0)", title)

@@ -9,55 +9,26 @@ from __future__ import annotations
 
 import importlib.util
 import os
-from collections.abc import Iterable
-from typing import IO, TYPE_CHECKING, TypedDict
+from collections.abc import Iterable, Mapping
+from typing import IO, TYPE_CHECKING, Any, TypedDict
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from swim_env.colours import TORQUE_STOPS
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
+from swim_env.sim.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.colors import LinearSegmentedColormap
     from matplotlib.figure import Figure
-
-__all__ = [
-    "AMBER",
-    "BLACK",
-    "BLUE",
-    "FRONT",
-    "GREEN",
-    "GREY",
-    "GRID",
-    "LINE",
-    "OKABE_ITO",
-    "ORANGE",
-    "PINK",
-    "SHADE",
-    "SILVER",
-    "SKY",
-    "SMALL",
-    "SMALLER",
-    "THICK",
-    "THIN",
-    "TIME_COLOURS",
-    "WIDTH",
-    "YELLOW",
-    "Look",
-    "diverging_map",
-    "name_panel",
-    "new_figure",
-    "policy_looks",
-    "require_matplotlib",
-    "save_figure",
-    "style_axes",
-]
+    from matplotlib.legend import Legend
 
 BLACK, GREY, SILVER = "#000000", "#666666", "#999999"
 BLUE, ORANGE, GREEN, PINK = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 AMBER, SKY, YELLOW = "#E69F00", "#56B4E9", "#F0E442"
-#: The colours in the order in which lines take them, the most different ones first.
-OKABE_ITO = (BLUE, ORANGE, GREEN, PINK, AMBER, SKY, BLACK)
 #: Of lines that lead the eye, of areas that mean "not known here", and of fronts.
 GRID, SHADE, FRONT = "#E6E9ED", "#DDDDDD", BLACK
 
@@ -123,13 +94,7 @@ def diverging_map() -> LinearSegmentedColormap:
 
 
 def require_matplotlib() -> None:
-    """Refuse to go on without matplotlib.
-
-    Raises
-    ------
-    SwimError
-        If it is not installed; the message says how to get it.
-    """
+    """Check that matplotlib is installed; else the SwimError says how to get it."""
     if importlib.util.find_spec("matplotlib") is None:
         raise SwimError(
             "pictures need matplotlib: install the extra 'view' (pip install 'swim-env[view]')"
@@ -137,13 +102,7 @@ def require_matplotlib() -> None:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure of that size (inches), 150 pixels an inch.
-
-    Raises
-    ------
-    SwimError
-        If matplotlib is not installed.
-    """
+    """Return an empty figure of that size (inches), 150 pixels an inch; needs matplotlib."""
     require_matplotlib()
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -151,6 +110,12 @@ def new_figure(width: float, height: float) -> Figure:
     figure = Figure(figsize=(width, height), dpi=_DOTS_PER_INCH, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+def require_steps(trajectories: Mapping[str, Trajectory]) -> None:
+    """Check that there is a trajectory and that all have steps; else it is a SwimError."""
+    if not trajectories or any(run.steps < 1 for run in trajectories.values()):
+        raise SwimError("there is nothing to draw: no trajectory, or one without steps")
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
@@ -176,22 +141,18 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
         ) from None
 
 
-def style_axes(axes: Axes, x: str, y: str, grid: bool = True) -> None:
+def style_axes(axes: Axes, x: str, y: str, title: str = "", grid: bool = True) -> None:
     """Label axes, in the size and with the frame that all pictures have.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        The axes.
-    x, y : str
-        What is shown, with its unit.
-    grid : bool
-        Whether there are lines at the ticks; over an image they would disturb.
+    `x` and `y` say what is shown, with its unit; the title is above the axes' left end. Lines at
+    the ticks (`grid`) would disturb over an image.
     """
     axes.set_xlabel(x, fontsize=SMALL)
     axes.set_ylabel(y, fontsize=SMALL)
     axes.tick_params(labelsize=SMALL)
     axes.spines[["top", "right"]].set_visible(False)
+    if title:
+        name_panel(axes, title)
     if grid:
         axes.grid(color=GRID, linewidth=THIN)
         axes.set_axisbelow(True)
@@ -200,3 +161,29 @@ def style_axes(axes: Axes, x: str, y: str, grid: bool = True) -> None:
 def name_panel(axes: Axes, text: str) -> None:
     """Write what axes show above their left end."""
     axes.set_title(text, fontsize=SMALL, loc="left")
+
+
+def add_legend(axes: Axes | Figure, *entries: Any, **options: Any) -> Legend:
+    """Add a legend in small letters, without a frame; the rest is matplotlib's."""
+    return axes.legend(*entries, **{"fontsize": SMALLER, "frameon": False, **options})
+
+
+def mark_zero(axes: Axes) -> None:
+    """Draw a line across axes at zero."""
+    axes.axhline(0.0, color=GREY, linewidth=THIN)
+
+
+def show_plane(axes: Axes, box: ArrayLike) -> None:
+    """Show a box, lower left and upper right corner (2, 2), and what is around it at one scale."""
+    axes.update_datalim(np.asarray(box))
+    axes.margins(0.0)
+    axes.autoscale_view()
+    axes.set_aspect("equal", adjustable="datalim")
+
+
+def time_colours(count: int) -> NDArray[np.float64]:
+    """Return colours (count, 4) from the beginning to the end of a run, dark to light."""
+    from matplotlib import colormaps
+
+    colours: NDArray[np.float64] = colormaps[TIME_COLOURS](np.linspace(0.0, 0.88, count))
+    return colours

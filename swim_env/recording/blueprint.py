@@ -10,10 +10,10 @@ from typing import Any
 import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
+from swim_env.colours import WATER
 from swim_env.recording.layout import Layout
-from swim_env.recording.legend import LEGEND, LEGEND_HEIGHT, LEGEND_WIDTH
-from swim_env.recording.palette import WATER_COLOUR
-from swim_env.recording.schema import APPLICATION, REWARDS, TIMELINE, group_path
+from swim_env.recording.legend import LEGEND_HEIGHT, LEGEND_WIDTH
+from swim_env.recording.schema import APPLICATION, DETAILS, LEGEND, REWARDS, TIMELINE, group_path
 
 __all__ = ["blueprint_of"]
 
@@ -60,18 +60,13 @@ def blueprint_of(lanes: Sequence[Layout]) -> Any:
     if len(lanes) < 3:
         views, shares = [*views, course], [*shares, course_share]
     else:
-        # More than two stand in two columns, where the course fills a place that is left.
+        # More than two are in two columns, where the course fills a place that is left.
         rows = 3.0 * ((len(lanes) + 1) // 2)
         if len(lanes) % 2:
             views, shares = [rrb.Grid(*views, course, grid_columns=2)], [rows]
         else:
             views, shares = [rrb.Grid(*views, grid_columns=2), course], [rows, course_share]
-    legend = rrb.Spatial2DView(
-        origin=LEGEND,
-        name="Colours and arrows",
-        background=[*WATER_COLOUR],
-        visual_bounds=rrb.VisualBounds2D(x_range=[0.0, LEGEND_WIDTH], y_range=[0.0, LEGEND_HEIGHT]),
-    )
+    legend = _plane(LEGEND, "Colours and arrows", [0.0, LEGEND_WIDTH], [0.0, LEGEND_HEIGHT])
     left = rrb.Vertical(*views, legend, row_shares=[*shares, 0.75])
     return _KeptBlueprint(
         rrb.Horizontal(left, _plots(lanes), column_shares=[1.45 if wide else 1.2, 1.0]),
@@ -83,29 +78,17 @@ def blueprint_of(lanes: Sequence[Layout]) -> Any:
     )
 
 
-def _growing() -> Any:
-    """Return the range of time of a path: from its beginning to the present."""
-    return rrb.VisibleTimeRanges(
-        timeline=TIMELINE,
-        start=rrb.TimeRangeBoundary.infinite(),
-        end=rrb.TimeRangeBoundary.cursor_relative(),
-    )
-
-
 def _following(lane: Layout) -> Any:
     """Return the view that follows one body."""
     length = lane.scene.beam.length
-    width, height = _VIEW_OF_TWO if lane.count == 2 else _VIEW
-    return rrb.Spatial2DView(
-        origin=f"{lane.place}/camera/screen",
+    width, height = (length * share for share in (_VIEW_OF_TWO if lane.count == 2 else _VIEW))
+    return _plane(
+        f"{lane.place}/camera/screen",
+        f"{lane.name} on {lane.scene.name} (grid {0.5 * length:g} m)",
+        [-width, width],
+        [-height, height],
         contents=[f"{lane.place}/**"],
-        name=f"{lane.name} on {lane.scene.name} (grid {0.5 * length:g} m)",
-        background=[*WATER_COLOUR],
-        visual_bounds=rrb.VisualBounds2D(
-            x_range=[-width * length, width * length],
-            y_range=[-height * length, height * length],
-        ),
-        overrides={f"{lane.place}/path": _growing()},
+        overrides=_paths([lane]),
     )
 
 
@@ -114,88 +97,84 @@ def _course(lanes: Sequence[Layout]) -> Any:
     length = lanes[0].scene.beam.length
     (left, low), (right, high) = lanes[0].low, lanes[0].high
     room = _MARGIN * length
-    name = f"Whole course (grid {0.5 * length:g} m)"
-    if len(lanes) > 1:
-        name += ", each swimmer in its own lane"
-    return rrb.Spatial2DView(
-        origin="/",
-        contents=[f"{lane.place}/{mark}" for lane in lanes for mark in _ON_COURSE],
-        name=name,
-        background=[*WATER_COLOUR],
+    apart = ", each swimmer in its own lane" if len(lanes) > 1 else ""
+    return _plane(
+        "/",
+        f"Whole course (grid {0.5 * length:g} m){apart}",
+        [left - room, right + room],
         # The plane's y points upwards, the view's downwards.
-        visual_bounds=rrb.VisualBounds2D(
-            x_range=[left - room, right + room], y_range=[-high - room, -low + room]
-        ),
-        overrides={f"{lane.place}/path": _growing() for lane in lanes},
+        [-high - room, -low + room],
+        contents=[f"{lane.place}/{mark}" for lane in lanes for mark in _ON_COURSE],
+        overrides=_paths(lanes),
     )
+
+
+def _plane(origin: str, name: str, x: list[float], y: list[float], **options: Any) -> Any:
+    """Return a view of a plane that shows at least some ranges of x and y."""
+    bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
+    return rrb.Spatial2DView(
+        origin=origin, name=name, background=[*WATER], visual_bounds=bounds, **options
+    )
+
+
+def _paths(lanes: Sequence[Layout]) -> dict[str, Any]:
+    """Return what views show of paths: from the beginning to the present."""
+    grown = rrb.VisibleTimeRanges(
+        timeline=TIMELINE,
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )
+    return {f"{lane.place}/path": grown for lane in lanes}
 
 
 def _plots(lanes: Sequence[Layout]) -> Any:
     """Return the plots: progress, energy, torques at once, and the others behind tabs."""
-
-    def everyone(group: str) -> list[str]:
-        return [group_path(lane.label, group) for lane in lanes]
-
     paid = [lane for lane in lanes if lane.rewarded]
-    first = [_plot(lanes, "Progress (BL)", everyone("progress"))]
-    if paid:
-        first += [
-            _plot(lanes, name, [group_path(lane.label, group) for lane in paid])
-            for group, name in zip(REWARDS, ("Rewards (BL)", "Sum of rewards (BL)"), strict=True)
-        ]
-    first.append(_plot(lanes, "Position (BL)", everyone("position")))
-    rows = [_tabs(first)]
+    first = [_plot(lanes, "Progress (BL)", "progress", lanes)]
+    for group, name in zip(REWARDS, ("Rewards (BL)", "Sum of rewards (BL)"), strict=True):
+        first += [_plot(lanes, name, group, paid)] if paid else []
+    first.append(_plot(lanes, "Position (BL)", "position", lanes))
+    rows = [first]
     for names in (
-        (("energy", "Energy (J)"), ("work", "Work (J)")),
-        (
-            ("torques", "Joint torques (N m)"),
-            ("joint_angles", "Joint angles (rad)"),
-            ("momentum", "Momentum (kg m/s, kg m\u00b2/s)"),
-            ("drift", "Momentum drift (kg m/s, kg m\u00b2/s)"),
-            ("solver", "Newton solver"),
-        ),
+        {"energy": "Energy (J)", "work": "Work (J)"},
+        {
+            "torques": "Joint torques (N m)",
+            "joint_angles": "Joint angles (rad)",
+            "momentum": "Momentum (kg m/s, kg m\u00b2/s)",
+            "drift": "Momentum drift (kg m/s, kg m\u00b2/s)",
+            "solver": "Newton solver",
+        },
     ):
         views = []
-        for group, name in names:
+        for group, name in names.items():
             for lane in lanes:
                 title = name if len(lanes) == 1 else f"{lane.label}: {name}"
-                window = group in _OSCILLATING
-                views.append(_plot(lanes, title, [group_path(lane.label, group)], window))
-        rows.append(_tabs(views))
-    return rrb.Vertical(*rows, row_shares=[1.0, 1.0, 1.35])
+                views.append(_plot(lanes, title, group, [lane]))
+        rows.append(views)
+    tabs = [rrb.Tabs(*views, active_tab=0) for views in rows]
+    return rrb.Vertical(*tabs, row_shares=[1.0, 1.0, 1.35])
 
 
-def _tabs(views: list[Any]) -> Any:
-    return rrb.Tabs(*views, active_tab=0)
-
-
-def _plot(lanes: Sequence[Layout], name: str, paths: list[str], window: bool = False) -> Any:
+def _plot(lanes: Sequence[Layout], name: str, group: str, shown: Sequence[Layout]) -> Any:
     """Return one plot, with room for its legend behind the end of the run or the present."""
     begin, end = lanes[0].begin, lanes[0].end
     joints = max(lane.scene.beam.elements for lane in lanes) - 1
-    of_joints = "Joint" in name
     at = rrb.TimeRangeBoundary
-    if window:
-        shown = rrb.TimeRange(
-            start=at.cursor_relative(seconds=-_BEFORE), end=at.cursor_relative(seconds=_BEHIND)
-        )
-        ranges = [
-            rrb.VisibleTimeRange(
-                TIMELINE, start=at.cursor_relative(seconds=-_BEFORE), end=at.cursor_relative()
-            )
-        ]
-    else:
-        shown = rrb.TimeRange(
-            start=at.absolute(seconds=begin), end=at.absolute(seconds=end + _ROOM * (end - begin))
-        )
-        ranges = None
+    ranges = None
+    view = rrb.TimeRange(
+        start=at.absolute(seconds=begin), end=at.absolute(seconds=end + _ROOM * (end - begin))
+    )
+    if group in _OSCILLATING:
+        before, now = at.cursor_relative(seconds=-_BEFORE), at.cursor_relative()
+        view = rrb.TimeRange(start=before, end=at.cursor_relative(seconds=_BEHIND))
+        ranges = [rrb.VisibleTimeRange(TIMELINE, start=before, end=now)]
     return rrb.TimeSeriesView(
         origin="/",
-        contents=[f"/{path}" for path in paths],
+        contents=[f"/{group_path(lane.label, group)}" for lane in shown],
         name=name,
-        axis_x=rrb.TimeAxis(view_range=shown),
+        axis_x=rrb.TimeAxis(view_range=view),
         plot_legend=rrb.PlotLegend(
-            rrb.Corner2D.RightTop, visible=not of_joints or joints <= _NAMED_JOINTS
+            rrb.Corner2D.RightTop, visible=group not in DETAILS or joints <= _NAMED_JOINTS
         ),
         time_ranges=ranges,
     )

@@ -1,67 +1,61 @@
-"""What of a recording does not change from frame to frame, and often not from file to file."""
+"""How swimmers are laid out in a recording: lanes, frames, and scales that all of them share."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from swim_env.recording.palette import SERIES_COLOURS, TRAIL_COLOURS
-from swim_env.recording.schema import place_of
+from swim_env.colours import Colour
+from swim_env.recording.palette import SERIES, TRAILS
+from swim_env.recording.schema import label_of, place_of
+from swim_env.recording.swimmer import Swimmer, frames_of
+from swim_env.recording.water import ARROW_EVERY, CELLS_IN_LENGTH, Water
 from swim_env.scene import Scene
+from swim_env.sim.trajectory import Trajectory
 
-__all__ = ["Layout", "column", "still"]
+__all__ = ["Lane", "Layout", "lanes_of"]
 
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 Point = tuple[float, float]
+
+#: Instants of the energy for each frame: it has peaks that last two frames.
+_ENERGIES_IN_FRAME = 2.0
+#: Distance of the lanes of two swimmers in one plane (BL).
+_LANE = 0.5
+#: An arrow of the largest speed reaches over so many arrow distances.
+_ARROW_REACH = 1.2
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How a swimmer is shown; files whose swimmers have the same ones share what follows from it.
+    """How a swimmer is shown; files whose swimmers have equal ones share what follows from them."""
 
-    Attributes
-    ----------
-    name, label : str
-        What it is called, and that in entity paths.
-    scene : Scene
-        Its scene.
-    number, count : int
-        Which lane of how many.
-    offset : pair of float
-        Where its lane's origin is drawn in the plane that all share (m).
-    low, high : pairs of float
-        Corners of what all bodies pass through, in the plane that they share, and a bit more (m).
-    begin, end : float
-        First and last instant of all swimmers (s).
-    rewarded : bool
-        Whether it was paid.
-    split : bool
-        Whether its kinetic energy is split between body and fluid.
-    colour : str
-        What its colours show.
-    limit : float
-        Torque or moment that all swimmers' colours reach to (N m).
-    pressure : float or None
-        Pressure that all swimmers' colours reach to (Pa), None without flow.
-    arrow_seconds : float or None
-        Seconds of the velocity that all swimmers' arrows are long, None without flow.
-    """
-
+    #: Its name, and that in entity paths.
     name: str
     label: str
     scene: Scene
+    #: Which lane of how many, and where the lane's origin is drawn in the plane of all (m).
     number: int
     count: int
     offset: Point
+    #: Corners of what all bodies pass through in that plane, rounded outwards (m).
     low: Point
     high: Point
+    #: First and last instant of all swimmers (s).
     begin: float
     end: float
+    #: Whether it has rewards, and whether its kinetic energy is split between body and fluid.
     rewarded: bool
     split: bool
+    #: What the bodies' colours show, and the torque or moment that they reach to (N m).
     colour: str
     limit: float
+    #: Pressure that colours reach to (Pa), and seconds of the velocity that an arrow is long, for
+    #: all swimmers; None without flow.
     pressure: float | None
     arrow_seconds: float | None
 
@@ -71,39 +65,99 @@ class Layout:
         return place_of(self.label)
 
     @property
-    def shade(self) -> tuple[int, int, int]:
+    def shade(self) -> Colour:
         """The swimmer's own colour on water."""
-        return TRAIL_COLOURS[self.number % len(TRAIL_COLOURS)]
+        return TRAILS[self.number % len(TRAILS)]
 
     @property
-    def bright(self) -> tuple[int, int, int]:
+    def bright(self) -> Colour:
         """The swimmer's own colour in plots."""
-        return SERIES_COLOURS[self.number % len(SERIES_COLOURS)]
+        return SERIES[self.number % len(SERIES)]
 
 
-def still(path: str, archetype: Any) -> Any:
-    """Return a chunk, rerun's unit of data, with what stands at an entity all the time.
+@dataclass(frozen=True)
+class Lane:
+    """A swimmer's place in a recording."""
 
-    It can be sent to any number of recordings, which takes a hundredth of logging it.
+    swimmer: Swimmer
+    #: Frames, (F,), and those of the energy, (E,).
+    instants: Indices
+    energy_instants: Indices
+    #: The run's positions at the frames alone, and its nodes there, (F, N + 1, 2) (m).
+    shapes: Trajectory
+    nodes: Array
+    layout: Layout
+
+
+def lanes_of(
+    swimmers: Sequence[Swimmer], waters: Sequence[Water], rate: float, colour: str
+) -> list[Lane]:
+    """Give every swimmer its lane, one below the other where they start.
+
+    `waters` are the flows that are shown; the rate is that of the frames (1/s).
     """
-    from rerun.chunk import Chunk
-
-    columns = []
-    for batch in archetype.as_component_batches():
-        columns.append(batch.partition([len(batch.as_arrow_array())]))
-    return Chunk.from_columns(path, [], columns)
-
-
-def column(descriptor: Any, batch: Any, rows: int) -> Any:
-    """Return a component's column in which every row has equally many of the batch's values.
-
-    Rerun's own `columns` finds out how many by itself, which takes half of its time.
-    """
-    import rerun as rr
-
-    each, rest = divmod(len(batch), rows)
-    if rest:
-        raise ValueError(f"{len(batch)} values do not make {rows} equal rows")
-    return rr.ComponentColumn(
-        descriptor, batch, offsets=np.arange(0, rows * each + 1, each, dtype=np.int32)
+    # One legend serves all lanes, so they share their scales.
+    limit = max([swimmer.scene.torque_limit for swimmer in swimmers])
+    if colour == "moment":
+        limit = max([float(np.abs(one.moments).max(initial=0.0)) for one in swimmers]) or 1.0
+    longest = max([swimmer.scene.beam.length for swimmer in swimmers])
+    pressure = max((water.largest_pressure for water in waters), default=None)
+    speed = max((water.largest_speed for water in waters), default=None)
+    reach = _ARROW_REACH * ARROW_EVERY * longest / CELLS_IN_LENGTH
+    runs = [swimmer.trajectory for swimmer in swimmers]
+    frames = [frames_of(run, rate) for run in runs]
+    shapes = [_shapes(run, instants) for run, instants in zip(runs, frames, strict=True)]
+    nodes = [shape.nodes for shape in shapes]
+    offsets, corners = [], []
+    for number, swimmer in enumerate(swimmers):
+        length = swimmer.scene.beam.length
+        offset = np.array([0.0, -number * _LANE * length])
+        points = [nodes[number].min(axis=(0, 1)), nodes[number].max(axis=(0, 1))]
+        if swimmer.target_radius is not None:
+            radius = swimmer.target_radius * length
+            points += [swimmer.aim - radius, swimmer.aim + radius]
+        offsets.append(offset)
+        corners += [point + offset for point in points]
+    low, high = _rounded(
+        np.min(corners, axis=0), np.max(corners, axis=0), runs[0].scene.beam.length
     )
+    lanes: list[Lane] = []
+    for number, swimmer in enumerate(swimmers):
+        layout = Layout(
+            name=swimmer.name,
+            label=label_of(swimmer.name, [lane.layout.label for lane in lanes]),
+            scene=swimmer.scene,
+            number=number,
+            count=len(swimmers),
+            offset=_point(offsets[number]),
+            low=_point(low),
+            high=_point(high),
+            begin=min([float(run.time[0]) for run in runs]),
+            end=max([float(run.time[-1]) for run in runs]),
+            rewarded=swimmer.rewards is not None,
+            split=swimmer.start_velocity is not None,
+            colour=colour,
+            limit=limit,
+            pressure=pressure,
+            arrow_seconds=None if speed is None else reach / speed,
+        )
+        energies = frames_of(runs[number], _ENERGIES_IN_FRAME * rate)
+        lanes.append(Lane(swimmer, frames[number], energies, shapes[number], nodes[number], layout))
+    return lanes
+
+
+def _shapes(run: Trajectory, instants: Indices) -> Trajectory:
+    """Return the run's positions at some instants."""
+    return replace(
+        run, time=run.time[instants], centres=run.centres[instants], angles=run.angles[instants]
+    )
+
+
+def _point(values: Array) -> Point:
+    return float(values[0]), float(values[1])
+
+
+def _rounded(low: Array, high: Array, length: float) -> tuple[Array, Array]:
+    """Move corners outwards to steps of about an eighth of the size, which many episodes share."""
+    step = 2.0 ** np.floor(np.log2(np.maximum(high - low, length) / 6.0))
+    return step * np.floor(low / step), step * np.ceil(high / step)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.errors import SceneError, SwimError
+from swim_env.errors import SwimError
 from swim_env.recording.schema import (
     APPLICATION,
     DETAILS,
@@ -38,17 +38,11 @@ class RecordingError(SwimError, ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """One component of one entity over time.
+    """One component of one entity over time."""
 
-    Attributes
-    ----------
-    time : (F,) array
-        Instants (s); empty for what stands once.
-    values : list
-        F values, or one: arrays and bytes.
-    """
-
+    #: Instants, (F,) (s); empty for what does not change.
     time: Array
+    #: F values, or one: arrays and bytes.
     values: list[Any]
 
 
@@ -59,13 +53,13 @@ class RecordedSwimmer:
     Attributes
     ----------
     label, name : str
-        What it is called in entity paths, and what its maker called it.
+        Its name in entity paths, and the one that it was given.
     scene : Scene
         What was run.
     termination_reason : str
         Why its run ended early, empty where it did not.
     time : (F,) array
-        Instants of all that follows (s).
+        Instants of nodes, path and series (s).
     nodes : (F, N + 1, 2) array
         Nodes of the centre line from head to tail (m), in single precision.
     path : (F, 2) array
@@ -112,7 +106,7 @@ class RecordedSwimmer:
 
 @dataclass(frozen=True, eq=False)
 class ReadRecording:
-    """What `read_recording` has read.
+    """A recording that was read.
 
     Attributes
     ----------
@@ -133,12 +127,7 @@ class ReadRecording:
 
 
 def read_recording(path: str | os.PathLike[str]) -> ReadRecording:
-    """Read a recording that `write_recording` made, of this version or an older one.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        The file.
+    """Read the recording in a file that `write_recording` made, of this version or an older one.
 
     Raises
     ------
@@ -164,27 +153,22 @@ def read_recording(path: str | os.PathLike[str]) -> ReadRecording:
             f"{SCHEMA_VERSION}; a later version reads it ({name})"
         )
     try:
-        swimmers = {
-            str(label): _swimmer(
+        swimmers = {}
+        for place, label in enumerate(map(str, own["swimmers"])):
+            fields: Any = parse_yaml(str(own["scenes"][place]), name)
+            swimmers[label] = _swimmer(
                 columns,
-                str(label),
-                str(own["names"][place]),
-                _scene_of(str(own["scenes"][place]), name),
-                str(own["termination_reasons"][place]),
-                float(own["pressure_scale"][0]),
+                scale=float(own["pressure_scale"][0]),
+                label=label,
+                name=str(own["names"][place]),
+                scene=Scene.from_dict(fields, name),
+                termination_reason=str(own["termination_reasons"][place]),
             )
-            for place, label in enumerate(own["swimmers"])
-        }
         about = json.loads(str(own["about"][0]))
-    except (KeyError, IndexError, ValueError, SceneError) as error:
-        told = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
-        raise RecordingError(f"the recording is not whole: {told} ({name})") from None
+    except (KeyError, IndexError, ValueError) as error:
+        why = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
+        raise RecordingError(f"the recording is not whole: {why} ({name})") from None
     return ReadRecording(schema, swimmers, about, columns)
-
-
-def _scene_of(text: str, name: str) -> Scene:
-    data: Any = parse_yaml(text, name)
-    return Scene.from_dict(data, name)
 
 
 def _columns(name: str) -> dict[tuple[str, str], Column]:
@@ -206,15 +190,15 @@ def _columns(name: str) -> dict[tuple[str, str], Column]:
                     continue
                 values = [_plain(value) for value in batch.column(field.name)]
                 found.setdefault((chunk.entity_path, field.name), []).append((times, values))
-    except _CutOffError:
-        raise RecordingError(f"the recording was cut off: it has no end ({name})") from None
+    except RecordingError:
+        raise
     except OSError as error:
         raise RecordingError(
             f"cannot read the recording: {error.strerror or error} ({name})"
         ) from None
     except Exception as error:  # what the reader raises for a damaged file is not documented
-        told = " ".join(str(error).split()) or type(error).__name__
-        raise RecordingError(f"not a recording, or a damaged one: {told} ({name})") from None
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise RecordingError(f"not a recording, or a damaged one: {why} ({name})") from None
     columns = {}
     for key, parts in found.items():
         times = np.concatenate([part[0] for part in parts])
@@ -226,12 +210,8 @@ def _columns(name: str) -> dict[tuple[str, str], Column]:
     return columns
 
 
-class _CutOffError(Exception):
-    """A file lacks its end."""
-
-
 def _opened(name: str) -> Any:
-    """Return rerun's reader of a file; of one without an end it says so in a warning alone."""
+    """Return rerun's reader of a file; it only warns of one without an end."""
     import rerun as rr
 
     with warnings.catch_warnings():
@@ -239,7 +219,7 @@ def _opened(name: str) -> Any:
         try:
             return rr.chunk.RrdReader(name)
         except Warning:
-            raise _CutOffError from None
+            raise RecordingError(f"the recording was cut off: it has no end ({name})") from None
 
 
 def _plain(value: Any) -> Any:
@@ -264,57 +244,53 @@ def _plain(value: Any) -> Any:
 
 
 def _swimmer(
-    columns: Mapping[tuple[str, str], Column],
-    label: str,
-    name: str,
-    scene: Scene,
-    reason: str,
-    scale: float,
+    columns: Mapping[tuple[str, str], Column], scale: float, **known: Any
 ) -> RecordedSwimmer:
-    """Put one swimmer together."""
+    """Return a swimmer of which name and scene are known already."""
+    label = known["label"]
     place = f"/{place_of(label)}"
     outline = columns[(f"{place}/outline", "LineStrips2D:strips")]
     centre = columns[(f"{place}/centre", "Points2D:positions")]
-    series, names, energy_time, reward_time = {}, {}, outline.time, np.zeros(0)
+    series, names, times = {}, {}, {}
     for group in (*GROUPS, *DETAILS):
         entity = f"/{group_path(label, group)}"
         column = columns.get((entity, "Scalars:scalars"))
-        if column is None:
-            continue
-        series[group] = np.stack(column.values)
-        names[group] = [str(one) for one in columns[(entity, "SeriesLines:names")].values[0]]
-        if group == "energy":
-            energy_time = column.time
-        if group == "reward":
-            reward_time = column.time
-    flow_time, cell = np.zeros(0), 0.0
-    pressures, velocities, grid = np.zeros((0, 0, 0)), np.zeros((0, 0, 2)), np.zeros((0, 2))
-    pictures = columns.get((f"{place}/flow/pressure", "EncodedImage:blob"))
-    if pictures is not None:
-        from swim_env.recording.water import PIXELS, pressure_of
-
-        flow_time = pictures.time
-        pressures = np.stack([pressure_of(one[0], scale) for one in pictures.values])
-        velocities = np.stack(columns[(f"{place}/flow/velocity", "Arrows2D:vectors")].values)
-        moved = columns[(f"{place}/flow", "Transform3D:translation")]
-        grid = np.stack(moved.values)[:, 0, :2]
-        scaled = columns[(f"{place}/flow/pressure", "Transform3D:scale")]
-        cell = PIXELS * float(np.ravel(scaled.values[0])[0])
+        if column is not None:
+            series[group], times[group] = np.stack(column.values), column.time
+            texts = columns[(entity, "SeriesLines:names")].values[0]
+            names[group] = [str(text) for text in texts]
     return RecordedSwimmer(
-        label,
-        name,
-        scene,
-        reason,
-        outline.time,
-        np.stack(outline.values)[:, 0],
-        np.stack(centre.values)[:, 0],
-        series,
-        names,
-        energy_time,
-        reward_time,
-        flow_time,
-        pressures,
-        velocities,
-        grid,
-        cell,
+        **known,
+        time=outline.time,
+        nodes=np.stack(outline.values)[:, 0],
+        path=np.stack(centre.values)[:, 0],
+        series=series,
+        names=names,
+        energy_time=times.get("energy", outline.time),
+        reward_time=times.get("reward", np.zeros(0)),
+        **_flow(columns, f"{place}/flow", scale),
     )
+
+
+def _flow(columns: Mapping[tuple[str, str], Column], place: str, scale: float) -> dict[str, Any]:
+    """Return the fields of a swimmer that are about its flow."""
+    pictures = columns.get((f"{place}/pressure", "EncodedImage:blob"))
+    if pictures is None:
+        return {
+            "flow_time": np.zeros(0),
+            "pressures": np.zeros((0, 0, 0)),
+            "velocities": np.zeros((0, 0, 2)),
+            "grid": np.zeros((0, 2)),
+            "cell": 0.0,
+        }
+    from swim_env.recording.water import PIXELS, pressure_of
+
+    moved = columns[(place, "Transform3D:translation")]
+    scaled = columns[(f"{place}/pressure", "Transform3D:scale")]
+    return {
+        "flow_time": pictures.time,
+        "pressures": np.stack([pressure_of(one[0], scale) for one in pictures.values]),
+        "velocities": np.stack(columns[(f"{place}/velocity", "Arrows2D:vectors")].values),
+        "grid": np.stack(moved.values)[:, 0, :2],
+        "cell": PIXELS * float(np.ravel(scaled.values[0])[0]),
+    }

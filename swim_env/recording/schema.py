@@ -5,34 +5,19 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
-__all__ = [
-    "APPLICATION",
-    "DETAILS",
-    "GROUPS",
-    "HELD",
-    "PROPERTY",
-    "REWARDS",
-    "SCHEMA_VERSION",
-    "TIMELINE",
-    "UNSPLIT_ENERGY",
-    "WORLD",
-    "group_path",
-    "label_of",
-    "names_of",
-    "place_of",
-]
-
-#: Version of the layout below. A reader takes recordings of this version and of older ones; whoever
-#: changes a path, a series, its unit or its place in a row adds one, and a branch to the reader.
+#: Version of the layout below. A reader takes recordings of this version and older ones. A change
+#: of a path, a series, its unit or its place in a row adds one, and a branch to the reader.
 SCHEMA_VERSION = 1
 
 APPLICATION = "swim_env"
-#: The recording's own property, in which the version stands.
+#: The recording's own property, which holds the version.
 PROPERTY = "swim_env"
 #: Simulated time (s).
 TIMELINE = "time"
-#: Everything in the plane hangs on this entity, which turns the plane's y upwards (m).
+#: Everything in the plane is below this entity, which turns the plane's y upwards (m).
 WORLD = "world"
+#: What colours and arrows mean.
+LEGEND = "legend"
 
 #: Series of every swimmer, with what a name says and its unit. Each group is one entity with one
 #: row of numbers per instant.
@@ -48,10 +33,10 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "solver": ("Newton corrections in a step (1)", "log10 of the residual (1)"),
 }
 
-#: The group energy of a run of which nobody knows the velocity that it started with.
+#: The group energy of a run whose velocity at the start is not known.
 UNSPLIT_ENERGY = ("kinetic, body and fluid (J)", "elastic (J)", "total (J)")
 
-#: Groups that stand at the ends of an episode's actions, and not at all without rewards.
+#: Groups at the ends of an episode's actions, absent without rewards.
 REWARDS = ("reward", "return")
 
 #: Groups whose values are held, and how rerun draws them: from their instant on, or up to it.
@@ -74,14 +59,7 @@ def group_path(label: str, group: str) -> str:
 def names_of(group: str, joints: int, split: bool) -> tuple[str, ...]:
     """Return the names of a group's series, with their units.
 
-    Parameters
-    ----------
-    group : str
-        A key of GROUPS or DETAILS.
-    joints : int
-        Of the beam.
-    split : bool
-        Whether the kinetic energy is split between body and fluid.
+    The group is a key of GROUPS or DETAILS; `split` says whether the kinetic energy is split.
     """
     if group in DETAILS:
         return tuple([f"joint {joint} ({DETAILS[group]})" for joint in range(1, joints + 1)])

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from swim_env.recording.layout import Layout, column, still
-from swim_env.recording.palette import SERIES_COLOURS, joint_colours
-from swim_env.recording.scenery import Lane
+from swim_env.recording.chunks import column, still
+from swim_env.recording.layout import Lane, Layout
+from swim_env.recording.palette import SERIES, joint_colours
 from swim_env.recording.schema import (
     DETAILS,
     GROUPS,
@@ -28,10 +28,8 @@ def looks_of_series(layout: Layout) -> list[Any]:
     joints = layout.scene.beam.elements - 1
     chunks = []
     for group in (*GROUPS, *DETAILS):
-        if group in REWARDS and not layout.rewarded:
-            continue
         names = list(names_of(group, joints, layout.split))
-        if not names:
+        if not names or (group in REWARDS and not layout.rewarded):
             continue
         if group in DETAILS:
             colours = joint_colours(joints)
@@ -42,7 +40,7 @@ def looks_of_series(layout: Layout) -> list[Any]:
         else:
             # What has the same name has the same colour, with and without the split.
             places = [GROUPS[group].index(n) if n in GROUPS[group] else 0 for n in names]
-            colours = np.array(SERIES_COLOURS, dtype=np.uint8)[places]
+            colours = np.array(SERIES, dtype=np.uint8)[places]
         lines = rr.SeriesLines(
             names=names,
             colors=colours,
@@ -56,22 +54,15 @@ def looks_of_series(layout: Layout) -> list[Any]:
 def log_series(stream: Any, lane: Lane) -> None:
     """Log all series of a swimmer."""
     swimmer = lane.swimmer
-    run = swimmer.trajectory
-    frames = [rr.TimeColumn(TIMELINE, duration=run.time[lane.instants])]
+    time = swimmer.trajectory.time
     for group in (*GROUPS, *DETAILS):
-        at, instants = frames, lane.instants
-        if group == "energy":
-            instants = lane.energy_instants
-            at = [rr.TimeColumn(TIMELINE, duration=run.time[instants])]
-        elif group in REWARDS:
-            if swimmer.rewards is None:
-                continue
-            at = [rr.TimeColumn(TIMELINE, duration=swimmer.reward_times)]
+        instants = lane.energy_instants if group == "energy" else lane.instants
         values = swimmer.series(group, instants)
         if values.size:
+            at = swimmer.reward_times if group in REWARDS else time[instants]
             scalars = rr.components.ScalarBatch(values.ravel())
             stream.send_columns(
                 group_path(lane.layout.label, group),
-                at,
+                [rr.TimeColumn(TIMELINE, duration=at)],
                 [column(rr.Scalars.descriptor_scalars(), scalars, len(values))],
             )

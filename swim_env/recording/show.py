@@ -23,7 +23,7 @@ from swim_env.recording.writer import require_rerun
 
 __all__ = ["check_picture", "open_viewer", "take_picture", "typed_command"]
 
-#: Seconds that the viewer is given to draw what it was told to show.
+#: Seconds that the viewer has to draw.
 _TO_DRAW = 1.5
 #: Seconds within which a viewer ends that finds no display.
 _TO_FAIL = 1.0
@@ -34,13 +34,7 @@ _MENU = 0.034
 
 
 def rerun_command() -> str:
-    """Return the path of rerun's program: the one beside this Python, or one on the path.
-
-    Raises
-    ------
-    SwimError
-        If there is none.
-    """
+    """Return the path of rerun's program, beside this Python or on the path, or raise SwimError."""
     require_rerun()
     beside = Path(sys.executable).with_name("rerun")
     found = str(beside) if beside.exists() else shutil.which("rerun")
@@ -50,13 +44,7 @@ def rerun_command() -> str:
 
 
 def typed_command() -> str:
-    """Return what to type for rerun's program here: its name, or its path where that is not enough.
-
-    Raises
-    ------
-    SwimError
-        If there is none.
-    """
+    """Return what to type for rerun's program here: its name, or its path where that is needed."""
     command = rerun_command()
     if shutil.which("rerun"):
         return "rerun"
@@ -66,12 +54,7 @@ def typed_command() -> str:
 
 
 def open_viewer(path: str | os.PathLike[str]) -> str | None:
-    """Open rerun's viewer with a recording, in a process that goes on by itself.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        The recording.
+    """Open rerun's viewer with the recording in a file, in a process of its own.
 
     Returns
     -------
@@ -113,12 +96,7 @@ def open_viewer(path: str | os.PathLike[str]) -> str | None:
 
 
 def check_picture(picture: str | os.PathLike[str]) -> None:
-    """Refuse a name that no picture can have, before anything is done for it.
-
-    Parameters
-    ----------
-    picture : str or os.PathLike
-        The file: .png, .jpg or .jpeg.
+    """Check that a picture can be written to a file, which ends with .png, .jpg or .jpeg.
 
     Raises
     ------
@@ -203,25 +181,13 @@ def _tidy(content: bytes, kind: str) -> bytes:
 
 
 @contextlib.contextmanager
-def _viewer() -> Iterator[Any]:
-    """Start a viewer without a window, and end it again."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    # The viewer writes what it does to stderr unless told otherwise.
-    os.environ.setdefault("RUST_LOG", "error")
-    with _runtime_folder():
-        yield from _spawned(port)
-
-
-@contextlib.contextmanager
 def _runtime_folder() -> Iterator[None]:
     """Give child processes a folder for their sockets where the system has named none."""
     name = "XDG_RUNTIME_DIR"
-    if os.environ.get(name):
+    before = os.environ.get(name)
+    if before:
         yield
         return
-    before = os.environ.get(name)
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         os.environ[name] = folder
         try:
@@ -232,27 +198,33 @@ def _runtime_folder() -> Iterator[None]:
                 os.environ[name] = before
 
 
-def _spawned(port: int) -> Iterator[Any]:
-    """Start a viewer that listens on a port, and end it again."""
-    try:
-        from rerun.experimental import ViewerClient
+@contextlib.contextmanager
+def _viewer() -> Iterator[Any]:
+    """Start a viewer without a window, and end it again."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    # Otherwise the viewer writes what it does to stderr.
+    os.environ.setdefault("RUST_LOG", "error")
+    viewer, failure = None, "cannot be started without a window"
+    with _runtime_folder():
+        try:
+            from rerun.experimental import ViewerClient
 
-        # Rerun itself looks along the path only, where a virtual environment's programs are not.
-        viewer = ViewerClient.spawn(
-            headless=True, port=port, hide_welcome_screen=True, executable_path=rerun_command()
-        )
-        # It answers before it has found a driver that draws, and ends where there is none.
-        viewer.take_screenshot()
-    except Exception as error:  # what a viewer that cannot start raises is not documented
-        told = " ".join(str(error).split()) or type(error).__name__
-        raise SwimError(f"rerun's viewer cannot be started without a window: {told}") from None
-    try:
-        yield viewer
-    except SwimError:
-        raise
-    except Exception as error:  # neither is what comes of one that stops
-        told = " ".join(str(error).split()) or type(error).__name__
-        raise SwimError(f"rerun's viewer has failed: {told}") from None
-    finally:
-        with contextlib.suppress(Exception):
-            viewer.quit()
+            # Rerun itself searches the path only, where a virtual environment's programs are not.
+            viewer = ViewerClient.spawn(
+                headless=True, port=port, hide_welcome_screen=True, executable_path=rerun_command()
+            )
+            # It answers before it has found a driver that draws, and ends where there is none.
+            viewer.take_screenshot()
+            failure = "has failed"
+            yield viewer
+        except SwimError:
+            raise
+        except Exception as error:  # what a viewer that stops raises is not documented
+            why = " ".join(str(error).split()) or type(error).__name__
+            raise SwimError(f"rerun's viewer {failure}: {why}") from None
+        finally:
+            with contextlib.suppress(Exception):
+                if viewer is not None:
+                    viewer.quit()

@@ -1,4 +1,4 @@
-"""One swimmer of a recording: its run, what it was paid, and the series that follow from both."""
+"""One swimmer of a recording: its run, its rewards, and the series that follow from both."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.analysis.energy import elastic_energy, elastic_moments, split_energy, summed
-from swim_env.errors import OptionError
+from swim_env.errors import OptionError, SceneError
 from swim_env.scene import Scene
+from swim_env.scene.checks import check_real
 from swim_env.sim.trajectory import Trajectory
 
-__all__ = ["Swimmer", "frames_of"]
+__all__ = ["Swimmer", "checked_rate", "frames_of"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -40,7 +41,7 @@ class Swimmer:
     target_radius : float, optional
         How close the target has to be reached (BL); None where the goal is a direction.
     start_velocity : (N + 2,) array_like, optional
-        With which the run started, as `Simulator.velocity`. With it the kinetic energy is split
+        The run's first velocity, as `Simulator.velocity`. With it the kinetic energy is split
         between body and fluid, for which the torques are played again; without, it is given whole.
     """
 
@@ -89,13 +90,10 @@ class Swimmer:
         return times
 
     def check_rewards(self) -> None:
-        """Refuse rewards that cannot be those of the run's actions.
+        """Check that rewards are finite numbers, one for each action that the run has begun.
 
-        Raises
-        ------
-        OptionError
-            If they are not finite numbers, one for each action that the run has begun. An action
-            of which the physics made no step at all may have one too.
+        An action in which the physics made no step at all may have one too. Others raise an
+        OptionError.
         """
         if self.rewards is None:
             return
@@ -111,9 +109,7 @@ class Swimmer:
             )
 
     def series(self, group: str, instants: Indices) -> Array:
-        """Return a group of series at some instants, a column for each of its names.
-
-        The names are those of `swim_env.recording.schema.names_of`.
+        """Return a group of series at some instants, a column for each of its `schema.names_of`.
 
         Work and drift are sums up to an instant, Newton corrections and residual the largest since
         the instant before it in the list. Rewards are at `reward_times` instead.
@@ -121,7 +117,7 @@ class Swimmer:
         Raises
         ------
         SwimError
-            If the start's velocity does not lead along the run.
+            If the run did not start with the given velocity.
         """
         series: Array = getattr(self, f"_{group}")(instants)
         return series
@@ -160,7 +156,7 @@ class Swimmer:
 
     def _work(self, instants: Indices) -> Array:
         run = self.trajectory
-        sums = [summed(run.work), summed(run.positive_work), summed(run.dissipated)]
+        sums = [summed(part) for part in (run.work, run.positive_work, run.dissipated)]
         return np.column_stack([*sums, run.unexplained_energy])[instants]
 
     def _momentum(self, instants: Indices) -> Array:
@@ -187,28 +183,25 @@ class Swimmer:
         return self.joint_angles[instants]
 
 
+def checked_rate(rate: object, name: str) -> float:
+    """Return a number of frames in a second, or raise OptionError if it is not above 0."""
+    try:
+        return check_real(rate, name, above=0.0)
+    except SceneError as error:
+        raise OptionError(error.problem) from None
+
+
 def frames_of(trajectory: Trajectory, rate: float) -> Indices:
-    """Return the instants of a run that come closest to a number of frames a second.
+    """Return the instants (F,) of a run that come closest to a number of frames a simulated second.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-        The run.
-    rate : float
-        Frames in a simulated second, above 0.
-
-    Returns
-    -------
-    (F,) array of int
-        Every so many instants from the first, and the last one.
+    Every so many instants from the first, and the last one.
 
     Raises
     ------
     OptionError
         If the rate is not a number above 0, or the run has no step.
     """
-    if not (np.isfinite(rate) and rate > 0.0):
-        raise OptionError(f"frames in a second must be a number above 0, got {rate!r}")
+    checked_rate(rate, "the number of frames in a second")
     if trajectory.steps < 1:
         raise OptionError("a recording takes a run of at least one step")
     every = max(1, round(1.0 / (rate * trajectory.scene.integrator.time_step)))

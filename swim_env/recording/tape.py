@@ -1,4 +1,4 @@
-"""What is kept of episodes that are being played, and the recordings that become of it."""
+"""Episodes that are being played: what is kept of them, and the recordings made from it."""
 
 from __future__ import annotations
 
@@ -7,52 +7,42 @@ import os
 import sys
 import warnings
 import weakref
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.envs.episodes import Episodes
 from swim_env.errors import OptionError, SwimError
 from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
-from swim_env.recording.swimmer import Swimmer
+from swim_env.recording.swimmer import Swimmer, checked_rate
 from swim_env.recording.writer import WrittenRecording, recording_file, write_recording
 from swim_env.scene import Scene
-from swim_env.scene.checks import got
 from swim_env.sim.recorder import Kept, Recorder
 from swim_env.sim.trajectory import Trajectory
 
-__all__ = ["Tape", "finish_or_tell", "new_tape"]
+__all__ = ["Tape"]
 
-_TAKEN = (
-    "the environment is being recorded already: use one recording wrapper, or close the other one "
-    "first"
-)
+Result = TypeVar("Result")
 
-#: Bodies keep the steps for one recorder alone: who records which environment.
+#: Bodies have one recorder at a time: which tape records which environment.
 _OWNERS: weakref.WeakKeyDictionary[Episodes, weakref.ref[Tape]] = weakref.WeakKeyDictionary()
 
 
 class _ChosenRecorder(Recorder):
-    """A recorder that keeps the steps of chosen members, and those of an episode that is over.
-
-    Attributes
-    ----------
-    chosen : set of int
-        Whose steps are kept.
-    over : dict of int to Kept
-        What was kept of a chosen member when it was started anew.
-    begun : list of int
-        How often each member's trajectory has begun: with every start, and with every snapshot
-        that the environment went back to.
-    """
+    """A recorder that keeps the steps of chosen members, and those of an episode that is over."""
 
     def __init__(self, scene: Scene, count: int) -> None:
         super().__init__(scene, count)
+        #: Members whose steps are kept.
         self.chosen = set(range(count)) if scene.recording is not None else set()
+        #: What was kept of a chosen member when it was started anew.
         self.over: dict[int, Kept | None] = {}
+        #: How often each member's trajectory has begun: with every start, and with every snapshot
+        #: that the environment went back to.
         self.begun = [0] * count
 
     def begin(self, member: int, steps: int, energy: float, state: NDArray[np.float64]) -> None:
@@ -80,35 +70,50 @@ class _ChosenRecorder(Recorder):
         return self._trajectory(self.over[member], reason)
 
     def is_paid(self, member: int, rewards: int) -> bool:
-        """Tell whether there are as many rewards as actions whose steps were kept."""
+        """Tell whether there is a reward for every action whose steps were kept."""
         return rewards * self._scene.steps_per_action >= self._steps[member]
 
 
 class Tape:
-    """What is kept of episodes that are being played, and the files that become of it."""
+    """Keeps episodes that are being played, and writes their files.
+
+    The prefixes are the beginnings of the files' names, before the episode; the other arguments,
+    errors and the warning are those of `swim_env.recording.RecordEpisodes`.
+    """
 
     def __init__(
         self,
         episodes: Episodes,
-        folder: Path,
+        folder: str | os.PathLike[str],
+        prefixes: Collection[str],
         flow_rate: float | None,
         frame_rate: float,
         split_energy: bool,
     ) -> None:
-        self.written: list[WrittenRecording] = []
         self._episodes = episodes
-        self._folder = folder
-        self._flow_rate, self._frame_rate = flow_rate, frame_rate
+        self._refuse_other_owner()
+        self._frame_rate = checked_rate(frame_rate, "frame_rate")
+        self._flow_rate = None if flow_rate is None else checked_rate(flow_rate, "flow_rate")
         self._split_energy = split_energy
+        self._folder = recording_file(Path(folder) / "any.rrd", "any").parent
+        for prefix in prefixes:
+            if any(self._folder.glob(f"{glob.escape(prefix)}-episode-*.rrd")):
+                warnings.warn(
+                    f"recordings in {self._folder} will be overwritten ({prefix}-episode-*.rrd); "
+                    "name another folder or name_prefix to keep them",
+                    stacklevel=3,
+                )
+        self.written: list[WrittenRecording] = []
+        #: Members whose episode is being recorded: the swimmer's name, the same in all its files,
+        #: and the file of this episode.
+        self.running: dict[int, tuple[str, str]] = {}
         self._always = episodes.task.scene.recording is not None
         self._recorder = _ChosenRecorder(episodes.task.scene, len(episodes.all_members))
         self._rewards: dict[int, list[float]] = {}
         self._goals: dict[int, NDArray[np.float64]] = {}
         self._velocities: dict[int, NDArray[np.float64]] = {}
         self._begun: dict[int, int] = {}
-        #: Members whose episode is being recorded: what they are called in all their files, and the
-        #: file of this episode.
-        self.running: dict[int, tuple[str, str]] = {}
+        _OWNERS[episodes] = weakref.ref(self)
 
     @property
     def is_owner(self) -> bool:
@@ -117,15 +122,19 @@ class Tape:
         return owner is not None and owner() is self
 
     def attach(self) -> None:
-        """Have the bodies' steps kept.
-
-        Raises
-        ------
-        OptionError
-            If another wrapper records the environment.
-        """
-        _claim(self._episodes, self)
+        """Keep the steps of the environment's bodies, unless another tape does (OptionError)."""
+        if not self.is_owner:
+            self._refuse_other_owner()
+            _OWNERS[self._episodes] = weakref.ref(self)
         self._episodes.bodies.recorder = self._recorder
+
+    def _refuse_other_owner(self) -> None:
+        owner = _OWNERS.get(self._episodes)
+        if owner is not None and owner() is not None:
+            raise OptionError(
+                "the environment is being recorded already: use one recording wrapper, or close "
+                "the other one first"
+            )
 
     def detach(self) -> None:
         """Keep no more steps, unless the scene does so by itself."""
@@ -143,12 +152,22 @@ class Tape:
             self._velocities[member] = self._episodes.bodies.energy_and_velocity(member)[1]
         self.running[member] = name, f"{name}-episode-{episode}"
 
-    def drop(self, member: int) -> None:
-        """Keep nothing more of a member."""
-        if not self._always:
-            self._recorder.chosen.discard(member)
-        self._recorder.over.pop(member, None)
-        self.running.pop(member, None)
+    def play(self, step: Callable[[Any], Result], actions: Any) -> Result:
+        """Step the environment; where that fails, write what there is of the episodes."""
+        try:
+            return step(actions)
+        except (SwimError, gymnasium.error.Error):
+            # A refused action changes nothing, and the episode can continue.
+            raise
+        except BaseException:
+            for member in list(self.running):
+                # The action may have been played before something else failed.
+                same = self._recorder.begun[member] == self._begun[member]
+                rewards = len(self._rewards[member]) if same else 0
+                if not self._recorder.is_paid(member, rewards):
+                    self.pay_last(member)
+                self.end(member)
+            raise
 
     def pay_last(self, member: int) -> None:
         """Keep the reward of the member's last action."""
@@ -157,8 +176,8 @@ class Tape:
     def pay(self, member: int, reward: float, started_anew: bool = False) -> None:
         """Keep the reward of an action, after which the member may have been started anew.
 
-        Where a snapshot was restored since the last one, the trajectory begins there: what was
-        known of the start and the rewards before it are of no run any more.
+        Where a snapshot was restored since the last one, the trajectory begins there: the start
+        and the rewards before it do not belong to it.
         """
         begun = self._recorder.begun[member] - int(started_anew)
         if begun != self._begun[member]:
@@ -169,18 +188,18 @@ class Tape:
                 self._goals[member] = self._episodes.goals[member].copy()
         self._rewards[member].append(reward)
 
-    def pay_played(self) -> None:
-        """Keep the rewards of actions that were played in a step that has failed afterwards."""
-        for member in self.running:
-            same = self._recorder.begun[member] == self._begun[member]
-            if not self._recorder.is_paid(member, len(self._rewards[member]) if same else 0):
-                self.pay_last(member)
-
     def end(self, member: int, reason: str | None = None) -> None:
-        """Write what there is of a member's episode; nothing where it has taken no step.
+        """Write a member's episode if it is being recorded, and warn where that fails.
 
         A reason is given where the member was started anew already.
         """
+        try:
+            self._write(member, reason)
+        except SwimError as error:
+            warnings.warn(f"an episode was not recorded: {error}", stacklevel=3)
+
+    def _write(self, member: int, reason: str | None = None) -> None:
+        """Write a member's episode; nothing where it has taken no step."""
         if member not in self.running:
             return
         task = self._episodes.task
@@ -189,7 +208,7 @@ class Tape:
             trajectory = self._recorder.trajectory_before(member, physical)
         else:
             trajectory = self._episodes.recorded(member)
-        name, file = self.running[member]
+        name, file = self.running.pop(member)
         swimmer = Swimmer(
             name,
             trajectory,
@@ -198,7 +217,9 @@ class Tape:
             task.radius if task.goal_is_point else None,
             self._velocities.pop(member, None),
         )
-        self.drop(member)
+        self._recorder.over.pop(member, None)
+        if not self._always:
+            self._recorder.chosen.discard(member)
         if trajectory.steps:
             self.written.append(
                 write_recording(
@@ -210,13 +231,6 @@ class Tape:
                 )
             )
 
-    def end_or_warn(self, member: int, reason: str | None = None) -> None:
-        """Write as `end` does; what cannot be written is not worth the caller's episode."""
-        try:
-            self.end(member, reason)
-        except SwimError as error:
-            warnings.warn(f"an episode was not recorded: {error}", stacklevel=3)
-
     def finish(self) -> None:
         """Write what there is of every episode, and let others record.
 
@@ -226,7 +240,7 @@ class Tape:
         try:
             for member in list(self.running):
                 try:
-                    self.end(member)
+                    self._write(member)
                 except SwimError as error:
                     errors.append(error)
         finally:
@@ -236,59 +250,9 @@ class Tape:
         if errors:
             raise errors[0]
 
-
-def finish_or_tell(tape: Tape) -> None:
-    """Write what is left where nobody closed the environment."""
-    try:
-        tape.finish()
-    except SwimError as error:
-        print(f"swim_env: {error}", file=sys.stderr)
-
-
-def new_tape(
-    episodes: Episodes,
-    folder: str | os.PathLike[str],
-    prefixes: Collection[str],
-    flow_rate: float | None,
-    frame_rate: float,
-    split_energy: bool,
-) -> Tape:
-    """Check what both wrappers are given, and begin to record.
-
-    Prefixes are what stands in the files' names before the episode.
-    """
-    _refuse_taken(episodes)
-    _check_rate("frame_rate", frame_rate)
-    if flow_rate is not None:
-        _check_rate("flow_rate", flow_rate)
-    place = recording_file(Path(folder) / "any.rrd", "any").parent
-    for prefix in prefixes:
-        if any(place.glob(f"{glob.escape(prefix)}-episode-*.rrd")):
-            warnings.warn(
-                f"recordings in {place} will be overwritten ({prefix}-episode-*.rrd); name another "
-                "folder or name_prefix to keep them",
-                stacklevel=3,
-            )
-    tape = Tape(episodes, place, flow_rate, frame_rate, split_energy)
-    _claim(episodes, tape)
-    return tape
-
-
-def _claim(episodes: Episodes, tape: Tape) -> None:
-    """Let a tape be the one that records."""
-    if not tape.is_owner:
-        _refuse_taken(episodes)
-        _OWNERS[episodes] = weakref.ref(tape)
-
-
-def _refuse_taken(episodes: Episodes) -> None:
-    owner = _OWNERS.get(episodes)
-    if owner is not None and owner() is not None:
-        raise OptionError(_TAKEN)
-
-
-def _check_rate(name: str, rate: object) -> None:
-    """Refuse what is no number of frames in a second."""
-    is_number = isinstance(rate, (int, float, np.number)) and not isinstance(rate, bool)
-    if not (is_number and 0.0 < float(rate) < np.inf):  # type: ignore[arg-type]
-        raise OptionError(f"{name} must be a finite number above 0, got {got(rate)}")
+    def finish_or_print(self) -> None:
+        """Write what is left where nobody has closed the environment; errors go to stderr."""
+        try:
+            self.finish()
+        except SwimError as error:
+            print(f"swim_env: {error}", file=sys.stderr)

@@ -5,31 +5,23 @@ from __future__ import annotations
 import io
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from swim_env.analysis.flow import BodyFlow
-from swim_env.envs.render.drawing import Image
+from swim_env.physics.runtime.threads import usable_threads
 from swim_env.recording.palette import INSIDE, MIDDLE, pressure_palette
 from swim_env.recording.swimmer import Swimmer, frames_of
-from swim_env.recording.work import side_by_side
-
-__all__ = [
-    "ARROW_EVERY",
-    "CELLS_IN_LENGTH",
-    "PIXELS",
-    "REACH_OF_TWO",
-    "REACH",
-    "Water",
-    "compute_water",
-    "picture_of",
-    "pressure_of",
-]
 
 Array = NDArray[np.float64]
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 #: Grid cells in a body length, and cells from one arrow to the next.
 CELLS_IN_LENGTH, ARROW_EVERY = 40, 4
@@ -49,35 +41,20 @@ _CLEAR = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Water:
-    """Pressure and velocity at F instants on a grid that follows the body in whole cells.
+    """Pressure and velocity at F instants on a grid that follows the body in whole cells."""
 
-    Attributes
-    ----------
-    instants : (F,) array of int
-        Instants of the trajectory.
-    time : (F,) array
-        The same (s).
-    cell : float
-        Size of a cell (m).
-    corners : (F, 2) array
-        Left lower corner of the grid (m).
-    pressures : (F, R, C) array of float32
-        Pressure at the middles of the cells, rows upwards (Pa); not a number inside of the body.
-    origins : (A, 2) array
-        Where the arrows begin, from the corner (m): at points that rest in the plane.
-    velocities : (F, A, 2) array of float32
-        Velocities there (m/s); zero inside of the body and close to it.
-    seconds : float
-        Time that it took to compute.
-    """
-
-    instants: NDArray[np.int64]
+    #: Instants, (F,) (s).
     time: Array
+    #: Size of a cell, and left lower corners of the grid, (F, 2) (m).
     cell: float
     corners: Array
+    #: At the middles of the cells, (F, R, C), rows upwards (Pa); not a number inside of the body.
     pressures: NDArray[np.float32]
+    #: Where the arrows begin, from the corner, (A, 2) (m): at points that rest in the plane.
     origins: Array
+    #: Velocities there, (F, A, 2) (m/s); zero inside of the body and close to it.
     velocities: NDArray[np.float32]
+    #: Time that it took to compute.
     seconds: float
 
     @property
@@ -105,16 +82,8 @@ def compute_water(
 ) -> Water:
     """Compute the flow around a swimmer.
 
-    Parameters
-    ----------
-    swimmer : Swimmer
-        Whose run.
-    rate : float
-        Frames in a simulated second.
-    reach : pair of float
-        How far the grid reaches from the mean centre, along x and y (BL).
-    progress : callable, optional
-        Called with the simulated seconds that were computed since the last call.
+    The rate is that of the frames (1/s); the grid reaches so far from the mean centre along x and
+    y (BL); `progress` is called with the simulated seconds that were computed since its last call.
 
     Raises
     ------
@@ -154,9 +123,8 @@ def compute_water(
                     progress(run.duration / len(instants))
 
     # The kernels release the interpreter's lock; every frame is computed by itself.
-    side_by_side(compute, np.array_split(np.arange(len(instants)), min(_PARTS, len(instants))))
+    _side_by_side(compute, np.array_split(np.arange(len(instants)), min(_PARTS, len(instants))))
     return Water(
-        instants,
         run.time[instants],
         cell,
         corners,
@@ -165,6 +133,21 @@ def compute_water(
         velocities,
         time.perf_counter() - begin,
     )
+
+
+def _side_by_side(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+    """Return the results of a function for some items, in their order.
+
+    It runs in as many threads as numba may use, and in this one where Python is ending and
+    starts no more of them: that is when recordings that nobody has closed are written.
+    """
+    listed = list(items)
+    with ThreadPoolExecutor(usable_threads()) as pool:
+        try:
+            waiting = [pool.submit(function, item) for item in listed]
+        except RuntimeError:
+            return [function(item) for item in listed]
+        return [one.result() for one in waiting]
 
 
 def _distances(points: Array, nodes: Array) -> Array:
@@ -177,7 +160,7 @@ def _distances(points: Array, nodes: Array) -> Array:
 
 
 def _under_rim(pressures: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return pressures that go on under the body's rim, where the drawn body covers them."""
+    """Return pressures continued under the body's rim, where the drawn body covers them."""
     padded = np.pad(pressures, 1, constant_values=np.nan)
     around = np.stack([padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]])
     known = np.isfinite(around)
@@ -189,6 +172,11 @@ def _under_rim(pressures: NDArray[np.float32]) -> NDArray[np.float32]:
 _PALETTE = pressure_palette().tobytes()
 
 
+def pictures_of(water: Water, largest: float) -> list[bytes]:
+    """Return a picture of every frame, see `picture_of`."""
+    return _side_by_side(lambda pressures: picture_of(pressures, largest), water.pressures)
+
+
 def picture_of(pressures: NDArray[np.float32], largest: float) -> bytes:
     """Return a PNG file whose palette's indices are the pressures, PIXELS a side for each cell.
 
@@ -196,15 +184,8 @@ def picture_of(pressures: NDArray[np.float32], largest: float) -> bytes:
     shows every pixel with sharp edges.
 
     Cells inside of the body with a neighbour outside take their neighbours' mean, so that the
-    picture has no steps beside the body that is drawn over it; the others are INSIDE.
-
-    Parameters
-    ----------
-    pressures : (R, C) array
-        Pressures, rows upwards (Pa).
-    largest : float
-        The pressure at index 255 (Pa); at index 1 it is the negative of that. What is beyond
-        counts as this.
+    picture has no steps beside the body that is drawn over it; the others are INSIDE. Indices 1 to
+    255 stand for pressures (R, C) (Pa), rows upwards, from minus the largest to the largest.
     """
     drawn = _under_rim(pressures)
     shares = np.nan_to_num(np.clip(drawn / largest, -1.0, 1.0))

@@ -1,73 +1,62 @@
-"""Wrappers that record episodes of the environments while somebody else plays them."""
+"""Wrappers that record episodes of the environments while a program plays them."""
 
 from __future__ import annotations
 
+import operator
 import os
 import weakref
-from collections.abc import Callable, Collection, Iterable, Mapping
-from typing import Any
+from collections.abc import Callable, Collection, Mapping
+from typing import Any, TypeVar
 
 import gymnasium
-import numpy as np
-from gymnasium.vector import AutoresetMode
+from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
 from swim_env.envs.single import SwimEnv
 from swim_env.envs.vector import SwimVectorEnv
-from swim_env.errors import OptionError, SwimError
-from swim_env.recording.tape import finish_or_tell, new_tape
+from swim_env.errors import OptionError
+from swim_env.recording.tape import Tape
 from swim_env.recording.writer import FRAME_RATE, WrittenRecording
 from swim_env.scene.checks import got
 
 __all__ = ["RecordEpisodes", "RecordVectorEpisodes"]
 
 Trigger = Callable[[int], bool]
+Own = TypeVar("Own", SwimEnv, SwimVectorEnv)
 
 
-def _checked_prefix(prefix: object) -> str:
-    """Return the beginning of the files' names."""
-    if (
-        not isinstance(prefix, str)
-        or not prefix
-        or prefix.strip(".") == ""
-        or any(sign in prefix for sign in "/\\\0\n")
-    ):
+class _Recorded:
+    """What both wrappers share: the environment inside, the files so far, and the end."""
+
+    _tape: Tape
+
+    def _own(self, env: object, kind: type[Own], other: type, hint: str) -> Own:
+        """Return the environment of this package inside of its wrappers."""
+        inner = getattr(env, "unwrapped", env)
+        if isinstance(inner, kind):
+            return inner
+        tip = f"; {hint}" if isinstance(inner, other) else ""
         raise OptionError(
-            f"name_prefix must be the beginning of a file's name, without a folder, got "
-            f"{got(prefix)}"
+            f"{type(self).__name__} needs a {kind.__name__}, got {type(inner).__name__}{tip}"
         )
-    return prefix
 
+    @property
+    def written(self) -> list[WrittenRecording]:
+        """The files so far."""
+        return self._tape.written
 
-def _checked_members(members: object, count: int) -> list[int]:
-    """Return which members are to be recorded, in order."""
-    shape = f"members must be different whole numbers of 0 to {count - 1}, at least one of them"
-    if isinstance(members, (str, bytes, Mapping)) or not isinstance(members, Iterable):
-        raise OptionError(f"{shape}, got {got(members)}")
-    chosen: list[int] = []
-    for one in members:
-        if isinstance(one, (bool, np.bool_)) or not isinstance(one, (int, np.integer)):
-            raise OptionError(f"{shape}, got {got(one)} among them")
-        if not 0 <= one < count:
-            raise OptionError(f"{shape}, got {one}")
-        if int(one) in chosen:
-            raise OptionError(f"{shape}, got {one} twice")
-        chosen.append(int(one))
-    if not chosen:
-        raise OptionError(f"{shape}, got none")
-    return sorted(chosen)
-
-
-def _chosen_by_default(episode: int) -> bool:
-    """Record episodes 0, 1, 8, 27 ... and every thousandth, as Gymnasium's RecordVideo does."""
-    if episode < 1000:
-        root: int = round(episode ** (1.0 / 3.0))
-        return root**3 == episode
-    return episode % 1000 == 0
+    def close(self, **kwargs: Any) -> None:
+        """Write what there is and close the environment."""
+        try:
+            self._tape.finish()
+        finally:
+            super().close(**kwargs)  # type: ignore[misc]
 
 
 class RecordEpisodes(
-    gymnasium.Wrapper[Any, NDArray[Any], Any, NDArray[Any]], gymnasium.utils.RecordConstructorArgs
+    _Recorded,
+    gymnasium.Wrapper[Any, NDArray[Any], Any, NDArray[Any]],
+    gymnasium.utils.RecordConstructorArgs,
 ):
     """Records episodes of a `SwimEnv` for rerun, one file each.
 
@@ -127,14 +116,7 @@ class RecordEpisodes(
         frame_rate: float = FRAME_RATE,
         split_energy: bool = False,
     ) -> None:
-        given: Any = env
-        swimmer = given.unwrapped if isinstance(given, gymnasium.Env) else given
-        if not isinstance(swimmer, SwimEnv):
-            hint = "; RecordVectorEpisodes records a batch"
-            raise OptionError(
-                f"RecordEpisodes needs a SwimEnv, got {type(swimmer).__name__}"
-                f"{hint if isinstance(swimmer, gymnasium.vector.VectorEnv) else ''}"
-            )
+        swimmer = self._own(env, SwimEnv, VectorEnv, "RecordVectorEpisodes records a batch")
         gymnasium.utils.RecordConstructorArgs.__init__(
             self,
             folder=folder,
@@ -145,25 +127,19 @@ class RecordEpisodes(
             split_energy=split_energy,
         )
         gymnasium.Wrapper.__init__(self, env)
-        self._trigger = _chosen_by_default if episode_trigger is None else episode_trigger
-        self._prefix = _checked_prefix(name_prefix)
-        self._tape = new_tape(
-            swimmer.episodes, folder, [self._prefix], flow_rate, frame_rate, split_energy
-        )
+        self._trigger = episode_trigger or _chosen_by_default
+        prefix = self._prefix = _checked_prefix(name_prefix)
+        rates = flow_rate, frame_rate
+        self._tape = Tape(swimmer.episodes, folder, [prefix], *rates, split_energy)
+        weakref.finalize(self, self._tape.finish_or_print)
         self._episode = -1
-        weakref.finalize(self, finish_or_tell, self._tape)
-
-    @property
-    def written(self) -> list[WrittenRecording]:
-        """The files so far."""
-        return self._tape.written
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Start an episode, and write what there is of the one before."""
         tape = self._tape
-        tape.end_or_warn(0)
+        tape.end(0)
         wanted = self._trigger(self._episode + 1)
         if wanted:
             tape.attach()
@@ -180,33 +156,19 @@ class RecordEpisodes(
         tape = self._tape
         if not tape.running:
             return self.env.step(action)
-        try:
-            result = self.env.step(action)
-        except (SwimError, gymnasium.error.Error):
-            # A refused action changes nothing, and the episode can go on.
-            raise
-        except BaseException:
-            tape.pay_played()
-            tape.end_or_warn(0)
-            raise
+        result = tape.play(self.env.step, action)
         tape.pay_last(0)
         if result[2] or result[3]:
-            tape.end_or_warn(0)
+            tape.end(0)
             tape.detach()
         return result
 
-    def close(self) -> None:
-        """Write what there is and close the environment."""
-        try:
-            self._tape.finish()
-        finally:
-            super().close()
 
-
-class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
+class RecordVectorEpisodes(_Recorded, gymnasium.vector.VectorWrapper):
     """Records episodes of chosen members of a `SwimVectorEnv` for rerun, one file each.
 
-    As `RecordEpisodes`; the files are called ``PREFIX-member-M-episode-N.rrd``.
+    As `RecordEpisodes`, errors and warning included; the files are called
+    ``PREFIX-member-M-episode-N.rrd``.
 
     Parameters
     ----------
@@ -227,14 +189,7 @@ class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
     Raises
     ------
     OptionError
-        As for `RecordEpisodes`, or if there is no such member.
-    SwimError
-        If rerun is not installed, or the folder cannot be made or written to.
-
-    Warns
-    -----
-    UserWarning
-        If the folder holds recordings of these names: they will be overwritten.
+        If there is no such member.
     """
 
     def __init__(
@@ -248,30 +203,21 @@ class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
         frame_rate: float = FRAME_RATE,
         split_energy: bool = False,
     ) -> None:
-        given: Any = env
-        batch = given.unwrapped if isinstance(given, gymnasium.vector.VectorEnv) else given
-        if not isinstance(batch, SwimVectorEnv):
-            single = isinstance(given, gymnasium.Env) and isinstance(given.unwrapped, SwimEnv)
-            raise OptionError(
-                f"RecordVectorEpisodes needs a SwimVectorEnv, got {type(batch).__name__}"
-                f"{'; RecordEpisodes records a single environment' if single else ''}"
-            )
+        batch = self._own(
+            env, SwimVectorEnv, SwimEnv, "RecordEpisodes records a single environment"
+        )
         super().__init__(env)
-        self._batch = batch
         self._members = _checked_members(members, batch.num_envs)
-        self._trigger = _chosen_by_default if episode_trigger is None else episode_trigger
-        self._prefix = _checked_prefix(name_prefix)
-        prefixes = [self._name(member) for member in self._members]
-        self._tape = new_tape(batch.episodes, folder, prefixes, flow_rate, frame_rate, split_energy)
+        self._mode = batch.autoreset_mode
+        self._trigger = episode_trigger or _chosen_by_default
+        prefix = _checked_prefix(name_prefix)
+        self._names = {member: f"{prefix}-member-{member}" for member in self._members}
+        names, rates = self._names.values(), (flow_rate, frame_rate)
+        self._tape = Tape(batch.episodes, folder, names, *rates, split_energy)
+        weakref.finalize(self, self._tape.finish_or_print)
         self._counts = dict.fromkeys(self._members, 0)
         self._ended: set[int] = set()
         self._tape.attach()
-        weakref.finalize(self, finish_or_tell, self._tape)
-
-    @property
-    def written(self) -> list[WrittenRecording]:
-        """The files so far."""
-        return self._tape.written
 
     def reset(
         self,
@@ -284,7 +230,7 @@ class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
         starting = [one for one in self._members if mask is None or bool(mask[one])]
         self._tape.attach()
         for member in starting:
-            self._tape.end_or_warn(member)
+            self._tape.end(member)
         # Gymnasium's own batched environments take a list of seeds too; its types do not say so.
         result = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]
         self._ended -= set(starting)
@@ -293,31 +239,22 @@ class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
 
     def step(self, actions: NDArray[Any]) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Hold actions, and write the files of episodes that end."""
-        tape, mode = self._tape, self._batch.autoreset_mode
-        try:
-            result = self.env.step(actions)
-        except (SwimError, gymnasium.error.Error):
-            raise
-        except BaseException:
-            tape.pay_played()
-            for member in list(tape.running):
-                tape.end_or_warn(member)
-            raise
+        tape = self._tape
+        result = tape.play(self.env.step, actions)
         _, rewards, terminated, truncated, infos = result
-        anew = self._ended if mode is AutoresetMode.NEXT_STEP else set()
+        anew = self._ended if self._mode is AutoresetMode.NEXT_STEP else set()
         self._ended = set()
         self._begin(sorted(anew))
         for member in self._members:
             ended = bool(terminated[member] or truncated[member])
-            same_step = ended and mode is AutoresetMode.SAME_STEP
+            same_step = ended and self._mode is AutoresetMode.SAME_STEP
             if member in tape.running and member not in anew:
                 tape.pay(member, float(rewards[member]), same_step)
             if same_step:
-                reason = str(infos["final_info"]["termination_reason"][member])
-                tape.end_or_warn(member, reason)
+                tape.end(member, str(infos["final_info"]["termination_reason"][member]))
                 self._begin([member])
             elif ended:
-                tape.end_or_warn(member)
+                tape.end(member)
                 self._ended.add(member)
         return result
 
@@ -327,15 +264,41 @@ class RecordVectorEpisodes(gymnasium.vector.VectorWrapper):
             number = self._counts[member]
             self._counts[member] += 1
             if self._tape.is_owner and self._trigger(number):
-                self._tape.begin(member, self._name(member), number)
+                self._tape.begin(member, self._names[member], number)
 
-    def _name(self, member: int) -> str:
-        """Return what a member is called in its files."""
-        return f"{self._prefix}-member-{member}"
 
-    def close(self, **kwargs: Any) -> None:
-        """Write what there is and close the environment."""
-        try:
-            self._tape.finish()
-        finally:
-            super().close(**kwargs)
+def _checked_prefix(prefix: object) -> str:
+    """Return the beginning of the files' names."""
+    if (
+        not isinstance(prefix, str)
+        or prefix.strip(".") == ""
+        or any(sign in prefix for sign in "/\\\0\n")
+    ):
+        raise OptionError(
+            f"name_prefix must be the beginning of a file's name, without a folder, got "
+            f"{got(prefix)}"
+        )
+    return prefix
+
+
+def _checked_members(members: Collection[int], count: int) -> list[int]:
+    """Return which members are to be recorded, in order."""
+    shape = f"members must be different whole numbers of 0 to {count - 1}, at least one of them"
+    try:
+        listed = list(members)
+        chosen = sorted({operator.index(member) for member in listed})
+    except TypeError:
+        raise OptionError(f"{shape}, got {got(members)}") from None
+    in_range = chosen and 0 <= chosen[0] and chosen[-1] < count
+    if not in_range or len(chosen) < len(listed) or bool in map(type, listed):
+        shown = ", ".join(map(str, listed)) or "none"
+        raise OptionError(f"{shape}, got {shown}")
+    return chosen
+
+
+def _chosen_by_default(episode: int) -> bool:
+    """Record episodes 0, 1, 8, 27 ... and every thousandth, as Gymnasium's RecordVideo does."""
+    if episode < 1000:
+        root: int = round(episode ** (1.0 / 3.0))
+        return root**3 == episode
+    return episode % 1000 == 0

@@ -10,30 +10,21 @@ import re
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from swim_env.errors import OptionError, SwimError
 from swim_env.files.atomic import write_atomically
 from swim_env.files.provenance import where_and_when
-from swim_env.recording.schema import (
-    APPLICATION,
-    PROPERTY,
-    SCHEMA_VERSION,
-    WORLD,
-    label_of,
-)
+from swim_env.recording.schema import APPLICATION, PROPERTY, SCHEMA_VERSION, WORLD, label_of
 from swim_env.recording.swimmer import Swimmer, frames_of
 from swim_env.scene import Scene
 
 # What needs Pillow is imported where it is used: without it, `require_rerun` says what to do.
 if TYPE_CHECKING:
-    from swim_env.recording.layout import Layout
+    from swim_env.recording.layout import Lane, Layout
     from swim_env.recording.water import Water
 
 __all__ = [
@@ -47,21 +38,16 @@ __all__ = [
     "write_recording",
 ]
 
-Array = NDArray[np.float64]
-
 #: Frames in a simulated second: of the body and all series, and of the flow.
 FRAME_RATE, FLOW_RATE = 50.0, 25.0
 
-#: Instants of the energy for each frame: it has peaks that last two frames.
-ENERGIES_IN_FRAME = 2.0
-
-#: What a body's colours may show, and the property of a swimmer with it (N m).
-COLOURS = {"torque": "held_torques", "moment": "moments"}
+#: What a body's colours may show: joint torques or elastic bending moments.
+COLOURS = ("torque", "moment")
 
 
 @dataclass(frozen=True)
 class WrittenRecording:
-    """What was written.
+    """A recording that was written.
 
     Attributes
     ----------
@@ -91,25 +77,12 @@ class WrittenRecording:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, the size under ``bytes``."""
-        return {
-            "file": self.file,
-            "bytes": self.size,
-            "frames": self.frames,
-            "flow_frames": self.flow_frames,
-            "logging_seconds": round(self.logging_seconds, 4),
-            "flow_seconds": round(self.flow_seconds, 4),
-            "schema": self.schema,
-        }
+        named = {"bytes" if key == "size" else key: value for key, value in asdict(self).items()}
+        return {k: round(v, 4) if isinstance(v, float) else v for k, v in named.items()}
 
 
 def require_rerun() -> None:
-    """Refuse to go on without rerun and Pillow.
-
-    Raises
-    ------
-    SwimError
-        If one of them is not installed; the message says how to get it.
-    """
+    """Check that rerun and Pillow are installed; else the SwimError says how to get them."""
     for module, name in (("rerun", "rerun"), ("PIL", "Pillow")):
         if importlib.util.find_spec(module) is None:
             raise SwimError(
@@ -149,8 +122,8 @@ def write_recording(
     colour : str
         What the bodies' colours show: ``torque`` or ``moment``, the elastic bending moment.
     about : dict, optional
-        More to write into the recording's property, in JSON's terms; by default where and when it
-        was made.
+        Written into the recording's property, in JSON's terms; by default where and when it was
+        made.
     title : str, optional
         What rerun calls the recording; the swimmers and the first one's scene unless given.
     progress : callable, optional
@@ -165,6 +138,7 @@ def write_recording(
         If rerun is not installed or the file cannot be written.
     """
     require_rerun()
+    from swim_env.recording.layout import lanes_of
     from swim_env.recording.water import REACH, REACH_OF_TWO, compute_water
 
     if not swimmers:
@@ -174,9 +148,8 @@ def write_recording(
     made = _text_of_about(about)
     for swimmer in swimmers:
         swimmer.check_rewards()
+        frames_of(swimmer.trajectory, frame_rate)
     begin = time.perf_counter()
-    frames = [frames_of(swimmer.trajectory, frame_rate) for swimmer in swimmers]
-    finer = [frames_of(one.trajectory, ENERGIES_IN_FRAME * frame_rate) for one in swimmers]
     reach = REACH_OF_TWO if len(swimmers) == 2 else REACH
     waters: list[Water | None] = []
     for swimmer in swimmers:
@@ -186,53 +159,42 @@ def write_recording(
             waters.append(compute_water(swimmer, flow_rate, reach, progress))
     known = [water for water in waters if water is not None]
     flow_seconds = float(sum([water.seconds for water in known]))
-    content = _content(swimmers, frames, finer, waters, colour, made, title)
+    lanes = lanes_of(swimmers, known, frame_rate, colour)
+    content = _content(lanes, waters, made, title)
     try:
         write_atomically(path, lambda file: file.write(content))
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise SwimError(f"cannot write the recording: {reason} ({os.fspath(path)})") from error
     return WrittenRecording(
-        os.fspath(path),
-        len(content),
-        sum(map(len, frames)),
-        sum([len(water.time) for water in known]),
-        time.perf_counter() - begin - flow_seconds,
-        flow_seconds,
-        SCHEMA_VERSION,
+        file=os.fspath(path),
+        size=len(content),
+        frames=sum([len(lane.instants) for lane in lanes]),
+        flow_frames=sum([len(water.time) for water in known]),
+        logging_seconds=time.perf_counter() - begin - flow_seconds,
+        flow_seconds=flow_seconds,
+        schema=SCHEMA_VERSION,
     )
 
 
 def _content(
-    swimmers: Sequence[Swimmer],
-    frames: Sequence[NDArray[np.int64]],
-    energy_frames: Sequence[NDArray[np.int64]],
-    waters: Sequence[Water | None],
-    colour: str,
-    about: str,
-    title: str | None,
+    lanes: Sequence[Lane], waters: Sequence[Water | None], about: str, title: str | None
 ) -> bytes:
     """Return the bytes of a recording."""
     import rerun as rr
 
-    from swim_env.recording.scenery import lanes_of, log_swimmer
+    from swim_env.recording.scenery import log_swimmer
     from swim_env.recording.series import log_series
 
-    labels: list[str] = []
-    for swimmer in swimmers:
-        labels.append(label_of(swimmer.name, labels))
-    known = [water for water in waters if water is not None]
-    pressure = max((water.largest_pressure for water in known), default=None)
-    speed = max((water.largest_speed for water in known), default=None)
-    lanes = lanes_of(swimmers, labels, frames, energy_frames, pressure, speed, colour)
     layouts = tuple([lane.layout for lane in lanes])
-    reasons = tuple([swimmer.trajectory.termination_reason for swimmer in swimmers])
+    reasons = tuple([lane.swimmer.trajectory.termination_reason for lane in lanes])
     blueprint, standing = _fixed_parts(layouts)
     stream = rr.RecordingStream(APPLICATION)
     kept = stream.binary_stream()
     stream.send_blueprint(blueprint)
     stream.send_chunks(standing)
-    stream.send_recording_name(title or ", ".join(labels) + f" on {swimmers[0].scene.name}")
+    names = ", ".join([layout.label for layout in layouts])
+    stream.send_recording_name(title or f"{names} on {layouts[0].scene.name}")
     stream.send_property(PROPERTY, _property(layouts, reasons, about))
     for lane, water in zip(lanes, waters, strict=True):
         log_swimmer(stream, lane, water)
@@ -240,13 +202,13 @@ def _content(
     stream.disconnect()
     content: bytes = kept.read()
     if not content:
-        raise SwimError("rerun has given no recording")
+        raise SwimError("rerun has returned no recording")
     return content
 
 
 @functools.lru_cache(maxsize=32)
 def _fixed_parts(layouts: tuple[Layout, ...]) -> tuple[Any, list[Any]]:
-    """Return the blueprint, and chunks of all that stands in a recording.
+    """Return the blueprint, and chunks of all that does not change in a recording.
 
     Building these takes as long as all the rest of a file, and episodes of one environment mostly
     share them.
@@ -254,13 +216,13 @@ def _fixed_parts(layouts: tuple[Layout, ...]) -> tuple[Any, list[Any]]:
     import rerun as rr
 
     from swim_env.recording.blueprint import blueprint_of
-    from swim_env.recording.layout import still
+    from swim_env.recording.chunks import still
     from swim_env.recording.legend import legend_of
     from swim_env.recording.scenery import scenery_of
     from swim_env.recording.series import looks_of_series
 
     # The plane's y points upwards, the screen's downwards.
-    standing = [still(WORLD, rr.Transform3D(scale=[1.0, -1.0, 1.0])), *legend_of(layouts)]
+    standing = [still(WORLD, rr.Transform3D(scale=[1.0, -1.0, 1.0])), *legend_of(layouts[0])]
     for layout in layouts:
         standing += scenery_of(layout)
         standing += looks_of_series(layout)
@@ -274,7 +236,7 @@ def _where_and_when() -> dict[str, Any]:
 
 
 def _text_of_about(about: dict[str, Any] | None) -> str:
-    """Return what a recording says of where it was made, before anything is made of it."""
+    """Return what a recording says of where it was made."""
     try:
         return json.dumps(_where_and_when() if about is None else about, allow_nan=False)
     except (TypeError, ValueError, RecursionError) as error:
@@ -301,7 +263,7 @@ def _property(layouts: tuple[Layout, ...], reasons: tuple[str, ...], about: str)
 
 
 def recording_file(place: str | os.PathLike[str], name: str) -> Path:
-    """Return where a recording goes, before anything is played for it.
+    """Return the file that a recording goes to, and make its folder.
 
     Parameters
     ----------
@@ -325,18 +287,14 @@ def recording_file(place: str | os.PathLike[str], name: str) -> Path:
     file = given if is_file else given / f"{label_of(name)}.rrd"
     if file.is_dir():
         raise SwimError(f"a recording is a file, this is a folder ({file})")
+    what = "make"
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SwimError(
-            f"cannot make the folder for the recording: {error.strerror or error} ({file.parent})"
-        ) from error
-    try:
+        what = "write into"
         with tempfile.TemporaryFile(dir=file.parent):
             pass
     except OSError as error:
         raise SwimError(
-            f"cannot write into the folder for the recording: {error.strerror or error} "
-            f"({file.parent})"
+            f"cannot {what} the folder for the recording: {error.strerror or error} ({file.parent})"
         ) from error
     return file

@@ -6,19 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from swim_env.physics.planar.beam import BeamConstants
-from swim_env.physics.planar.lagrangian import (
-    CHANGE,
-    RESIDUAL,
-    carve_step_arrays,
-    evaluate_step,
-    mass_matrix,
-    pose_jacobian,
-    set_pose,
-    step_array_size,
-    step_jacobian,
-)
-from swim_env.physics.solve.integrator import prepare, work_sizes
 
 from swim_env import Simulator
 from swim_env.physics.fluid.added_mass import (
@@ -30,14 +17,29 @@ from swim_env.physics.fluid.added_mass import (
     motion_count,
     shape_force,
 )
-from swim_env.physics.fluid.outline import FluidGeometry
+from swim_env.physics.fluid.outline import LATERAL, LENGTH, ROTARY, FluidGeometry
+from swim_env.physics.fluid.panels import POTENTIAL, normal_influence
 from swim_env.physics.loading import load_kernels
+from swim_env.physics.planar.chain import BeamConstants
+from swim_env.physics.planar.equations import evaluate_held_step, evaluate_step
+from swim_env.physics.planar.matrix import mass_matrix, pose_jacobian, step_jacobian
 from swim_env.physics.runtime.compile import entry_kernel
 from swim_env.physics.runtime.dense import copy
+from swim_env.physics.solve.constants import SolverConstants
+from swim_env.physics.solve.prepare import prepare
+from swim_env.physics.solve.state import member_views, state_size, work_sizes
 from swim_env.sim.batch import Bodies
+from tests.support import Array
 
-Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+
+class FluidProbe(NamedTuple):
+    """Added mass, the matrix before its symmetric part is taken, and the shape gradient."""
+
+    mass: Array
+    raw: Array
+    gradient: Array
 
 
 @entry_kernel
@@ -47,21 +49,33 @@ def _fluid_probe(
     fluid: FluidConstants,
     floats: Array,
     integers: Integers,
-    mass: Array,
-    raw: Array,
-    gradient: Array,
+    out: FluidProbe,
 ) -> int:
     work = carve_fluid_work(floats, integers, fluid)
-    status = added_mass(joint_angles, fluid, work, mass)
+    status = added_mass(joint_angles, fluid, work, out.mass)
     if status == 0:
-        shape_force(motion, fluid, work, gradient)
-        for a in range(raw.shape[0]):
-            for b in range(raw.shape[0]):
+        shape_force(motion, fluid, work, out.gradient)
+        for a in range(out.raw.shape[0]):
+            for b in range(out.raw.shape[0]):
                 total = 0.0
                 for i in range(work.loads.shape[1]):
                     total += work.loads[a, i] * work.strengths[i, b]
-                raw[a, b] = -fluid.density * total
+                out.raw[a, b] = -fluid.density * total
     return status
+
+
+class StepProbe(NamedTuple):
+    """A step's residual and change of momentum, and matrices at its start.
+
+    They are minus the residual's Jacobian, the Jacobian that is made of the mass at q_n, and that
+    mass.
+    """
+
+    residual: Array
+    change: Array
+    jacobian: Array
+    pose: Array
+    mass: Array
 
 
 @entry_kernel
@@ -72,72 +86,42 @@ def _step_probe(
     z: Array,
     h: float,
     difference: float,
-    beam: BeamConstants,
-    fluid: FluidConstants,
-    floats: Array,
-    integers: Integers,
-    residual: Array,
-    change: Array,
-    jacobian: Array,
-    mass: Array,
-) -> int:
-    used = fluid_work_sizes(fluid)[0]
-    step = floats[used : used + step_array_size(beam.elements, motion_count(fluid))]
-    w = carve_step_arrays(step, beam.elements, motion_count(fluid))
-    work = carve_fluid_work(floats[:used], integers, fluid)
-    set_pose(q, beam, w)
-    status = added_mass(q[3:], fluid, work, w.added_mass)
-    if status == 0:
-        mass_matrix(beam, fluid, work, w)
-        for i in range(mass.shape[0]):
-            copy(w.mass[i], mass[i])
-        evaluate_step(p, torques, z, h, beam, fluid, work, w)
-        copy(w.unknowns[RESIDUAL], residual)
-        copy(w.unknowns[CHANGE], change)
-        step_jacobian(h, beam, fluid, work, difference, w)
-        for i in range(jacobian.shape[0]):
-            copy(w.jacobian[i], jacobian[i])
-    return status
-
-
-@entry_kernel
-def _pose_probe(
-    q: Array,
-    p: Array,
-    torques: Array,
-    z: Array,
-    h: float,
     ends: Array,
     beam: BeamConstants,
     fluid: FluidConstants,
+    solver: SolverConstants,
+    state: Array,
     floats: Array,
     integers: Integers,
-    residual: Array,
-    change: Array,
-    jacobian: Array,
-    pose: Array,
+    out: StepProbe,
 ) -> int:
-    used = fluid_work_sizes(fluid)[0]
-    step = floats[used : used + step_array_size(beam.elements, motion_count(fluid))]
-    w = carve_step_arrays(step, beam.elements, motion_count(fluid))
-    work = carve_fluid_work(floats[:used], integers, fluid)
-    status = prepare(q, p, beam, fluid, work, w)
+    m = member_views(state, beam, fluid, floats, integers)
+    body, work, newton = m.body, m.fluid_work, m.newton
+    status = prepare(q, p, beam, fluid, solver, body, work, newton, m.step.effort)
     if status != 0:
         return status
-    pose_jacobian(h, beam, w)
-    for i in range(pose.shape[0]):
-        copy(w.jacobian[i], pose[i])
-    if ends.size > 0:
-        w.adjoint[0] = 1.0
-        status = added_mass(ends, fluid, work, w.added_mass)
+    pose_jacobian(h, beam, body.pose, body.mass, newton.jacobian)
+    for i in range(out.pose.shape[0]):
+        copy(newton.jacobian[i], out.pose[i])
+    mass_matrix(beam, fluid, body, work, newton)  # prepare has left its factor
+    for i in range(out.mass.shape[0]):
+        copy(body.mass.total[i], out.mass[i])
+    at_end = ends.size > 0
+    if at_end:
+        status = added_mass(ends, fluid, work, body.mass.added)
         if status != 0:
             return status
-    evaluate_step(p, torques, z, h, beam, fluid, work, w)
-    copy(w.unknowns[RESIDUAL], residual)
-    copy(w.unknowns[CHANGE], change)
-    step_jacobian(h, beam, fluid, work, 0.0, w)
-    for i in range(jacobian.shape[0]):
-        copy(w.jacobian[i], jacobian[i])
+        # The motion, then the shape force that belongs to it, then all of the balance.
+        evaluate_held_step(p, torques, z, h, at_end, beam, fluid, body)
+        shape_force(body.inc.motion, fluid, work, body.balance.shape)
+        evaluate_held_step(p, torques, z, h, at_end, beam, fluid, body)
+    else:
+        evaluate_step(p, torques, z, h, beam, fluid, body, work)
+    copy(body.balance.residual, out.residual)
+    copy(body.balance.change, out.change)
+    step_jacobian(h, at_end, difference, beam, fluid, body, work, newton)
+    for i in range(out.jacobian.shape[0]):
+        copy(newton.jacobian[i], out.jacobian[i])
     return status
 
 
@@ -156,14 +140,6 @@ def fluid_constants(
     return FluidConstants(FLUID_MODELS[model], geometry, density, axial)
 
 
-class FluidProbe(NamedTuple):
-    """Added mass, the matrix before its symmetric part is taken, and the shape gradient."""
-
-    mass: Array
-    raw: Array
-    gradient: Array
-
-
 def probe_fluid(
     joint_angles: Array, fluid: FluidConstants, motion: Array | None = None
 ) -> FluidProbe:
@@ -172,23 +148,42 @@ def probe_fluid(
     floats, integers = fluid_work_sizes(fluid)
     if motion is None:
         motion = np.zeros(count)
-    mass, raw = np.zeros((count, count)), np.zeros((count, count))
     gradient = np.zeros(fluid.geometry.elements)
+    out = FluidProbe(np.zeros((count, count)), np.zeros((count, count)), gradient)
     work = (np.zeros(floats), np.zeros(integers, dtype=np.int64))
-    status = _fluid_probe(
-        np.asarray(joint_angles, dtype=float), motion, fluid, *work, mass, raw, gradient
-    )
+    status = _fluid_probe(np.asarray(joint_angles, dtype=float), motion, fluid, *work, out)
     assert status == 0, f"no added mass, status {status}, for joints {joint_angles}"
-    return FluidProbe(mass, raw, gradient)
+    return out
 
 
-class StepProbe(NamedTuple):
-    """Residual, change of the momentum, minus the residual's Jacobian, and the mass at q_n."""
+class PanelProbe(NamedTuple):
+    """The added mass of panels and what it is made of.
 
-    residual: Array
-    change: Array
-    jacobian: Array
+    Normal influence and potential of unit sources (M, M), the panels' normal velocity under unit
+    motions (M, 2 N), and their lengths (M,), padded by panels without length.
+    """
+
     mass: Array
+    normal: Array
+    potential: Array
+    motions: Array
+    lengths: Array
+
+
+def probe_panels(joint_angles: Array, fluid: FluidConstants) -> PanelProbe:
+    elements = fluid.geometry.elements
+    floats, integers = fluid_work_sizes(fluid)
+    work = carve_fluid_work(np.zeros(floats), np.zeros(integers, dtype=np.int64), fluid)
+    mass = np.zeros((2 * elements, 2 * elements))
+    assert added_mass(joint_angles, fluid, work, mass) == 0
+    panels, element = work.outline.panels, work.outline.element
+    lengths = panels[LENGTH]
+    normal = np.empty((lengths.size, lengths.size))
+    normal_influence(panels, int(np.count_nonzero(lengths)), work.layers, normal)
+    motions = np.zeros((lengths.size, 2 * elements))
+    every = np.arange(lengths.size)
+    motions[every, element], motions[every, elements + element] = panels[LATERAL], panels[ROTARY]
+    return PanelProbe(mass, normal, work.layers[POTENTIAL], motions, lengths)
 
 
 def probe_step(
@@ -199,46 +194,21 @@ def probe_step(
     h: float,
     beam: BeamConstants,
     fluid: FluidConstants,
-    difference: float = 0.0,
-) -> StepProbe:
-    load_kernels()
-    n = beam.elements + 2
-    floats, integers = work_sizes(beam, fluid)
-    out = StepProbe(np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros((n, n)))
-    work = (np.zeros(floats), np.zeros(integers, dtype=np.int64))
-    status = _step_probe(q, p, torques, z, h, difference, beam, fluid, *work, *out)
-    assert status == 0, f"the step cannot be evaluated, status {status}"
-    return out
-
-
-class PoseProbe(NamedTuple):
-    """Residual, change, Newton's matrix, and the one made of the mass at q_n."""
-
-    residual: Array
-    change: Array
-    jacobian: Array
-    pose: Array
-
-
-def probe_pose(
-    q: Array,
-    p: Array,
-    torques: Array,
-    z: Array,
-    h: float,
-    beam: BeamConstants,
-    fluid: FluidConstants,
     *,
+    difference: float = 0.0,
     adjoint: bool = False,
-) -> PoseProbe:
-    """Evaluate a step after `prepare`, as a run does, or the adjoint of a step."""
+) -> StepProbe:
+    """Evaluate a step from q by z as a run does, or the adjoint of a step."""
     load_kernels()
     n = beam.elements + 2
     floats, integers = work_sizes(beam, fluid)
-    out = PoseProbe(np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros((n, n)))
-    work = (np.zeros(floats), np.zeros(integers, dtype=np.int64))
+    square = np.zeros((3, n, n))
+    out = StepProbe(np.zeros(n), np.zeros(n), *square)
+    state = np.zeros(state_size(beam.elements))
+    work = (state, np.zeros(floats), np.zeros(integers, dtype=np.int64))
+    scene = (beam, fluid, SolverConstants(h, 1e-10))
     ends = q[3:] + z[3:] if adjoint else np.zeros(0)
-    status = _pose_probe(q, p, torques, z, h, ends, beam, fluid, *work, *out)
+    status = _step_probe(q, p, torques, z, h, difference, ends, *scene, *work, out)
     assert status == 0, f"the step cannot be evaluated, status {status}"
     return out
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 import mpmath
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from swim_env.physics.runtime.compile import entry_kernel
 from swim_env.physics.runtime.dense import multiply
 from swim_env.physics.runtime.elementary import SMALL_ANGLE, atan2, cos_small, log, sin_small
-
-Array = NDArray[np.float64]
+from tests.support import Array
 
 
 @entry_kernel

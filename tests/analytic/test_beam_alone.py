@@ -1,4 +1,4 @@
-"""The beam without a fluid: bending vibrations and statics (PHYSICS.md section 6, item 6)."""
+"""The beam without a fluid: bending vibrations and statics."""
 
 from __future__ import annotations
 
@@ -6,13 +6,12 @@ import functools
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from swim_env import Initial, Scene, Simulator
 from tests.analytic.probes import mass_of
-
-Array = NDArray[np.float64]
+from tests.invariants.runs import largest, orders
+from tests.support import Array
 
 BETA = np.array([4.730040745, 7.853204624, 10.995607838])
 STIFFNESS = 5.0
@@ -63,11 +62,11 @@ def modes(elements: int) -> tuple[Array, Array]:
 def test_free_free_eigenfrequencies_at_second_order(mode: int) -> None:
     counts = [9, 18, 36, 72]
     errors = np.array([modes(n)[0][mode] / EXACT[mode] - 1.0 for n in counts])
-    orders = np.log2(errors[:-1] / errors[1:])
-    text = f"mode {mode + 1}: errors {errors.tolist()} at N = {counts}, orders {orders.tolist()}"
+    observed = orders(errors)
+    text = f"mode {mode + 1}: errors {errors.tolist()} at N = {counts}, orders {observed.tolist()}"
     assert abs(errors[0] - [0.027, 0.063, 0.12][mode]) < 0.001, text
-    assert (np.abs(orders[1:] - 2.0) < 0.1).all(), text
-    assert abs(orders[1] - 2.0) < abs(orders[0] - 2.0), f"order must settle at 2; {text}"
+    assert (np.abs(observed[1:] - 2.0) < 0.1).all(), text
+    assert abs(observed[1] - 2.0) < abs(observed[0] - 2.0), f"order must settle at 2; {text}"
 
 
 def vibrate(elements: int, mode: int, time_step: float, steps: int) -> float:
@@ -83,8 +82,7 @@ def vibrate(elements: int, mode: int, time_step: float, steps: int) -> float:
     assert trajectory.termination_reason == ""
     joints = np.diff(trajectory.angles, axis=1)
     x = joints @ shape / (shape @ shape)
-    beside = float(np.abs(joints - np.outer(x, shape)).max())
-    assert beside < 1e-3 * np.abs(x).max(), f"other modes take part with {beside:.1e} rad"
+    assert largest(joints - np.outer(x, shape)) < 1e-3 * largest(x)
     cosine = (x[1:-1] @ (x[2:] + x[:-2])) / (2.0 * x[1:-1] @ x[1:-1])
     return float(np.arccos(cosine)) / time_step
 
@@ -103,18 +101,18 @@ def test_simulated_vibration_has_the_eigenfrequency(mode: int) -> None:
         assert error < 1e-6, f"N = {n}: simulated {unslowed}, linearised {omega}, off {error:.1e}"
         measured.append(unslowed / EXACT[mode] - 1.0)
     errors = np.array(measured)
-    orders = np.log2(errors[:-1] / errors[1:])
-    text = f"mode {mode + 1}: errors {errors.tolist()} at N = {counts}, orders {orders.tolist()}"
-    assert (np.abs(orders - 2.0) < 0.1).all(), text
+    observed = orders(errors)
+    text = f"mode {mode + 1}: errors {errors.tolist()} at N = {counts}, orders {observed.tolist()}"
+    assert (np.abs(observed - 2.0) < 0.1).all(), text
 
 
 def test_vibration_is_second_order_in_time() -> None:
     omega = modes(9)[0][0]
     steps = [0.4 / omega, 0.2 / omega, 0.1 / omega]
     errors = np.array([vibrate(9, 0, step, 300) / omega - 1.0 for step in steps])
-    orders = np.log2(errors[:-1] / errors[1:])
-    text = f"errors {errors.tolist()} at omega dt = 0.4, 0.2, 0.1, orders {orders.tolist()}"
-    assert (np.abs(orders - 2.0) < 0.05).all(), text
+    observed = orders(errors)
+    text = f"errors {errors.tolist()} at omega dt = 0.4, 0.2, 0.1, orders {observed.tolist()}"
+    assert (np.abs(observed - 2.0) < 0.05).all(), text
 
 
 def test_constant_moment_bends_it_to_a_circle() -> None:
@@ -136,20 +134,8 @@ def test_constant_moment_bends_it_to_a_circle() -> None:
         assert error < 1e-10, (
             f"N = {n}: joints are off sin(2a) = 2 M dl/EI, {exact}, by {error:.1e} rad"
         )
-        # The nodes lie on the circle of radius dl/(2 sin(a/2)).
-        angles = simulator.angles
-        step = dl * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        nodes = np.concatenate(
-            [simulator.centres - 0.5 * step, simulator.centres[-1:] + step[-1:] / 2]
-        )
-        radius = 0.5 * dl / np.sin(0.5 * exact)
-        ahead = 0.5 * step[0]
-        foot = np.sqrt(radius**2 - 0.25 * dl**2) * np.array([-step[0, 1], step[0, 0]]) / dl
-        distance = np.linalg.norm(nodes - (nodes[0] + ahead + foot), axis=1)
-        error = float(np.abs(distance - radius).max())
-        assert error < 1e-10, f"N = {n}: nodes are off the circle of {radius} m by {error:.1e} m"
         curvature.append(float(simulator.joint_angles.mean()) / dl)
     errors = np.array(curvature) * STIFFNESS / moment - 1.0
-    orders = np.log2(errors[:-1] / errors[1:])
-    text = f"curvature off M/EI by {errors.tolist()} at N = {counts}, orders {orders.tolist()}"
-    assert (np.abs(orders - 2.0) < 0.05).all(), text
+    observed = orders(errors)
+    text = f"curvature off M/EI by {errors.tolist()} at N = {counts}, orders {observed.tolist()}"
+    assert (np.abs(observed - 2.0) < 0.05).all(), text

@@ -1,19 +1,23 @@
-"""Gradient of the added mass and of L_d against an independent complex step (PHYSICS section 4)."""
+"""Gradients of the added mass and of L_d against an independent complex step."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from swim_env.physics.planar.beam import BeamConstants
 
 from swim_env.physics.fluid.added_mass import FluidConstants
-from tests.analytic.probes import fluid_constants, probe_fluid, probe_step
+from swim_env.physics.planar.chain import BeamConstants
+from tests.analytic.probes import StepProbe, fluid_constants, probe_fluid, probe_step
+from tests.invariants.runs import (
+    largest,
+    orders,
+)
 from tests.reference import independent
-
-Array = NDArray[np.float64]
+from tests.support import Array, uniform
 
 
 class Shape(NamedTuple):
@@ -23,23 +27,17 @@ class Shape(NamedTuple):
     fluid: FluidConstants
 
 
-def _random(elements: int, size: float) -> Array:
-    """Return joint angles (N - 1,) of a size up to `size` (rad)."""
-    angles: Array = np.random.default_rng(elements).uniform(-1.0, 1.0, elements - 1)
-    return size * angles
-
-
 SHAPES = {
     "straight": Shape(np.zeros(8), fluid_constants(9, 4)),
-    "default bent": Shape(_random(9, 0.5), fluid_constants(9, 4)),
+    "default bent": Shape(uniform(8, seed=9, size=0.5), fluid_constants(9, 4)),
     "two elements": Shape(np.array([0.9]), fluid_constants(2, 2, 3)),
     "two at 140 degrees": Shape(np.array([2.45]), fluid_constants(2, 8)),
     "three finely cut": Shape(np.array([1.9, -1.2]), fluid_constants(3, 12)),
-    "axial": Shape(_random(5, 0.9), fluid_constants(5, 6, 2, axial=True)),
+    "axial": Shape(uniform(4, seed=5, size=0.9), fluid_constants(5, 6, 2, axial=True)),
     "axial, three strongly": Shape(np.array([1.6, 1.5]), fluid_constants(3, 12, 4, axial=True)),
     "zigzag": Shape(1.5 * (-1.0) ** np.arange(8), fluid_constants(9, 8, 2)),
     "hook": Shape(np.full(8, 0.6), fluid_constants(9, 4, axial=True)),
-    "long": Shape(_random(27, 0.4), fluid_constants(27, 4)),
+    "long": Shape(uniform(26, seed=27, size=0.4), fluid_constants(27, 4)),
     "thick and short": Shape(
         np.array([0.5, -0.7, 0.3]),
         fluid_constants(4, 6, 5, axial=True, length=0.3, half_thickness=0.02, density=998.0),
@@ -72,8 +70,7 @@ def reference_mass(shape: Shape) -> tuple[Array, Array]:
     mass, tensor = independent._added_mass_and_tensor(angles, **reference_fluid(shape.fluid))
     kept = kept_motions(shape.fluid)
     dropped = np.delete(mass, kept, axis=0)
-    beside = float(np.abs(dropped).max(initial=0.0) / np.abs(mass).max())
-    assert beside < 1e-15, f"axial motion of inner elements moves fluid, {beside:.1e}"
+    assert np.abs(dropped).max(initial=0.0) < 1e-15 * largest(mass)
     return mass[np.ix_(kept, kept)], tensor[:, kept][:, :, kept]
 
 
@@ -82,8 +79,7 @@ def test_added_mass_is_the_independent_one(name: str) -> None:
     shape = SHAPES[name]
     exact, _ = reference_mass(shape)
     found = probe_fluid(shape.joints, shape.fluid).mass
-    error = float(np.abs(found - exact).max() / np.abs(exact).max())
-    assert error < 1e-13, f"{name}: A off by {error:.1e} of its largest entry"
+    assert largest(found - exact) < 1e-13 * largest(exact)
     assert np.array_equal(found, found.T), f"{name}: A is not symmetric"
 
 
@@ -98,26 +94,9 @@ def test_shape_gradient_is_the_complex_step(name: str) -> None:
         found = probe_fluid(shape.joints, shape.fluid, motion).gradient
         # The mirror makes a straight beam's gradient vanish.
         scale = max(float(np.abs(exact).max()), 0.01 * float(motion @ mass @ motion))
-        error = float(np.abs(found - exact).max()) / scale
-        assert error < 1e-11, f"{name}: V dA V/2 off by {error:.1e} of {scale:.3e}"
+        assert largest(found - exact) < 1e-11 * scale
         whole = abs(float(found.sum())) / scale
         assert whole < 1e-14, f"{name}: turning the whole beam changes A by {whole:.1e}"
-
-
-def test_gradient_is_that_of_each_entry() -> None:
-    # A quadratic form of unit motions and their sums gives every entry of dA/dtheta.
-    shape = SHAPES["axial"]
-    _, tensor = reference_mass(shape)
-    unit = np.eye(tensor.shape[1])
-    scale = float(np.abs(tensor).max())
-    worst = 0.0
-    for i in range(len(unit)):
-        for j in range(i + 1):
-            motion = unit[i] + unit[j]
-            exact = 0.5 * np.einsum("i,kij,j->k", motion, tensor, motion)
-            found = probe_fluid(shape.joints, shape.fluid, motion).gradient
-            worst = max(worst, float(np.abs(found - exact).max()) / scale)
-    assert worst < 2e-12, f"entries of dA/dtheta off by up to {worst:.1e} of the largest"
 
 
 class Step(NamedTuple):
@@ -131,6 +110,9 @@ class Step(NamedTuple):
     beam: BeamConstants
     fluid: FluidConstants
     reference: independent._Beam
+
+    def probe(self, *, difference: float = 0.0, adjoint: bool = False) -> StepProbe:
+        return probe_step(*self[:7], difference=difference, adjoint=adjoint)
 
 
 def make_step(
@@ -197,27 +179,30 @@ def reference_derivatives(step: Step, z: Array, shape: bool = True) -> tuple[Arr
     return first, second
 
 
-def reference_residual(step: Step, z: Array, shape: bool = True) -> Array:
+def generalised_impulse(step: Step, z: Array) -> Array:
+    """Return the impulse h F of torques and damping on mean centre and angles."""
     impulse = step.h * step.torques - step.beam.joint_damping * z[3:]
     force = np.zeros(len(z))
     force[3:] += impulse
     force[2:-1] -= impulse
-    return step.p + reference_derivatives(step, z, shape)[0] + 0.5 * force
+    return force
+
+
+def reference_residual(step: Step, z: Array, shape: bool = True) -> Array:
+    first = reference_derivatives(step, z, shape)[0]
+    return step.p + first + 0.5 * generalised_impulse(step, z)
 
 
 @pytest.mark.parametrize("name", STEPS)
 def test_residual_and_change_are_derivatives_of_the_lagrangian(name: str) -> None:
     step = STEPS[name]()
-    found = probe_step(*step[:5], step.beam, step.fluid)
+    found = step.probe()
     first, second = reference_derivatives(step, step.z)
     scale = float(np.abs(first).max())
     residual = reference_residual(step, step.z)
-    error = float(np.abs(found.residual - residual).max()) / scale
-    assert error < 1e-12, f"{name}: p + D1 L_d + h F/2 off by {error:.1e} of |D1 L_d|"
-    # h F is twice what the residual has of it.
-    change = first + second + 2.0 * (residual - step.p - first)
-    error = float(np.abs(found.change - change).max()) / scale
-    assert error < 1e-12, f"{name}: D1 L_d + D2 L_d + h F off by {error:.1e} of |D1 L_d|"
+    assert largest(found.residual - residual) < 1e-12 * scale
+    change = first + second + generalised_impulse(step, step.z)
+    assert largest(found.change - change) < 1e-12 * scale
     # What is left undisturbed by shifting and turning everything: momentum's conservation law.
     assert not found.change[:2].any(), f"{name}: linear momentum changes by {found.change[:2]}"
 
@@ -225,7 +210,7 @@ def test_residual_and_change_are_derivatives_of_the_lagrangian(name: str) -> Non
 @pytest.mark.parametrize("name", STEPS)
 def test_mass_is_the_independent_one(name: str) -> None:
     step = STEPS[name]()
-    found = probe_step(*step[:5], step.beam, step.fluid).mass
+    found = step.probe().mass
     x = angles_of(step.q)
     mass = None
     if step.fluid.density:
@@ -234,48 +219,45 @@ def test_mass_is_the_independent_one(name: str) -> None:
     probe = x + 1j * independent.STEP * np.eye(len(x))
     chain = head_coordinates(probe, step.reference.dl).imag / independent.STEP
     exact = chain @ independent._mass(u, mass, step.reference) @ chain.T
-    error = float(np.abs(found - exact).max() / np.abs(exact).max())
-    assert error < 1e-13, f"{name}: reduced mass off by {error:.1e}"
+    assert largest(found - exact) < 1e-13 * largest(exact)
 
 
-def differences(step: Step, shape: bool) -> Array:
-    """Differentiate the reference's residual by z with differences of eighth order."""
+def differentiate(function: Callable[[Array], Array], z: Array) -> Array:
+    """Return the Jacobian of a function at z by differences of eighth order."""
     weights = {1: 4.0 / 5.0, 2: -1.0 / 5.0, 3: 4.0 / 105.0, 4: -1.0 / 280.0}
-    n = len(step.z)
     size = 0.02
-    out = np.zeros((n, n))
-    for j, unit in enumerate(np.eye(n)):
-        for k, weight in weights.items():
-            ahead = reference_residual(step, step.z + k * size * unit, shape)
-            back = reference_residual(step, step.z - k * size * unit, shape)
-            out[:, j] += weight * (ahead - back) / size
-    return out
+    columns = [
+        sum(
+            weight * (function(z + k * size * unit) - function(z - k * size * unit)) / size
+            for k, weight in weights.items()
+        )
+        for unit in np.eye(len(z))
+    ]
+    return np.stack(columns, axis=1)
 
 
 @pytest.mark.parametrize("name", STEPS)
 def test_newton_matrix_with_the_shape_force_held(name: str) -> None:
     step = STEPS[name]()
-    found = probe_step(*step[:5], step.beam, step.fluid, 0.0).jacobian
-    exact = -differences(step, shape=False)
-    error = float(np.abs(found - exact).max() / np.abs(exact).max())
-    assert error < 1e-12, f"{name}: Newton's matrix off by {error:.1e}"
+    found = step.probe().jacobian
+    exact = -differentiate(lambda z: reference_residual(step, z, shape=False), step.z)
+    assert largest(found - exact) < 1e-12 * largest(exact)
 
 
 @pytest.mark.parametrize("name", [name for name in STEPS if name != "no fluid"])
 def test_newton_matrix_with_the_shape_force_differenced(name: str) -> None:
     step = STEPS[name]()
-    exact = -differences(step, shape=True)
-    held = probe_step(*step[:5], step.beam, step.fluid, 0.0).jacobian
+    exact = -differentiate(lambda z: reference_residual(step, z), step.z)
+    held = step.probe().jacobian
     part = float(np.abs(held - exact).max())
     sizes = [1e-1, 1e-2, 1e-3]
     errors = []
     for size in sizes:
-        found = probe_step(*step[:5], step.beam, step.fluid, size).jacobian
+        found = step.probe(difference=size).jacobian
         errors.append(float(np.abs(found - exact).max()) / part)
-    orders = np.log10(np.array(errors[:-1]) / errors[1:])
+    observed = orders(errors, ratio=10.0)
     text = f"{name}: errors {errors} of the shape force's part {part:.2e}, sizes {sizes}"
     # The force is a quadratic form, so the quotient is off in proportion to its step.
-    assert (np.abs(orders - 1.0) < 1e-3).all(), f"{text}, orders {orders.tolist()}"
-    used = probe_step(*step[:5], step.beam, step.fluid, 1e-5).jacobian
-    error = float(np.abs(used - exact).max()) / part
-    assert error < 1e-3, f"{name}: as Newton uses it, off by {error:.1e} of its part"
+    assert (np.abs(observed - 1.0) < 1e-3).all(), f"{text}, orders {observed.tolist()}"
+    used = step.probe(difference=1e-5).jacobian
+    assert largest(used - exact) < 1e-3 * part

@@ -1,4 +1,4 @@
-"""Added mass of every fluid model: gradient, symmetries, order in the bend, refusals."""
+"""Added mass of every fluid model: gradient, order in the bend, centre line, refusals."""
 
 from __future__ import annotations
 
@@ -7,39 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from swim_env import SceneError, SimulationEndedError, Simulator, load_scene
+from swim_env import FLUID_MODELS, SceneError, SimulationEndedError, Simulator, load_scene
 from swim_env.physics.fluid.added_mass import FluidConstants
 from swim_env.sim.batch import scene_constants
-from tests.analytic.probes import probe_fluid, rigid_mass
+from tests.analytic.probes import probe_fluid
+from tests.analytic.test_derivatives import differentiate
+from tests.invariants.runs import MODELS, VARIANTS, each_model, each_size, largest, orders
+from tests.support import Array, refuses, uniform
 
-Array = NDArray[np.float64]
-
-CLOSED: dict[str, dict[str, object]] = {
-    "strip": {"model": "strip"},
-    "frozen": {"model": "frozen"},
-    "expansion": {"model": "expansion"},
-    "panels": {"model": "panels"},
-    "panels, caps in proportion": {
-        "model": "panels",
-        "panels_per_element": 12,
-        "cap_panels": "proportional",
-    },
-}
-#: Boundary value of a turning element: factor of its arm, and where that begins on the element, in
-#: element lengths from the centre.
-VARIANTS = {
-    "consistent": (1.0, 0.0),
-    "printed_factor": (0.5, 0.0),
-    "arm_from_start": (1.0, -0.5),
-    "printed_factor_arm_from_start": (0.5, -0.5),
-}
-MODELS = CLOSED | {name: {"model": "centreline", "variant": name} for name in VARIANTS}
-each_model = pytest.mark.parametrize("name", MODELS)
-each_closed = pytest.mark.parametrize("name", CLOSED)
 each_variant = pytest.mark.parametrize("variant", VARIANTS)
-each_size = pytest.mark.parametrize("elements", [2, 5, 9])
 
 
 def fluid_of(fluid: Mapping[str, object], elements: int, **beam: float) -> FluidConstants:
@@ -53,58 +30,37 @@ def fluid_of(fluid: Mapping[str, object], elements: int, **beam: float) -> Fluid
     return constants._replace(terms=constants.terms.copy())
 
 
-def bend_of(elements: int, size: float = 0.5) -> Array:
+def random_bend(elements: int, size: float = 0.5) -> Array:
     """Return joint angles (N - 1,) of up to `size` (rad)."""
-    return size * np.random.default_rng(elements).uniform(-1.0, 1.0, elements - 1)
-
-
-def size_of(mass: Array) -> float:
-    return float(np.abs(mass).max())
+    return uniform(elements - 1, seed=elements, size=size)
 
 
 # ---- the shape force ---------------------------------------------------------------------------
-
-
-def differences(joints: Array, motion: Array, fluid: FluidConstants, step: float) -> Array:
-    """Differentiate V^T A V / 2 by element angles: central differences by the joint angles."""
-    out = np.zeros(len(joints) + 1)
-    for i, unit in enumerate(step * np.eye(len(joints))):
-        ahead = motion @ probe_fluid(joints + unit, fluid).mass @ motion
-        behind = motion @ probe_fluid(joints - unit, fluid).mass @ motion
-        slope = (ahead - behind) / (4.0 * step)
-        # A joint turns the element behind it against the one in front.
-        out[i + 1] += slope
-        out[i] -= slope
-    return out
 
 
 @each_size
 @each_model
 def test_shape_force_is_the_derivative_of_the_kinetic_energy(name: str, elements: int) -> None:
     fluid = fluid_of(MODELS[name], elements)
-    joints = bend_of(elements)
+    joints = random_bend(elements)
     motion = np.random.default_rng(3).normal(size=2 * elements)
     probe = probe_fluid(joints, fluid, motion)
-    coarse, middle, fine = (differences(joints, motion, fluid, 0.04 / 2**i) for i in range(3))
-    # Richardson: what is left is of sixth order in the step.
-    first, second = (4.0 * middle - coarse) / 3.0, (4.0 * fine - middle) / 3.0
-    exact = (16.0 * second - first) / 15.0
+
+    def energy(joints: Array) -> Array:
+        return np.array([0.5 * motion @ probe_fluid(joints, fluid).mass @ motion])
+
+    # A joint turns the elements behind it against those in front.
+    exact = -np.diff(differentiate(energy, joints)[0], prepend=0.0, append=0.0)
     # A constant added mass has no derivative: then rounding has to be small beside the energy.
     scale = max(float(np.abs(exact).max()), 1e-3 * float(motion @ probe.mass @ motion))
     error = float(np.abs(probe.gradient - exact).max()) / scale
-    # Reached is 4e-11, by panels at N = 2: A's rounding over the finest step of 0.01 rad.
+    # A's rounding over steps of 0.02 rad.
     assert error < 1e-9, f"derivative off by {error:.1e} of {scale:.2e}"
     # Turning the whole body leaves A alone: a sum of up to 9 rounded terms, 4e-16 seen.
     whole = abs(float(probe.gradient.sum())) / scale
     assert whole < 1e-14, f"turning the whole body changes A by {whole:.1e}"
-
-
-@each_size
-@each_model
-def test_added_mass_is_symmetric_and_positive(name: str, elements: int) -> None:
-    mass = probe_fluid(bend_of(elements), fluid_of(MODELS[name], elements)).mass
-    assert np.array_equal(mass, mass.T), f"A off its transpose by {np.abs(mass - mass.T).max():.1e}"
-    least = float(np.linalg.eigvalsh(mass)[0])
+    assert np.array_equal(probe.mass, probe.mass.T), "A is not symmetric"
+    least = float(np.linalg.eigvalsh(probe.mass)[0])
     assert least > 0.0, f"an eigenvalue of A is {least:.2e}"
 
 
@@ -112,15 +68,14 @@ def test_added_mass_is_symmetric_and_positive(name: str, elements: int) -> None:
 def test_units_do_not_matter(name: str) -> None:
     # All lengths times a and the density times c: v-v goes as c a^2, every w brings one more a.
     a, c, n = 2.5, 3.0, 5
-    one = probe_fluid(bend_of(n), fluid_of(MODELS[name], n)).mass
+    one = probe_fluid(random_bend(n), fluid_of(MODELS[name], n)).mass
     scaled = fluid_of({**MODELS[name], "density": c * 10.0}, n, length=a, half_thickness=a * 0.01)
-    other = probe_fluid(bend_of(n), scaled).mass
+    other = probe_fluid(random_bend(n), scaled).mass
     power = np.repeat([1.0, a], n)
     wanted = c * a**2 * power[:, None] * power * one
-    error = size_of(other - wanted) / size_of(wanted)
     # Rounding, 5e-15 seen; that of the expansion's second derivatives is divided by a bend of
     # 0.01 squared, 7e-12 seen.
-    assert error < (1e-9 if name == "expansion" else 1e-13), f"A off by {error:.1e}"
+    assert largest(other - wanted) < (1e-9 if name == "expansion" else 1e-13) * largest(wanted)
 
 
 # ---- strip, frozen, expansion ------------------------------------------------------------------
@@ -139,21 +94,6 @@ def test_strips_have_the_mass_of_their_own_length(given: float | None, elements:
         error = np.abs(found - np.diag(wanted)).max()
         # One rounding in each of a handful of products.
         assert error <= 1e-15 * wanted.max(), f"bent by {bend} rad: off by {error:.1e}"
-
-
-@each_size
-def test_strips_of_a_straight_body_add_up_to_the_plate(elements: int) -> None:
-    simulator = Simulator(
-        load_scene("paper_i", {"beam.elements": elements, "fluid.model": "strip"})
-    )
-    bare = Simulator(load_scene("paper_i", {"beam.elements": elements, "fluid": None}))
-    total, body = rigid_mass(simulator), rigid_mass(bare)
-    plate = 10.0 * np.pi / 4.0
-    # Strips spread evenly turn as a rod does, whatever their number.
-    wanted = (0.0, plate, plate / 12.0, 0.0)
-    for what, one, other, value in zip(total._fields, total, body, wanted, strict=True):
-        # Sums of N rounded terms.
-        assert abs(one - other - value) < 1e-14 * plate, f"{what}: {one - other!r}, not {value!r}"
 
 
 @each_size
@@ -176,7 +116,7 @@ def test_errors_in_the_bend_are_of_second_and_of_fourth_order(
     caps: int | str, elements: int
 ) -> None:
     block: dict[str, object] = {"panels_per_element": 8, "cap_panels": caps}
-    direction = bend_of(elements, 1.0)
+    direction = random_bend(elements, 1.0)
     direction /= np.abs(direction).max()
     fluids = {
         m: fluid_of({"model": m, **block}, elements) for m in ("panels", "frozen", "expansion")
@@ -186,12 +126,11 @@ def test_errors_in_the_bend_are_of_second_and_of_fourth_order(
     for size in (0.16, 0.08, 0.04):
         masses = {m: probe_fluid(size * direction, fluid).mass for m, fluid in fluids.items()}
         for model, found in errors.items():
-            found.append(size_of(masses[model] - masses["panels"]) / size_of(masses["panels"]))
+            found.append(largest(masses[model] - masses["panels"]) / largest(masses["panels"]))
     for model, order in (("frozen", 2.0), ("expansion", 4.0)):
-        values = np.array(errors[model])
-        observed = np.log2(values[:-1] / values[1:])
+        observed = orders(errors[model])
         # A is even in the bend, so what is left is off by bend^2 in the order: 0.011 seen.
-        assert np.abs(observed - order).max() < 0.05, f"{model}: orders {observed}, errors {values}"
+        assert np.abs(observed - order).max() < 0.05, f"{model}: orders {observed}, {errors}"
 
 
 def test_caps_in_proportion_are_refined_with_the_sides() -> None:
@@ -201,45 +140,17 @@ def test_caps_in_proportion_are_refined_with_the_sides() -> None:
         fluid = fluid_of(block, 9)
         found[panels] = fluid.geometry.cap_panels
         same = fluid_of({**block, "cap_panels": found[panels]}, 9)
-        one, other = (probe_fluid(bend_of(9), caps).mass for caps in (fluid, same))
+        one, other = (probe_fluid(random_bend(9), caps).mass for caps in (fluid, same))
         assert np.array_equal(one, other), f"{panels} panels: not those of {found[panels]} caps"
     assert found == {4: 1, 8: 2, 12: 3}
 
 
-# ---- mirror images -----------------------------------------------------------------------------
+# ---- centre line -------------------------------------------------------------------------------
+# Symmetries of all models: see tests.invariants.test_symmetry.
 
 
-@each_size
-@each_closed
-def test_a_mirror_image_has_the_same_added_mass(name: str, elements: int) -> None:
-    # The image bends the other way and moves with -v, -w, and so A is even in the bend.
-    fluid = fluid_of(MODELS[name], elements)
-    joints = bend_of(elements)
-    one, other = (probe_fluid(sign * joints, fluid).mass for sign in (1.0, -1.0))
-    error = size_of(one - other) / size_of(one)
-    # Panels are taken in another order: rounding alone, 3e-14 seen.
-    assert error < 1e-12, f"A is not even in the bend, {error:.1e}"
-
-
-@each_size
-@each_model
-def test_only_the_centre_line_pushes_a_straight_body_to_one_side(name: str, elements: int) -> None:
-    fluid = fluid_of(MODELS[name], elements)
-    sideways = np.repeat([1.0, 0.0], elements)
-    probe = probe_fluid(np.zeros(elements - 1), fluid, sideways)
-    share = float(np.abs(probe.gradient).max() / (sideways @ probe.mass @ sideways))
-    if name in CLOSED:
-        # Zero by the mirror, up to rounding: 2e-15 seen.
-        assert share < 1e-13, f"a shape force of {share:.1e} V^T A V"
-    else:
-        # 0.05 to 0.1 seen.
-        assert share > 1e-2, f"a shape force of {share:.1e} V^T A V only"
-
-
-def sheet_mass(
-    joints: Array, variant: str, panels: int, side: float = 1.0, length: float = 1.0
-) -> Array:
-    """Return the centre line's A from the formulas, density 10; the fluid on d1's side or not.
+def sheet_mass(joints: Array, variant: str, panels: int, length: float = 1.0) -> Array:
+    """Return the centre line's A from the formulas, density 10, the fluid on d1's side.
 
     Complex positions: a unit source on the segment from 0 to h has the potential
     z log z - (z - h) log(z - h) - h over 2 pi, lengths in units of the body's.
@@ -258,11 +169,11 @@ def sheet_mass(
     ahead, behind = np.log(seen / length), np.log((seen - h) / length)
     potential = (seen * ahead - (seen - h) * behind - h).real / (2.0 * np.pi)
     velocity = (ahead - behind) / tangent / (2.0 * np.pi)  # u_x - i u_y
-    normal = side * 1j * tangent
+    normal = 1j * tangent
     influence = (velocity * normal[:, None]).real
     np.fill_diagonal(influence, 0.5)
     arm = along + 0.5 * h - 0.5 * dl - origin * dl
-    own = side * np.eye(n)[element]
+    own = np.eye(n)[element]
     boundary = np.hstack([own, factor * arm[:, None] * own])
     mass: Array = -10.0 * h * boundary.T @ potential @ np.linalg.solve(influence, boundary)
     return 0.5 * (mass + mass.T)
@@ -274,144 +185,86 @@ def sheet_mass(
 def test_centre_line_is_the_independent_one(panels: int, variant: str, elements: int) -> None:
     block = {"model": "centreline", "variant": variant, "panels_per_element": panels}
     for length, size in ((1.0, 0.0), (1.0, 0.5), (2.7, 0.8)):
-        joints = bend_of(elements, size)
+        joints = random_bend(elements, size)
         found = probe_fluid(joints, fluid_of(block, elements, length=length)).mass
         exact = sheet_mass(joints, variant, panels, length=length)
-        error = size_of(found - exact) / size_of(exact)
         # Two ways to round the same matrices of up to 90 panels: 1e-14 seen.
-        assert error < 1e-12, f"l = {length}, bent by {size} rad: A off by {error:.1e}"
+        assert largest(found - exact) < 1e-12 * largest(exact)
 
 
 def test_the_variant_is_the_consistent_one_unless_named() -> None:
     masses = [
-        probe_fluid(bend_of(5), fluid_of({"model": "centreline", **block}, 5)).mass
+        probe_fluid(random_bend(5), fluid_of({"model": "centreline", **block}, 5)).mass
         for block in ({}, {"variant": "consistent"}, {"variant": "printed_factor"})
     ]
     assert np.array_equal(masses[0], masses[1])
     assert not np.array_equal(masses[0], masses[2])
 
 
-@each_size
-@each_variant
-def test_a_mirror_image_of_the_centre_line_has_the_fluid_on_the_other_side(
-    variant: str, elements: int
-) -> None:
-    fluid = fluid_of(MODELS[variant], elements)
-    joints = bend_of(elements)
-    one, image = probe_fluid(joints, fluid).mass, probe_fluid(-joints, fluid).mass
-    error = size_of(image - sheet_mass(joints, variant, 4, side=-1.0)) / size_of(one)
-    # Rounding, as above.
-    assert error < 1e-12, f"A(-a) is not that of the other side, {error:.1e}"
-    uneven = size_of(image - one) / size_of(one)
-    # 0.09 to 0.34 seen.
-    assert uneven > 0.03, f"A is even in the bend up to {uneven:.1e}"
-
-
-@each_size
-@each_model
-def test_counted_from_the_tail_a_mirror_image_is_the_same(name: str, elements: int) -> None:
-    # Counting from the tail turns d3 and d1 around, the mirror turns d1 back: v stays, w does not.
-    # The fluid stays on d1's side, so this holds for the centre line too, while arms are the same
-    # from either end.
-    fluid = fluid_of(MODELS[name], elements)
-    joints = bend_of(elements)
-    sign = np.repeat([1.0, -1.0], elements)
-    one = sign[:, None] * sign * probe_fluid(joints, fluid).mass
-    blocks = one.reshape(2, elements, 2, elements)[:, ::-1, :, ::-1]
-    found = probe_fluid(joints[::-1], fluid).mass
-    error = size_of(found - blocks.reshape(2 * elements, 2 * elements)) / size_of(found)
-    if name.endswith("arm_from_start"):
-        # 0.06 to 0.5 seen.
-        assert error > 0.02, f"off by {error:.1e} only"
-    else:
-        # Rounding, 2e-14 seen; in the expansion's second derivatives 1e-10.
-        assert error < (2e-9 if name == "expansion" else 1e-12), f"off by {error:.1e}"
-
-
 # ---- refusals ----------------------------------------------------------------------------------
 
-REFUSED: dict[str, tuple[dict[str, object], str]] = {
-    **{
-        f"axial added mass with {model}": (
-            {"axial_added_mass": {}, "fluid.model": model},
-            f"axial_added_mass has no meaning without fluid.model panels, as it is that of the end "
-            f"panels; leave it out or change the model, got {model}",
-        )
-        for model in ("none", "strip", "frozen", "expansion", "centreline")
-    },
-    "axial added mass without fluid": (
+REFUSED: list[tuple[dict[str, object], str]] = [
+    (
         {"axial_added_mass": {}, "fluid": None},
         "axial_added_mass has no meaning without fluid.model panels",
     ),
-    "expansion of 28 elements": (
+    (
         {"fluid.model": "expansion", "beam.elements": 28},
         "fluid.model expansion takes at most 27 elements",
     ),
-    **{
-        f"mass per length with {model}": (
-            {"fluid.model": model, "fluid.added_mass_per_length": 1.0},
-            f"fluid.added_mass_per_length has no meaning with fluid.model {model}, only with strip",
-        )
-        for model in ("none", "frozen", "expansion", "panels", "centreline")
-    },
-    "mass per length below zero": (
+    (
         {"fluid.model": "strip", "fluid.added_mass_per_length": 0.0},
         "fluid.added_mass_per_length must be above 0 kg/m, got 0.0",
     ),
-    **{
-        f"variant with {model}": (
-            {"fluid.model": model, "fluid.variant": "consistent"},
-            f"fluid.variant has no meaning with fluid.model {model}, only with centreline",
-        )
-        for model in ("none", "strip", "frozen", "expansion", "panels")
-    },
-    "unknown variant": (
+    (
         {"fluid.model": "centreline", "fluid.variant": "printed_facto"},
         "got 'printed_facto' (nearest: printed_factor)",
     ),
-    "unknown model": ({"fluid.model": "centerline"}, "got 'centerline' (nearest: centreline)"),
-    "misspelt caps": (
-        {"fluid.cap_panels": "propotional"},
-        "got 'propotional' (nearest: proportional)",
-    ),
-    "no caps": ({"fluid.cap_panels": 0}, "fluid.cap_panels must be at least 1, got 0"),
-    **{
-        f"{model} without density": (
-            {"fluid": {"model": model}},
-            f"fluid.model {model} needs fluid.density, a number above 0 in kg/m^3, got null",
-        )
-        for model in ("strip", "frozen", "expansion", "panels", "centreline")
-    },
-    "density of nothing": (
+    ({"fluid.model": "centerline"}, "got 'centerline' (nearest: centreline)"),
+    ({"fluid.cap_panels": "propotional"}, "got 'propotional' (nearest: proportional)"),
+    ({"fluid.cap_panels": 0}, "fluid.cap_panels must be at least 1, got 0"),
+    (
         {"fluid": {"model": "none", "density": 10.0}},
         "fluid.density has no meaning with fluid.model none",
     ),
-}
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_a_scene_that_makes_no_sense_is_refused(case: str) -> None:
-    changes, wanted = REFUSED[case]
-    with pytest.raises(SceneError) as caught:
-        load_scene("paper_i", changes)
-    message = str(caught.value)
-    assert wanted in message, message
-    assert "\n" not in message, message
-
-
-TAKEN: list[dict[str, object]] = [
-    {"axial_added_mass": {}},
-    {"fluid.model": "expansion", "beam.elements": 27},
-    {"fluid.model": "strip", "fluid.added_mass_per_length": 1.0},
-    {"fluid.model": "centreline", "fluid.variant": "printed_factor"},
-    {"fluid.cap_panels": "proportional"},
-    {"fluid": {"model": "strip", "density": 1.0}},
-    {"fluid": {"model": "none"}},
 ]
+for _model in FLUID_MODELS:
+    _meaningless = f"has no meaning with fluid.model {_model}, only with"
+    if _model != "panels":
+        _why = "without fluid.model panels, as it is that of the end panels; leave it out or change"
+        _words = f"axial_added_mass has no meaning {_why} the model, got {_model}"
+        REFUSED.append(({"axial_added_mass": {}, "fluid.model": _model}, _words))
+    if _model != "strip":
+        _changes = {"fluid.model": _model, "fluid.added_mass_per_length": 1.0}
+        REFUSED.append((_changes, f"fluid.added_mass_per_length {_meaningless} strip"))
+    if _model != "centreline":
+        _changes = {"fluid.model": _model, "fluid.variant": "consistent"}
+        REFUSED.append((_changes, f"fluid.variant {_meaningless} centreline"))
+    if _model != "none":
+        _words = f"{_model} needs fluid.density, a number above 0 in kg/m^3, got null"
+        REFUSED.append(({"fluid": {"model": _model}}, f"fluid.model {_words}"))
 
 
-@pytest.mark.parametrize("changes", TAKEN, ids=str)
-def test_what_was_just_refused_is_taken_one_step_away(
+@pytest.mark.parametrize(("changes", "words"), REFUSED, ids=str)
+def test_a_scene_that_makes_no_sense_is_refused(changes: dict[str, object], words: str) -> None:
+    with refuses(SceneError, words):
+        load_scene("paper_i", changes)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"axial_added_mass": {}},
+        {"fluid.model": "expansion", "beam.elements": 27},
+        {"fluid.model": "strip", "fluid.added_mass_per_length": 1.0},
+        {"fluid.model": "centreline", "fluid.variant": "printed_factor"},
+        {"fluid.cap_panels": "proportional"},
+        {"fluid": {"model": "strip", "density": 1.0}},
+        {"fluid": {"model": "none"}},
+    ],
+    ids=str,
+)
+def test_what_was_just_refused_is_accepted_one_step_away(
     changes: dict[str, object], tmp_path: Path
 ) -> None:
     # So that the refusals above are of what they name and of nothing else.
@@ -430,7 +283,6 @@ def test_an_expansion_beyond_its_bends_has_no_positive_mass() -> None:
     assert least[0] > 0.0 > least[1], f"least eigenvalues {least}"
     base = {"fluid.model": "expansion"}
     assert Simulator(load_scene("paper_i", {**base, "initial.joint_angles": 1.0})).energy() > 0.0
-    with pytest.raises(SimulationEndedError) as caught:
+    with refuses(SimulationEndedError) as caught:
         Simulator(load_scene("paper_i", {**base, "initial.joint_angles": 1.2}))
     assert caught.value.reason == "mass_not_positive"
-    assert "\n" not in str(caught.value)

@@ -4,22 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from swim_env import load_scene
-from swim_env.physics.fluid.added_mass import (
-    SMALLEST_PIVOT,
-    FluidWork,
-    added_mass,
-    carve_fluid_work,
-    fluid_work_sizes,
-)
-from swim_env.physics.fluid.outline import LATERAL, LENGTH, ROTARY
-from swim_env.physics.fluid.panels import POTENTIAL, normal_influence
+from swim_env.physics.fluid.added_mass import SMALLEST_PIVOT
 from swim_env.physics.runtime.dense import invert, invert_in_order
 from swim_env.sim.batch import scene_constants
-
-Array = NDArray[np.float64]
+from tests.analytic.probes import probe_panels
 
 
 @pytest.mark.parametrize("size", [8, 16, 24, 40, 80])
@@ -40,31 +30,6 @@ def test_a_bad_pivot_is_refused_wherever_it_comes(place: int, pivot: float) -> N
     assert not invert_in_order(matrix, 1e-3)
 
 
-def _evaluated(joint_angles: Array, overrides: list[str]) -> tuple[Array, FluidWork, float]:
-    """Return the added mass, the kernel's work space and the density of a bent swimmer."""
-    scene = load_scene("swimmer", overrides)
-    _, fluid, _ = scene_constants(scene)
-    floats, integers = fluid_work_sizes(fluid)
-    work = carve_fluid_work(np.zeros(floats), np.zeros(integers, dtype=np.int64), fluid)
-    mass = np.zeros((2 * scene.beam.elements, 2 * scene.beam.elements))
-    assert added_mass(joint_angles, fluid, work, mass) == 0
-    return mass, work, fluid.density
-
-
-def _by_lapack(work: FluidWork, density: float, elements: int) -> tuple[Array, Array]:
-    """Return the added mass and the normal influence from the same matrices, solved by LAPACK."""
-    panels, element = work.outline.panels, work.outline.element
-    size = panels.shape[1]
-    normal = np.empty((size, size))
-    normal_influence(panels, int(np.count_nonzero(panels[LENGTH])), work.layers, normal)
-    motions = np.zeros((size, 2 * elements))
-    motions[np.arange(size), element] = panels[LATERAL]
-    motions[np.arange(size), elements + element] = panels[ROTARY]
-    sources = np.linalg.solve(normal, motions)
-    mass = -density * (motions * panels[LENGTH][:, None]).T @ work.layers[POTENTIAL] @ sources
-    return 0.5 * (mass + mass.T), normal
-
-
 # Half thicknesses in metres, of elements of 1/9 m: the usual one, one that is just eliminated in
 # order, one that is not.
 @pytest.mark.parametrize("thickness", [0.01, 1e-3, 1e-5])
@@ -73,8 +38,11 @@ def test_the_added_mass_is_that_of_lapack_with_and_without_exchanges(
     thickness: float, bend: float
 ) -> None:
     angles = bend * np.random.default_rng(1).uniform(-1.0, 1.0, 8)
-    mass, work, density = _evaluated(angles, [f"beam.half_thickness={thickness}"])
-    wanted, normal = _by_lapack(work, density, 9)
+    fluid = scene_constants(load_scene("swimmer", {"beam.half_thickness": thickness}))[1]
+    mass, normal, potential, motions, lengths = probe_panels(angles, fluid)
+    sources = np.linalg.solve(normal, motions)
+    wanted = -fluid.density * (motions * lengths[:, None]).T @ potential @ sources
+    wanted = 0.5 * (wanted + wanted.T)
     condition = np.linalg.cond(normal)
     assert np.abs(mass - wanted).max() < 1e-15 * condition * np.abs(wanted).max() + 1e-13
     in_order = invert_in_order(normal.copy(), SMALLEST_PIVOT)

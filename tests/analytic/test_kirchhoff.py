@@ -1,4 +1,4 @@
-"""Onset of the straight swimmer's instability (PHYSICS.md section 3 and section 6, item 7)."""
+"""Onset of the straight swimmer's instability, against Kirchhoff's linearised equations."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from swim_env import Simulator, Trajectory, load_scene
-from tests.analytic.probes import rigid_mass
+from swim_env.analysis.kirchhoff import growth_rate, mass_matrix, rigid_mass
 
 Array = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ PANELS = {3: 12, 9: 4, 27: 4}
 def drift(
     elements: int, stiffness: float, lateral: float, time_step: float, duration: float
 ) -> tuple[Simulator, Trajectory]:
-    """Let a passive straight beam drift along itself with a small lateral velocity."""
+    """Let a passive straight beam drift along itself with a small lateral velocity (m/s)."""
     changes = {
         "actuation": None,
         "beam.elements": elements,
@@ -32,10 +32,8 @@ def drift(
     }
     simulator = Simulator(load_scene("paper_i", changes))
     steps = int(round(duration / time_step))
-    start = simulator.snapshot()
     trajectory = simulator.rollout(np.zeros((steps, elements - 1)))
     assert trajectory.termination_reason == ""
-    simulator.restore(start)
     return simulator, trajectory
 
 
@@ -55,11 +53,9 @@ def growth(elements: int, stiffness: float, time_step: float) -> Growth:
     """
     lateral = 1e-7
     simulator, trajectory = drift(elements, stiffness, lateral, time_step, 40.0)
-    body = rigid_mass(simulator)
+    body = rigid_mass(mass_matrix(simulator))
     assert abs(body.coupling) < 1e-12 * body.inertia, f"coupling {body.coupling:.2e} of a mirror"
-    rate = SPEED * np.sqrt(
-        body.along * (body.across - body.along) / (body.across * body.inertia - body.coupling**2)
-    )
+    rate = growth_rate(body, SPEED)
     amplitude = body.across * lateral / (body.along * SPEED)
     angle = trajectory.angles.mean(axis=1)
 
@@ -76,8 +72,7 @@ def growth(elements: int, stiffness: float, time_step: float) -> Growth:
 def test_growth_rate_is_kirchhoffs(elements: int, stiffness: float) -> None:
     found = growth(elements, stiffness, 0.05)
     text = f"N = {elements}, EI = {stiffness:g}: {found}"
-    assert abs(found.rate - 1.0) < 0.02, text
-    # Reached: 0.05 % with the stiff beam, 0.1 % where it bends; a bound that would see 0.3 %.
+    # Reached: 0.05 % with the stiff beam, 0.1 % where it bends.
     assert abs(found.rate - 1.0) < 0.003, text
     assert abs(found.amplitude - 1.0) < 0.01, text
     assert found.misfit < 1e-3, f"the angle does not follow 1 - cosh: {text}"

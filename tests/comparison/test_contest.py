@@ -37,6 +37,7 @@ from swim_env import (
     load_scene,
 )
 from swim_env.scene import Actuation
+from tests.learning.small_runs import small_config, untrained
 from tests.support import assert_same, refuses
 
 SECOND = ("episode.duration=1.0",)
@@ -350,30 +351,15 @@ def test_bad_arguments_are_refused_before_anything_is_played(
 # ---- agents ------------------------------------------------------------------------------------
 
 
-def save_run(folder: Path, seed: int, inside: str = "agent", **changes: Any) -> Path:
+def save_run(folder: Path, seed: int, **changes: Any) -> None:
     """Save an untrained agent as a training run does."""
     pytest.importorskip("stable_baselines3")
-    from swim_agents.learning.config import TrainingConfig
-    from swim_agents.learning.environment import make_training_env
-    from swim_agents.learning.models import make_model
     from swim_agents.learning.saved import save_agent
 
-    settings: dict[str, Any] = {
-        "name": "tiny",
-        "scene": short(),
-        "members": 2,
-        "state_dependent_noise": False,
-        "noise_hold": 1,
-        "network": {"layers": [4]},
-        "ppo": {"rollout": 8, "minibatch": 16, "epochs": 1},
-        **changes,
-    }
-    config = TrainingConfig.from_dict(settings)
-    env = make_training_env(config, seed, threads=1)
-    model = make_model(config, env, seed, "cpu")
-    save_agent(folder / inside, model, config, {"seed": seed, "steps": 0})
-    env.close()
-    return folder
+    config = small_config(
+        name="tiny", scene=short(), overrides={}, state_dependent_noise=False, **changes
+    )
+    save_agent(folder / "agent", untrained(config, seed), config, {"seed": seed, "steps": 0})
 
 
 @pytest.fixture(scope="module")
@@ -477,5 +463,6 @@ def test_agents_for_a_target_play_for_a_target_alone(tmp_path: Path) -> None:
         entries_of([str(tmp_path / "seed_5")], scene)
     with refuses(SwimError, "cannot play scene swimmer: beam.bending_stiffness is 4"):
         entries_of([str(tmp_path / "seed_5")], short("beam.bending_stiffness=4.0"), "target")
+    (tmp_path / "empty").mkdir()
     with refuses(SwimError, "no agent there"):
-        entries_of([str(tmp_path)], scene)
+        entries_of([str(tmp_path / "empty")], scene)

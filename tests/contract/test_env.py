@@ -54,6 +54,7 @@ ASKEW: dict[str, object] = {
 VARIANTS: dict[str, tuple[str, dict[str, object]]] = {
     "swimmer": ("swimmer", {}),
     "paper_ix, torques in front only": ("paper_ix", {}),
+    "torques up to a joint": ("paper_ix", {"beam.elements": 10}),
     "paper_x, no actuation": ("paper_x", {}),
     "askew": ("swimmer", ASKEW),
     "two elements": ("swimmer", {"beam.elements": 2}),
@@ -129,6 +130,8 @@ def test_an_episode_is_what_the_documentation_says(task: str, variant: str) -> N
     """Beside a simulator that plays the torques of the actions, which are clipped, and held."""
     scene, overrides = VARIANTS[variant]
     env = make(task, scene, overrides=overrides)
+    env.reset(seed=2)
+    env.step(np.ones(env.action_space.shape))  # of which nothing is left after a reset
     observation, info = env.reset(seed=3)
     simulator, goal, first = twin_of(env), goal_of(env, info), info
     length, interval = env.scene.beam.length, env.scene.episode.control_interval

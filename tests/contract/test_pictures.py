@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -14,29 +15,23 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from numpy.typing import NDArray
 
+from studies.gallery.pictures import draw_learning, draw_pareto, pareto_front
 from swim_env import Simulator, SwimError, Trajectory, load_scene
-from swim_env.analysis.energy import (
-    elastic_energy,
-    elastic_moments,
-    split_energy,
-    velocity_of_start,
-)
-from swim_env.envs.render.drawing import torque_colours
+from swim_env.analysis.energy import split_energy
+from swim_env.colours import torque_colours
 from swim_env.plots import (
     draw_energy,
     draw_gaits,
     draw_kymographs,
-    draw_learning,
-    draw_pareto,
     draw_path,
     draw_paths,
+    draw_scores,
     draw_torques,
     draw_training,
+    draw_wave_search,
 )
 from swim_env.plots.heat_maps import curvature
-from swim_env.plots.pareto import pareto_front
-from swim_env.plots.style import diverging_map, new_figure, policy_looks, style_axes
-from swim_env.scene import STRAIN_NAMES
+from swim_env.plots.style import diverging_map, policy_looks
 
 Array = NDArray[np.float64]
 
@@ -72,113 +67,12 @@ def lines_of(axes: Axes, label: str) -> tuple[Array, Array]:
     return np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
 
 
-# ---- energy in its parts -----------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("aside", [0.0, 0.05])
-def test_the_parts_of_the_energy_are_those_of_rigid_motion(aside: float) -> None:
-    """Half mass times speed squared; fluid moves where the straight body moves across itself."""
-    scene = load_scene("paper_xi", {"initial.velocity": [0.1, aside]})
-    simulator = Simulator(scene)
-    start = simulator.velocity()
-    run = simulator.rollout(np.zeros((3, scene.beam.elements - 1)))
-    split = split_energy(run, start, [0])
-    body = 0.5 * scene.beam.line_density * scene.beam.length * (0.1**2 + aside**2)
-    assert split.body == pytest.approx([body], rel=1e-9)
-    assert split.elastic == pytest.approx([0.0], abs=1e-15)
-    assert split.fluid == pytest.approx([run.energy[0] - body], rel=1e-9)
-    assert (split.fluid[0] > 0.1 * body) == (aside > 0.0)
-
-
-def test_the_parts_of_the_energy_follow_the_velocities(run: Trajectory) -> None:
-    """The body's part by hand from the simulator's velocities, the sum to the last digit."""
-    scene = run.scene
-    instants = [0, 1, 7, 250, 500]
-    simulator = Simulator(scene)
-    split = split_energy(run, simulator.velocity(), instants)
-    assert split.time == pytest.approx(run.time[instants])
-    assert split.body + split.fluid + split.elastic == pytest.approx(run.energy[instants])
-    assert split.elastic == pytest.approx(elastic_energy(run)[instants], rel=1e-12)
-    mass = scene.beam.line_density * scene.beam.element_length
-    inertia = scene.beam.rotary_inertia * scene.beam.element_length
-    half = 0.5 * scene.beam.element_length
-    for row, instant in enumerate(instants):
-        while simulator.steps < instant:
-            simulator.step(run.torques[simulator.steps])
-        rates = simulator.velocity()
-        turning = rates[2:]
-        arms = (
-            half
-            * turning[:, None]
-            * np.stack([-np.sin(simulator.angles), np.cos(simulator.angles)], axis=-1)
-        )
-        speeds = np.concatenate([[np.zeros(2)], np.cumsum(arms[:-1] + arms[1:], axis=0)])
-        speeds += rates[:2] - speeds.mean(axis=0)
-        by_hand = 0.5 * mass * (speeds**2).sum() + 0.5 * inertia * (turning**2).sum()
-        assert split.body[row] == pytest.approx(by_hand, rel=1e-9, abs=1e-15)
-        assert split.fluid[row] >= 0.0
-
-
-@pytest.mark.parametrize("strain", STRAIN_NAMES)
-def test_elastic_energy_is_that_of_the_body_at_rest(strain: str) -> None:
-    """The formula says what the kernels weigh, for every law of strain and varying stiffness."""
-    scene = load_scene(
-        "swimmer",
-        {"integrator.strain": strain, "beam.bending_stiffness": list(np.linspace(1.0, 5.0, 8))},
-    )
-    simulator = Simulator(scene)
-    joint_angles = np.linspace(-0.3, 0.4, 8)
-    simulator.reset_to(np.concatenate([np.zeros(3), joint_angles]), np.zeros(11))
-    moments, energies = elastic_moments(scene, joint_angles)
-    assert energies.sum() == pytest.approx(simulator.energy(), rel=1e-12)
-    assert (np.sign(moments) == np.sign(joint_angles)).all()
-    assert elastic_energy(simulator.rollout(np.zeros((1, 8))))[0] == pytest.approx(energies.sum())
-
-
-def test_the_velocity_of_a_saved_start_is_the_scenes_or_unknown(run: Trajectory) -> None:
-    assert velocity_of_start(run) == pytest.approx(np.zeros(11))
-    simulator = Simulator(run.scene)
-    simulator.reset_to(simulator.coordinates, np.full(11, 0.1))
-    assert velocity_of_start(simulator.rollout(np.zeros((5, 8)))) is None
-    simulator.reset_to(np.full(11, 0.1), np.zeros(11))
-    assert velocity_of_start(simulator.rollout(np.zeros((5, 8)))) is None
-
-
-def test_a_run_that_was_ended_is_split_to_its_end() -> None:
-    """The last step was taken and is the last that may be."""
-    scene = load_scene(
-        "paper_i", {"integrator.energy_tolerance": 1e-9, "integrator.energy_excess": "end"}
-    )
-    simulator = Simulator(scene)
-    start = simulator.velocity()
-    run = simulator.rollout(simulator.prescribed_torques(50))
-    assert run.termination_reason == "energy_unexplained"
-    split = split_energy(run, start)
-    assert split.body + split.fluid + split.elastic == pytest.approx(run.energy, rel=1e-12)
-
-
-def test_without_fluid_all_energy_is_the_bodys() -> None:
-    simulator = Simulator(load_scene("swimmer", {"fluid": None}))
-    start = simulator.velocity()
-    run = simulator.rollout(simulator.prescribed_torques(50))
-    assert split_energy(run, start).fluid == pytest.approx(np.zeros(51), abs=1e-12)
-
-
-def test_another_velocity_than_the_starts_is_refused(run: Trajectory) -> None:
-    with pytest.raises(SwimError, match="not the one that the run started with"):
-        split_energy(run, np.full(11, 0.3), [0, 20])
-
-
 # ---- the numbers in the pictures ---------------------------------------------------------------
 
 
-def test_curvature_is_the_joint_angle_over_the_length_of_an_element(run: Trajectory) -> None:
-    bends = curvature(run)
-    assert bends.shape == (501, 8)
-    assert bends[300, 4] == pytest.approx((run.angles[300, 5] - run.angles[300, 4]) * 9 / 1.0)
-
-
 def test_maps_show_the_last_second_on_one_scale(runs: dict[str, Trajectory]) -> None:
+    run = runs["tuned_wave"]
+    assert curvature(run)[300, 4] == pytest.approx(9.0 * (run.angles[300, 5] - run.angles[300, 4]))
     for draw, values in (
         (draw_kymographs, lambda run: curvature(run)[1:]),
         (draw_torques, lambda run: run.torques),
@@ -261,16 +155,12 @@ def test_the_budget_shows_the_parts_and_what_is_left(run: Trajectory) -> None:
     assert lines_of(spent, "work of the torques")[1][-1] == pytest.approx(run.work.sum())
     assert lines_of(spent, "dissipated")[1][-1] == pytest.approx(run.dissipated.sum())
     assert lines_of(spent, "H - H(0)")[1][-1] == pytest.approx(run.energy[-1] - run.energy[0])
+    whole = draw_energy({"tuned_wave": run}).axes[0]
+    labels = [layer.get_label() for layer in whole.collections]
+    assert labels == ["elastic", "kinetic, body and fluid"]
+    assert whole.collections[1].get_paths()[0].vertices[:, 1].max() == pytest.approx(tops[2])
     band = drift.collections[0].get_paths()[0].vertices[:, 1]
     assert np.abs(band).max() == pytest.approx(100.0 * run.energy_drift)
-
-
-def test_without_velocities_the_kinetic_energy_is_whole(run: Trajectory) -> None:
-    parts = draw_energy({"tuned_wave": run}).axes[0]
-    labels = [layer.get_label() for layer in parts.collections]
-    assert labels == ["elastic", "kinetic, body and fluid"]
-    tops = [layer.get_paths()[0].vertices[:, 1].max() for layer in parts.collections]
-    assert tops[1] == pytest.approx(run.energy[300:].max())
 
 
 def test_the_front_is_who_is_beaten_by_nobody() -> None:
@@ -410,63 +300,58 @@ def test_colours_are_told_apart_by_the_colour_blind(kind: str) -> None:
 
 
 def test_signs_have_the_colours_of_the_frames() -> None:
-    shades = (255.0 * diverging_map()([0.0, 0.5, 1.0])[:, :3]).round().astype(int)
-    frames = np.array(torque_colours(np.array([-1.0, 0.0, 1.0])))
-    assert np.abs(shades - frames).max() <= 2
+    """Blue below zero, orange above, near white at zero, clipped beyond one."""
+    shades = (255.0 * diverging_map()([0.0, 0.5, 1.0])[:, :3]).round()
+    low, middle, high, beyond = torque_colours([-1.0, 0.0, 1.0, 7.0]).astype(int)
+    assert np.abs(shades - [low, middle, high]).max() <= 2
+    assert low[2] > low[0] + 100 and high[0] > high[2] + 100 and middle.min() >= 240
+    assert (beyond == high).all()
 
 
 # ---- text --------------------------------------------------------------------------------------
 
 
-def texts_of(figure: Figure) -> Iterator[Text]:
-    """Return every text that is visible in a figure."""
-    yield from (text for text in figure.findobj(Text) if text in figure.texts)
-    if figure._suptitle is not None:
-        yield figure._suptitle
-    for legend in [*figure.legends, *(axes.get_legend() for axes in figure.axes)]:
-        if legend is not None:
-            yield from legend.get_texts()
-    for axes in figure.axes:
-        if not axes.axison:
-            continue
-        yield from axes.texts
-        yield from (axes.title, axes._left_title, axes._right_title)
-        for axis in (axes.xaxis, axes.yaxis):
-            yield axis.label
-            yield axis.get_offset_text()
-            low, high = sorted(axis.get_view_interval())
-            for tick in axis.get_major_ticks():
-                reach = 1e-9 * (high - low)
-                if low - reach <= tick.get_loc() <= high + reach:
-                    yield tick.label1
-
-
 def check_texts(figure: Figure) -> None:
     """Check that no text overlaps another or leaves the picture, and that all can be read."""
-    figure.draw_without_rendering()
+    drawn: list[Text] = []
+    with mock.patch.object(Text, "draw", lambda text, renderer: drawn.append(text)):
+        figure.canvas.draw()
     width, height = figure.bbox.size
     least = READABLE * width / PAGE * 72.0 / figure.dpi
     boxes = []
-    for text in dict.fromkeys(texts_of(figure)):
+    for text in dict.fromkeys(drawn):
         if not text.get_visible() or not text.get_text().strip():
             continue
         assert text.get_fontsize() >= least, f"{text.get_text()!r} is too small"
         box = text.get_window_extent().padded(-1.5)
-        assert box.x0 >= 0.0, text.get_text()
-        assert box.y0 >= 0.0, text.get_text()
-        assert box.x1 <= width, text.get_text()
-        assert box.y1 <= height, text.get_text()
+        assert box.x0 >= 0.0 and box.y0 >= 0.0, text.get_text()
+        assert box.x1 <= width and box.y1 <= height, text.get_text()
         boxes.append((text.get_text(), box))
     assert len(boxes) > 5
     for (first, a), (second, b) in itertools.combinations(boxes, 2):
         assert not a.overlaps(b), f"{first!r} overlaps {second!r}"
 
 
-def gait_of(run: Trajectory) -> dict[str, Any]:
-    places = run.scene.beam.joint_fractions
-    return {"phase_lags": 5.0 * places, "frequency": 4.88, "travelling_share": 0.9}
-
-
+GAIT = {"phase_lags": np.linspace(0.5, 4.5, 8), "frequency": 4.88, "travelling_share": 0.9}
+SCORE = {
+    "net_displacement": [2.0, 2.2],
+    "fine_displacement": [2.1, 1.0],
+    "verified": [True, False],
+    "median": {"net_displacement": 2.1},
+    "ratio_to_tuned_wave": 0.9,
+}
+SCORES = {"policies": dict.fromkeys(EIGHT, SCORE), "duration": 20.0, "scene": "swimmer"}
+GRID = {
+    "net_displacement": [[0.1, -0.2], [2.0, 0.4], [0.0, 0.3]],
+    "wave_number": [-3.0, 6.0],
+    "frequency_hz": [1.0, 2.0, 3.0],
+}
+SEARCH = {
+    "search": {"grid": GRID},
+    "wave": {"wave_number": 6.0, "frequency": 12.0},
+    "net_displacement": 2.4,
+    "scene": "swimmer",
+}
 PICTURES: dict[str, Callable[[dict[str, Trajectory]], Figure]] = {
     "path": lambda runs: draw_path(runs["tuned_wave"], 11),
     "kymographs": draw_kymographs,
@@ -479,37 +364,20 @@ PICTURES: dict[str, Callable[[dict[str, Trajectory]], Figure]] = {
     "training": lambda runs: draw_training({"ppo_forward": CURVES}),
     "paths": lambda runs: draw_paths(dict.fromkeys(EIGHT, runs["tuned_wave"])),
     "gaits": lambda runs: draw_gaits(
-        dict.fromkeys(EIGHT, runs["tuned_wave"]), dict.fromkeys(EIGHT, gait_of(runs["tuned_wave"]))
+        dict.fromkeys(EIGHT, runs["tuned_wave"]), dict.fromkeys(EIGHT, GAIT)
     ),
+    "scores": lambda runs: draw_scores(SCORES),
+    "search": lambda runs: draw_wave_search(SEARCH),
 }
 
 
 @pytest.mark.parametrize("name", PICTURES)
-def test_texts_can_be_read_and_do_not_overlap(name: str, runs: dict[str, Trajectory]) -> None:
-    check_texts(PICTURES[name](runs))
-
-
-@pytest.mark.parametrize("name", PICTURES)
-def test_numbers_on_axes_have_units(name: str, runs: dict[str, Trajectory]) -> None:
-    """Every axis with numbers says of what, in which unit, unless its neighbour does."""
+def test_texts_can_be_read_and_numbers_have_units(name: str, runs: dict[str, Trajectory]) -> None:
+    """No text overlaps; every axis with numbers says of what, in which unit."""
     figure = PICTURES[name](runs)
-    labels = {axes.get_xlabel() for axes in figure.axes} | {
-        axes.get_ylabel() for axes in figure.axes
-    }
-    units = ("(s)", "(m)", "(J)", "(%)", "(N m)", "(1/m)", "(rad)", "body lengths", "(\u00b0)")
-    plain = ("joint", "s/l", "millions", "minutes", *EIGHT)
+    check_texts(figure)
+    labels = {label for axes in figure.axes for label in (axes.get_xlabel(), axes.get_ylabel())}
+    units = ("(s)", "(m)", "(J)", "(%)", "(N m)", "(1/m)", "(rad)", "(Hz)", "(\u00b0)")
+    plain = ("body lengths", "body length)", "joint", "s/l", "millions", "minutes", *EIGHT)
     for label in labels - {""}:
         assert any(unit in label for unit in (*units, *plain)), label
-
-
-def test_overlapping_texts_are_found() -> None:
-    """The check itself can fail."""
-    figure = new_figure(8.0, 3.0)
-    axes = figure.add_subplot()
-    axes.plot([0.0, 1.0], [0.0, 1.0])
-    style_axes(axes, "time (s)", "x (m)")
-    check_texts(figure)
-    axes.text(0.5, 0.5, "here")
-    axes.text(0.51, 0.5, "there")
-    with pytest.raises(AssertionError, match="'here' overlaps 'there'"):
-        check_texts(figure)

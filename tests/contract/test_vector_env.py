@@ -184,10 +184,10 @@ def test_masked_resets_and_resets_in_mid_episode_are_gymnasiums(mode: AutoresetM
             reset_both(envs, alone, "full reset")
             over[:] = False
     reset_both(envs, alone, seed=[4, 3, 2, 1])
-    everyone = {"noise": 0.5, "reset_mask": np.ones(4, dtype=np.bool_)}
-    reset_both(envs, alone, options=everyone)
-    envs.reset(options=everyone)
-    assert set(everyone) == {"noise", "reset_mask"}, "the caller's options were changed"
+    all_members = {"noise": 0.5, "reset_mask": np.ones(4, dtype=np.bool_)}
+    reset_both(envs, alone, options=all_members)
+    envs.reset(options=all_members)
+    assert set(all_members) == {"noise", "reset_mask"}, "the caller's options were changed"
 
 
 @each_mode

@@ -146,13 +146,14 @@ def test_all_methods_solve_the_same_equations(method: str) -> None:
 
 
 def test_the_place_does_not_matter() -> None:
-    """Implicit solvers, who find that out by ever larger differences, try remote ones."""
+    """Implicit solvers find that out by ever larger differences, and so try remote ones."""
     equations = _Equations(_scene({"initial.velocity": (0.3, 0.1), "initial.joint_angles": 0.1}))
     state = equations.start()
     remote = state.copy()
     remote[:2] = 1e12, np.inf
     assert (equations(0.1, remote) == equations(0.1, state)).all()
-    assert equations.energy_and_velocity(0.1, remote)[0] == equations.energy_and_velocity(0.1, state)[0] > 0.0
+    energies = [equations.energy_and_velocity(0.1, one)[0] for one in (remote, state)]
+    assert energies[0] == energies[1] > 0.0
 
 
 @pytest.mark.parametrize("method", ["LSODA", "Radau"])
@@ -195,9 +196,9 @@ def test_a_longest_step_is_kept_to() -> None:
 
 
 def test_progress_counts_simulated_seconds() -> None:
-    told: list[float] = []
-    integrate(_scene(CASES["ending"], 50), 0.8, progress=told.append)
-    assert told == pytest.approx([0.5, 0.3])
+    found: list[float] = []
+    integrate(_scene(CASES["ending"], 50), 0.8, progress=found.append)
+    assert found == pytest.approx([0.5, 0.3])
 
 
 # ---- what is conserved -------------------------------------------------------------------------
@@ -340,7 +341,7 @@ def test_a_duration_that_is_none_is_refused(duration: float) -> None:
 @pytest.mark.parametrize(
     ("amplitude", "reason"), [(2.0, "outline_degenerate"), (5.0, "under_resolved_gap")]
 )
-def test_a_shape_that_cannot_be_weighed_ends_it_by_name(amplitude: float, reason: str) -> None:
+def test_a_shape_without_an_added_mass_ends_it_by_name(amplitude: float, reason: str) -> None:
     with pytest.raises(SimulationEndedError) as caught:
         integrate(_scene({"actuation.amplitude": amplitude}), DURATION)
     assert caught.value.reason == reason

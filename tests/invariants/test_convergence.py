@@ -1,11 +1,15 @@
-"""Order of the trajectory in the time step: one with the fluid, two without (PHYSICS section 4)."""
+"""Order of the trajectory in the time step: one with the fluid, two without."""
 
 from __future__ import annotations
+
+import itertools
 
 import numpy as np
 import pytest
 
 from swim_env import Simulator, load_scene
+from tests.invariants.runs import orders
+from tests.support import rollout
 
 TIME_STEPS = (0.0025, 0.00125, 0.000625, 0.0003125)
 #: Torques are held over this time (s) at every time step, so that all runs solve one problem.
@@ -34,40 +38,29 @@ def _states(case: str, fluid: bool, others: dict[str, object], time_step: float)
     wave = np.cos(4.0 * t - 3.0 * simulator.scene.beam.joint_fractions)
     held = (amplitude if fluid else min(amplitude, 0.05)) * np.sin(np.pi * t) ** 2 * wave
     torques = np.repeat(held, round(HELD / time_step), axis=0)
-    trajectory = simulator.rollout(torques)
-    assert trajectory.duration == pytest.approx(DURATION), trajectory.termination_reason
+    trajectory = rollout(simulator.scene, torques)
     assert (trajectory.parts == 1).all(), "steps were cut"
     every = round(HELD / time_step)
     centres = trajectory.centres[::every].reshape(len(held) + 1, -1)
     return np.concatenate([centres, trajectory.angles[::every]], axis=1)
 
 
-def _observed(runs: list[np.ndarray]) -> tuple[np.ndarray, list[float]]:
-    """Return the orders seen in successive differences, and the differences."""
-    changes = [float(np.abs(b - a).max()) for a, b in zip(runs, runs[1:], strict=False)]
-    return np.log2(np.array(changes[:-1]) / np.array(changes[1:])), changes
+ORDERS: dict[str, tuple[str, bool, dict[str, object], float]] = {
+    **{case: (case, True, {}, 1.0) for case in CASES},
+    **{f"{case}, no fluid": (case, False, {}, 2.0) for case in CASES},
+    "damped": ("N=3", True, {"damping": {"retardation_time": 0.005}}, 1.0),
+    "damped, no fluid": ("N=3", False, {"damping": {"retardation_time": 0.005}}, 2.0),
+    "axial": ("N=3", True, {"axial_added_mass": {}}, 1.0),
+}
 
 
-@pytest.mark.parametrize(("fluid", "order"), [(True, 1.0), (False, 2.0)], ids=["fluid", "none"])
-@pytest.mark.parametrize("case", CASES)
-def test_trajectory_converges_at_the_schemes_order(case: str, fluid: bool, order: float) -> None:
-    runs = [_states(case, fluid, {}, step) for step in TIME_STEPS]
-    observed, changes = _observed(runs)
+@pytest.mark.parametrize("name", ORDERS)
+def test_trajectory_converges_at_the_schemes_order(name: str) -> None:
+    *problem, order = ORDERS[name]
+    runs = [_states(*problem, step) for step in TIME_STEPS]
+    changes = [float(np.abs(b - a).max()) for a, b in itertools.pairwise(runs)]
+    observed = orders(changes)
     assert np.abs(observed - order).max() < 0.12, f"orders {observed}, changes {changes}"
-
-
-@pytest.mark.parametrize(("fluid", "order"), [(True, 1.0), (False, 2.0)], ids=["fluid", "none"])
-def test_damping_keeps_the_order(fluid: bool, order: float) -> None:
-    others: dict[str, object] = {"damping": {"retardation_time": 0.005}}
-    runs = [_states("N=3", fluid, others, step) for step in TIME_STEPS]
-    observed, changes = _observed(runs)
-    assert np.abs(observed - order).max() < 0.12, f"orders {observed}, changes {changes}"
-
-
-def test_axial_added_mass_keeps_the_order() -> None:
-    runs = [_states("N=3", True, {"axial_added_mass": {}}, step) for step in TIME_STEPS]
-    observed, changes = _observed(runs)
-    assert np.abs(observed - 1.0).max() < 0.12, f"orders {observed}, changes {changes}"
 
 
 def test_the_tolerance_bounds_the_error_of_newtons_method() -> None:

@@ -1,4 +1,4 @@
-"""Who swims how far in the paper's scenes over the paper's 100 s (PHYSICS section 6, item 8)."""
+"""How far the swimmers of the paper's scenes get in the paper's 100 s."""
 
 from __future__ import annotations
 

@@ -1,21 +1,17 @@
-"""Results are the same to the bit: restored, step by step, in chunks, and in any process."""
+"""The same bits: restored, step by step, in chunks, in any process and in environments."""
 
 from __future__ import annotations
 
 import hashlib
-import json
-import os
-import subprocess
-import sys
 from dataclasses import fields
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from swim_env import Simulator, SwimError, Trajectory, load_scene
+from swim_env import Simulator, SwimEnv, SwimError, SwimVectorEnv, Trajectory, load_scene
+from tests.invariants.runs import MODELS, VIOLENT, fluid_changes, with_scheme
+from tests.support import Array, assert_same, held_torques, rollout, run_python, uniform
 
-ROOT = Path(__file__).parents[2]
 SCENES = {
     "paper_i": load_scene("paper_i"),
     "swimmer": load_scene("swimmer"),
@@ -31,43 +27,39 @@ SCENES = {
             "initial.velocity": (0.2, 0.1),
         },
     ),
+    **{
+        model: load_scene("paper_i", {**fluid_changes(model), "initial.velocity": (0.1, 0.05)})
+        for model in MODELS
+    },
 }
 STEPS = 90
 
 
-def _torques(name: str) -> np.ndarray:
-    scene = SCENES[name]
-    rng = np.random.default_rng(11)
-    torques = np.repeat(rng.uniform(-1.0, 1.0, (STEPS // 3, scene.beam.elements - 1)), 3, axis=0)
+def _torques(name: str) -> Array:
+    torques = held_torques(SCENES[name], STEPS, 11, 0.2 if name in MODELS else 1.0, hold=3)
     if name.endswith("cut steps"):
-        torques[[20, 31, 43]] = 20.0 * np.tile([1.0, -1.0], 4)
+        torques[[20, 31, 43]] = VIOLENT
     return torques
 
 
-def _assert_equal(one: Trajectory, other: Trajectory, leave_out: tuple[str, ...] = ()) -> None:
-    for field in fields(Trajectory):
-        if field.name in leave_out:
-            continue
-        a, b = getattr(one, field.name), getattr(other, field.name)
-        same = np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b
-        gap = np.abs(a - b).max() if isinstance(a, np.ndarray) and a.shape == b.shape else "all"
-        assert same, f"{field.name} differs by {gap}"
+def _arrays(run: Trajectory) -> dict[str, Array]:
+    values = {field.name: getattr(run, field.name) for field in fields(Trajectory)}
+    return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
 
 
-def _part(trajectory: Trajectory, first: int) -> dict[str, np.ndarray]:
-    # None of these scenes asks for internal forces.
-    without = ("scene", "termination_reason", "internal_forces")
-    names = [f.name for f in fields(Trajectory) if f.name not in without]
-    return {name: getattr(trajectory, name)[first:] for name in names}
+def _assert_is_part(found: Trajectory, whole: Trajectory, first: int) -> None:
+    """Compare a run with what a longer one has from a step on."""
+    for name, values in _arrays(found).items():
+        assert_same(values, getattr(whole, name)[first : first + len(values)], name)
 
 
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("cut", [1, 21, 45])
 def test_a_restored_run_continues_bit_for_bit(name: str, cut: int) -> None:
     torques = _torques(name)
-    whole = Simulator(SCENES[name]).rollout(torques)
+    whole = rollout(SCENES[name], torques)
     if name.endswith("cut steps"):
-        assert whole.parts[20] > 1, "the step before the snapshot was to be a cut one"
+        assert whole.parts[20] > 1, "the step before the snapshot must be a cut one"
     simulator = Simulator(SCENES[name])
     simulator.rollout(torques[:cut])
     kept = simulator.snapshot()
@@ -78,10 +70,8 @@ def test_a_restored_run_continues_bit_for_bit(name: str, cut: int) -> None:
     for restored in (simulator, other):
         assert restored.steps == cut
         rest = restored.rollout(torques[cut:])
-        for field, wanted in _part(whole, cut).items():
-            found = getattr(rest, field)
-            gap = np.abs(found - wanted).max()
-            assert np.array_equal(found, wanted), f"{field} differs by {gap:.2g}"
+        assert rest.steps == STEPS - cut
+        _assert_is_part(rest, whole, cut)
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -103,25 +93,11 @@ def test_single_steps_are_the_rollout_bit_for_bit(name: str) -> None:
 @pytest.mark.parametrize("name", SCENES)
 def test_a_rollout_in_chunks_is_one_rollout(name: str) -> None:
     torques = _torques(name)
-    whole = Simulator(SCENES[name]).rollout(torques)
+    whole = rollout(SCENES[name], torques)
     simulator = Simulator(SCENES[name])
-    at = 0
-    for size in (1, 7, 30, 52):
-        piece = simulator.rollout(torques[at : at + size])
-        for field, wanted in _part(whole, at).items():
-            found = getattr(piece, field)
-            assert np.array_equal(found, wanted[: len(found)]), f"{field} differs from step {at}"
-        at += size
-    assert at == STEPS
-
-
-def test_watching_the_progress_changes_nothing() -> None:
-    torques = np.tile(_torques("swimmer"), (6, 1))
-    told: list[int] = []
-    watched = Simulator("swimmer").rollout(torques, told.append)
-    _assert_equal(Simulator("swimmer").rollout(torques), watched)
-    assert sum(told) == len(torques)
-    assert len(told) > 1
+    for first, last in ((0, 1), (1, 8), (8, 38), (38, STEPS)):
+        _assert_is_part(simulator.rollout(torques[first:last]), whole, first)
+    assert simulator.steps == STEPS
 
 
 def test_reading_the_state_changes_nothing() -> None:
@@ -150,12 +126,6 @@ def test_simulators_do_not_influence_each_other() -> None:
         assert together[name].energy() == alone[name].energy[-1], name
 
 
-def test_a_snapshot_of_another_scene_is_refused() -> None:
-    kept = Simulator("paper_i").snapshot()
-    with pytest.raises(SwimError, match="another scene"):
-        Simulator("swimmer").restore(kept)
-
-
 def test_a_snapshot_remembers_the_end() -> None:
     simulator = Simulator("swimmer")
     with pytest.raises(SwimError):
@@ -168,27 +138,51 @@ def test_a_snapshot_remembers_the_end() -> None:
 
 def digest(name: str) -> str:
     """Return a hash of all numbers of one run."""
-    trajectory = Simulator(SCENES[name]).rollout(_torques(name))
     total = hashlib.sha256()
-    for values in _part(trajectory, 0).values():
+    for values in _arrays(rollout(SCENES[name], _torques(name))).values():
         total.update(np.ascontiguousarray(values).tobytes())
     return total.hexdigest()
 
 
 def test_every_process_gives_the_same_bits() -> None:
-    names = list(SCENES)
-    here = {name: digest(name) for name in names}
+    here = {name: digest(name) for name in SCENES}
     code = (
-        "import json, sys; sys.path[:0] = sys.argv[1:3]; import test_snapshot as t; "
-        "print(json.dumps({name: t.digest(name) for name in sys.argv[3:]}))"
+        "import json, sys; import tests.invariants.test_snapshot as t; "
+        "print(json.dumps({name: t.digest(name) for name in sys.argv[1:]}))"
     )
-    folders = [str(ROOT), str(Path(__file__).parent)]
-    for order in (names, names[::-1]):
-        command = [sys.executable, "-c", code, *folders, *order]
-        done = subprocess.run(
-            command, capture_output=True, text=True, timeout=280, env=dict(os.environ), check=False
-        )
-        assert done.returncode == 0, done.stderr
-        there = json.loads(done.stdout)
+    for names in (list(here), list(here)[::-1]):
+        there = run_python("-c", code, *names).figures()
         different = [name for name in names if there[name] != here[name]]
         assert not different, f"other bits in another process: {different}"
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("name", [*MODELS, "composed, mean angles"])
+def test_simulator_and_environments_take_the_same_steps_bit_for_bit(
+    name: str, threads: int
+) -> None:
+    composed = with_scheme("composed", "mean_angles")
+    scene = load_scene("swimmer", fluid_changes(name) if name in MODELS else composed)
+    assert scene.steps_per_action > 1
+    simulators, singles = [Simulator(scene) for _ in range(3)], [SwimEnv(scene) for _ in range(3)]
+    batch = SwimVectorEnv(3, scene, num_threads=threads)
+    still = {"noise": 0.0}
+    seen = [single.reset(seed=1, options=still)[0] for single in singles]
+    all_seen, _ = batch.reset(seed=1, options=still)
+    for actions in uniform(8, 3, 8, seed=8, size=0.5):
+        assert np.array_equal(seen, all_seen)
+        all_seen, rewards, ends, cuts, _ = batch.step(actions)
+        assert not (ends.any() or cuts.any())
+        assert np.isfinite(all_seen).all() and np.isfinite(rewards).all()
+        bodies = batch.episodes.bodies
+        for i, (simulator, single) in enumerate(zip(simulators, singles, strict=True)):
+            seen[i], reward, terminated, truncated, _ = single.step(actions[i])
+            assert reward == rewards[i] and not (terminated or truncated)
+            # An action is held, whatever the scheme. The torque limit is 1 N m.
+            simulator.rollout(np.tile(actions[i], (scene.steps_per_action, 1)))
+            assert_same(single.coordinates, simulator.coordinates)
+            assert_same(bodies.coordinates[i].copy(), simulator.coordinates)
+            assert_same(single.velocity, simulator.velocity())
+            assert_same(bodies.velocities[i].copy(), simulator.velocity())
+    assert np.abs(simulators[1].joint_angles).max() > 0.01
+    assert not np.array_equal(bodies.coordinates[0], bodies.coordinates[1])

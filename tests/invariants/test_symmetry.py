@@ -2,25 +2,50 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 
 import numpy as np
 import pytest
 
 from swim_env import Scene, Simulator, Trajectory, load_scene
+from tests.invariants.runs import (
+    CLOSED,
+    MODELS,
+    SCHEMES,
+    STRAINS,
+    VARIANTS,
+    bend_of,
+    each_model,
+    fluid_changes,
+    largest,
+    with_scheme,
+)
+from tests.support import Array, rollout
 
-TOLERANCE = 1e-13
-BASES = ("paper_i", "swimmer", "paper_iv", "paper_v", "paper_vii")
 # Newton stops where the residual is small, not where both runs are: what is left of it, and
 # rounding, grows along with the motion.
 AGREEMENT = 1e-11
 
+#: A scene and what is changed in it.
+CASES: dict[str, tuple[str, dict[str, object]]] = {
+    **{base: (base, {}) for base in ("paper_i", "swimmer", "paper_iv", "paper_v", "paper_vii")},
+    "no fluid": ("paper_i", {"fluid": None}),
+    "axial": ("swimmer", {"axial_added_mass": {}}),
+    **{
+        ", ".join(pair): ("swimmer", with_scheme(*pair))
+        for pair in itertools.product(SCHEMES, STRAINS)
+    },
+    **{model: ("paper_i", fluid_changes(model)) for model in MODELS},
+}
 
-def _scene(base: str, changes: Mapping[str, object] | None = None) -> Scene:
-    return load_scene(base, {"integrator.tolerance": TOLERANCE, **(changes or {})})
+
+def _scene(name: str, changes: Mapping[str, object] | None = None) -> Scene:
+    base, others = CASES[name]
+    return load_scene(base, {"integrator.tolerance": 1e-13, **others, **(changes or {})})
 
 
-def _torques(scene: Scene, steps: int = 200, seed: int = 5) -> np.ndarray:
+def _torques(scene: Scene, steps: int = 200, seed: int = 5) -> Array:
     """Return a smooth torque without symmetry: waves both ways and a bias."""
     rng = np.random.default_rng(seed)
     t = np.arange(steps)[:, None] * scene.integrator.time_step
@@ -30,67 +55,40 @@ def _torques(scene: Scene, steps: int = 200, seed: int = 5) -> np.ndarray:
     return np.asarray(ahead + c * (1.0 - np.exp(-t)) + d * np.sin(3.0 * t) * place)
 
 
-def _play(scene: Scene, torques: np.ndarray) -> Trajectory:
-    trajectory = Simulator(scene).rollout(torques)
-    assert trajectory.steps == len(torques), trajectory.termination_reason
-    return trajectory
-
-
-def _assert_same(
-    found: tuple[np.ndarray, np.ndarray], wanted: tuple[np.ndarray, np.ndarray], what: str
-) -> None:
-    (centres, angles), (centres2, angles2) = found, wanted
-    bend = np.abs(np.diff(angles, axis=1)).max()
+def _gap(run: Trajectory, centres: Array, angles: Array) -> float:
+    """Return the largest difference (m, rad) of a bent run from where it should be."""
+    bend = bend_of(run)
     assert bend > 0.02, f"a joint angle of {bend:.2g} rad is no test"
-    position = np.abs(centres - centres2).max()
-    turn = np.abs(angles - angles2).max()
-    assert position < AGREEMENT, f"{what}: centres differ by {position:.2g} m"
-    assert turn < AGREEMENT, f"{what}: angles differ by {turn:.2g} rad"
+    return float(max(np.abs(run.centres - centres).max(), np.abs(run.angles - angles).max()))
 
 
-def _rotation(angle: float) -> np.ndarray:
-    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-
-
-@pytest.mark.parametrize("base", BASES)
-def test_mirrored_torques_give_the_mirrored_path(base: str) -> None:
-    scene = _scene(base)
-    torques = _torques(scene)
-    one = _play(scene, torques)
-    other = _play(scene, -torques)
-    assert np.abs(one.displacement).max() > 1e-6, one.displacement
-    _assert_same(
-        (one.centres, one.angles), (other.centres * [1.0, -1.0], -other.angles), f"{base} mirrored"
-    )
-
-
-def test_mirroring_holds_with_a_bent_moving_start_and_axial_added_mass() -> None:
-    bend = np.linspace(0.2, -0.1, 8)
+@pytest.mark.parametrize("name", CASES)
+def test_mirrored_torques_give_the_mirrored_path(name: str) -> None:
     runs = []
     for sign in (1.0, -1.0):
-        scene = _scene(
-            "swimmer",
-            {
-                "axial_added_mass": {},
-                "initial.joint_angles": [float(sign * a) for a in bend],
-                "initial.velocity": (0.2, sign * 0.1),
-            },
-        )
-        runs.append(_play(scene, sign * _torques(scene)))
+        bend = sign * np.linspace(0.1, -0.05, _scene(name).beam.elements - 1)
+        start = {"joint_angles": [float(a) for a in bend], "velocity": (0.2, sign * 0.1)}
+        scene = _scene(name, {"initial": start})
+        runs.append(rollout(scene, sign * _torques(scene)))
     one, other = runs
-    _assert_same(
-        (one.centres, one.angles), (other.centres * [1.0, -1.0], -other.angles), "mirrored"
-    )
+    gap = _gap(one, other.centres * [1.0, -1.0], -other.angles)
+    if name in VARIANTS:
+        # The fluid is on one side: some per cent of the bend, no rounding.
+        assert gap > 1e-4, f"off by {gap:.2g} only"
+    else:
+        assert gap < AGREEMENT, f"off by {gap:.2g}"
 
 
-@pytest.mark.parametrize("base", ["paper_i", "swimmer", "paper_iv"])
-@pytest.mark.parametrize("angle", [0.5 * np.pi, 2.3, -1.1])
-def test_turning_and_shifting_the_start_turns_and_shifts_the_path(base: str, angle: float) -> None:
+@pytest.mark.parametrize(
+    ("name", "angle"), [*((name, 2.3) for name in CASES), ("paper_i", 0.5 * np.pi), ("axial", -1.1)]
+)
+def test_turning_and_shifting_the_start_turns_and_shifts_the_path(name: str, angle: float) -> None:
     start = {"joint_angles": 0.05, "velocity": (0.15, -0.1)}
-    scene = _scene(base, {"initial": start})
+    scene = _scene(name, {"initial": start})
     torques = _torques(scene)
-    one = _play(scene, torques)
-    turn = _rotation(angle)
+    one = rollout(scene, torques)
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, -s], [s, c]])
     shift = np.array([3.0, -7.0])
     moved = {
         **start,
@@ -98,48 +96,72 @@ def test_turning_and_shifting_the_start_turns_and_shifts_the_path(base: str, ang
         "heading": angle,
         "velocity": [float(v) for v in turn @ start["velocity"]],
     }
-    other = _play(_scene(base, {"initial": moved}), torques)
-    _assert_same(
-        (other.centres, other.angles),
-        (one.centres @ turn.T + shift, one.angles + angle),
-        f"{base} turned by {angle:.2f}",
-    )
+    other = rollout(_scene(name, {"initial": moved}), torques)
+    gap = _gap(other, one.centres @ turn.T + shift, one.angles + angle)
+    assert gap < AGREEMENT, f"off by {gap:.2g}"
 
 
-@pytest.mark.parametrize("changes", [{}, {"damping": {"retardation_time": 0.001}}, {"fluid": None}])
-def test_head_and_tail_are_alike(changes: dict[str, object]) -> None:
-    # Counted from the other end every element points the other way, so th_k becomes
-    # th_{N+1-k} + pi and joint angles and joint torques change sign and order.
+@pytest.mark.parametrize("name", ["swimmer", "no fluid", "axial", *MODELS])
+def test_the_mirror_image_counted_from_the_tail_is_the_same(name: str) -> None:
+    # Element k becomes N + 1 - k, its angle pi minus the other's, and a joint's torque stays what
+    # it is. That keeps the fluid on d1's side, so the centre line has this symmetry too, unless
+    # arms are measured from the elements' heads. Together with the mirror it makes head and tail
+    # alike.
     stiffness = [5.0, 6.0, 8.0, 7.0, 5.0, 4.0, 3.0, 4.0]
     bend = np.linspace(0.1, -0.05, 8)
-    changes = {**changes, "beam.bending_stiffness": stiffness}
-    scene = _scene("paper_i", {**changes, "initial.joint_angles": [float(a) for a in bend]})
+    start = {"joint_angles": [float(a) for a in bend], "velocity": (0.2, 0.1)}
+    scene = _scene(name, {"beam.bending_stiffness": stiffness, "initial": start})
     torques = 0.3 * _torques(scene)
-    one = _play(scene, torques)
+    one = rollout(scene, torques)
+    flip = np.array([1.0, -1.0])
     backwards = {
-        **changes,
-        "beam.bending_stiffness": stiffness[::-1],
-        "initial.joint_angles": [float(-a) for a in bend[::-1]],
-        "initial.heading": float(one.angles[0, -1] + np.pi),
-        "initial.position": [float(x) for x in one.nodes[0, -1]],
+        "joint_angles": [float(a) for a in bend[::-1]],
+        "heading": float(np.pi - one.angles[0, -1]),
+        "position": [float(x) for x in flip * one.nodes[0, -1]],
+        "velocity": (0.2, -0.1),
     }
-    other = _play(_scene("paper_i", backwards), -torques[:, ::-1])
-    _assert_same(
-        (other.centres, other.angles),
-        (one.centres[:, ::-1], one.angles[:, ::-1] + np.pi),
-        "from tail to head",
+    other = rollout(
+        _scene(name, {"beam.bending_stiffness": stiffness[::-1], "initial": backwards}),
+        torques[:, ::-1],
     )
+    gap = _gap(other, flip * one.centres[:, ::-1], np.pi - one.angles[:, ::-1])
+    if name.endswith("arm_from_start"):
+        assert gap > 0.01, f"off by {gap:.2g} only"
+    else:
+        # Second derivatives of the expansion are symmetric to 1e-10 of A only: 2e-12 seen.
+        assert gap < (1e-9 if name == "expansion" else AGREEMENT), f"off by {gap:.2g}"
 
 
-@pytest.mark.parametrize("base", ["paper_i", "swimmer"])
-def test_the_motion_does_not_depend_on_when_it_starts(base: str) -> None:
-    scene = _scene(base)
+@each_model
+@pytest.mark.parametrize("velocity", [(0.1, 0.0), (0.0, 0.1)], ids=["along", "across"])
+def test_a_straight_beam_that_drifts_stays_straight(
+    name: str, velocity: tuple[float, float]
+) -> None:
+    scene = _scene(name, {"initial.velocity": velocity, "actuation": None})
+    run = rollout(scene, np.zeros((500, 8)))
+    if velocity[0]:
+        # Nothing presses on it, and Kirchhoff's instability, 0.1 1/s, does not double rounding in
+        # 5 s.
+        assert largest(run.angles) < 1e-13
+        assert largest(run.displacement - [0.5, 0.0]) < 1e-13
+    elif name in CLOSED:
+        # Rounding, 6e-15 seen.
+        assert bend_of(run) < 1e-12, f"bent by {bend_of(run):.2g} rad"
+    else:
+        # The one-sided sheet presses it to one side: 3e-4 rad and more seen.
+        assert bend_of(run) > 1e-5, f"bent by {bend_of(run):.2g} rad only"
+
+
+@pytest.mark.parametrize("name", ["paper_i", "swimmer"])
+def test_the_motion_does_not_depend_on_when_it_starts(name: str) -> None:
+    scene = _scene(name)
     torques = _torques(scene)
-    now = _play(scene, torques)
-    later = _play(scene, np.concatenate([np.zeros((37, scene.beam.elements - 1)), torques]))
+    now = rollout(scene, torques)
+    later = rollout(scene, np.concatenate([np.zeros((37, 8)), torques]))
     rest = np.abs(later.centres[:38] - later.centres[0]).max()
     assert rest == 0.0, f"a beam at rest moved by {rest:.2g} m without torques"
-    _assert_same((later.centres[37:], later.angles[37:]), (now.centres, now.angles), "37 steps on")
+    gap = _gap(now, later.centres[37:], later.angles[37:])
+    assert gap < AGREEMENT, f"37 steps later: off by {gap:.2g}"
 
 
 def test_units_do_not_matter() -> None:
@@ -147,7 +169,7 @@ def test_units_do_not_matter() -> None:
     a, b, c = 2.5, 0.4, 3.0
     scene = _scene("swimmer")
     torques = _torques(scene)
-    one = _play(scene, torques)
+    one = rollout(scene, torques)
     beam = scene.beam
     # Depth stays a unit length: mass per length and per depth go as c a, energies as c a^4/b^2.
     other_scene = _scene(
@@ -163,8 +185,9 @@ def test_units_do_not_matter() -> None:
             "integrator.time_step": b * scene.integrator.time_step,
         },
     )
-    other = _play(other_scene, c * a**4 / b**2 * torques)
-    _assert_same((other.centres / a, other.angles), (one.centres, one.angles), "other units")
+    other = rollout(other_scene, c * a**4 / b**2 * torques)
+    gap = _gap(one, other.centres / a, other.angles)
+    assert gap < AGREEMENT, f"off by {gap:.2g}"
 
 
 class TestGeometricSwimming:
@@ -184,15 +207,6 @@ class TestGeometricSwimming:
         velocity = np.abs(simulator.velocity()).max()
         assert velocity < 1e-5, f"M^-1 p = {velocity:.2g}"
 
-    def test_with_momentum_it_goes_on(self) -> None:
-        # What the test above would miss: the fluid must not act as friction.
-        scene = _scene(
-            "swimmer", {"damping.retardation_time": 0.02, "initial.velocity": (0.0, 0.1)}
-        )
-        trajectory = _play(scene, np.zeros((1000, 8)))
-        way = float(trajectory.displacement[1])
-        assert abs(way / (0.1 * trajectory.duration) - 1.0) < 1e-3, f"{way:.6f} m sideways in 5 s"
-
     def test_a_closed_slow_stroke_back_and_forth_gets_nowhere(self) -> None:
         # One way of bending and back (the scallop) swims nowhere where inertia of the bending
         # itself is negligible: a slow stroke of all joints alike.
@@ -203,5 +217,5 @@ class TestGeometricSwimming:
             phase = 0.0 if kind == "scallop" else 2.0 * np.pi * scene.beam.joint_fractions
             ramp = np.minimum(t / 5.0, 1.0) * np.minimum((15.0 - t) / 5.0, 1.0)
             stroke = ramp * np.sin(2.0 * np.pi * t / 1.0 - phase) + np.zeros((1, 8))
-            way[kind] = float(np.hypot(*_play(scene, stroke).displacement))
+            way[kind] = float(np.hypot(*rollout(scene, stroke).displacement))
         assert way["scallop"] < 0.05 * way["wave"], f"displacements {way} m"

@@ -47,6 +47,14 @@ def small_config(kind: str = "ppo", **changes: Any) -> TrainingConfig:
     return TrainingConfig.from_dict({**data, **KINDS[kind], **changes})
 
 
+def untrained(config: TrainingConfig, seed: int = 0) -> Any:
+    """Return the model with which a run begins."""
+    from swim_agents.learning.environment import make_training_env
+    from swim_agents.learning.models import make_model
+
+    return make_model(config, make_training_env(config, seed, threads=1), seed, "cpu")
+
+
 class Stopped(Exception):
     """What ends a run in the middle."""
 

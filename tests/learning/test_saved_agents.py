@@ -24,14 +24,13 @@ import torch
 from gymnasium.vector import AutoresetMode
 from swim_agents.evaluation import play_episodes
 from swim_agents.learning.config import TrainingConfig
-from swim_agents.learning.environment import make_batch, make_training_env
-from swim_agents.learning.models import make_model
+from swim_agents.learning.environment import make_batch
 from swim_agents.learning.saved import AgentError, load_agent, load_bare_model, save_agent
 from swim_agents.learning.trainer import train
 from swim_agents.policies import load_policy
 
 from swim_env import OptionError, SwimError, load_scene
-from tests.learning.small_runs import KINDS, contents, hidden, small_config
+from tests.learning.small_runs import KINDS, contents, hidden, small_config, untrained
 from tests.support import call_script, refuses, run_script
 
 #: A function that returns a model of a kind and the folder it was saved to.
@@ -40,7 +39,7 @@ Saved = Callable[[str], tuple[Any, Path]]
 
 def model_of(config: TrainingConfig) -> Any:
     """Return a model whose actions reach from one end to the other."""
-    model = make_model(config, make_training_env(config, 0, 1), 0, "cpu")
+    model = untrained(config)
     with torch.no_grad():
         for value in model.policy.parameters():
             value.copy_(torch.randn(value.shape, generator=torch.Generator().manual_seed(1)))

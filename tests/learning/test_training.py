@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import fcntl
 import gc
@@ -200,28 +201,23 @@ def test_progress_is_told_in_steps_that_add_up(tmp_path: Path) -> None:
     assert all(text.endswith(" BL") for _, text in told)
 
 
-@pytest.mark.parametrize("stop", [False, True])
-def test_the_number_of_pytorchs_threads_is_left_as_it_was(stop: bool, tmp_path: Path) -> None:
-    before = torch.get_num_threads()
-    inside: list[int] = []
+@pytest.mark.parametrize("stop_after", [64, 1000])
+def test_the_number_of_pytorchs_threads_is_left_as_it_was(stop_after: int, tmp_path: Path) -> None:
+    before, inside = torch.get_num_threads(), set()
+    stop = stop_at(stop_after)
 
     def progress(steps: int, text: str) -> None:
-        inside.append(torch.get_num_threads())
-        if stop:
-            raise Stopped
+        inside.add(torch.get_num_threads())
+        stop(steps, text)
 
-    config = small_config(steps=128, torch_threads=1)
     torch.set_num_threads(2)
     try:
-        if stop:
-            with pytest.raises(Stopped):
-                train(config, tmp_path, progress=progress)
-        else:
-            train(config, tmp_path, progress=progress)
+        with contextlib.suppress(Stopped):
+            train(small_config(steps=128, torch_threads=1), tmp_path, progress=progress)
         assert torch.get_num_threads() == 2
     finally:
         torch.set_num_threads(before)
-    assert set(inside) == {1}
+    assert inside == {1}
 
 
 # ---- going on after an interruption ------------------------------------------------------------

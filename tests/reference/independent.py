@@ -1,10 +1,10 @@
 """Independent reference for a planar elastic beam in ideal fluid, written for clarity.
 
-Everything follows PHYSICS.md (sections 1, 2, 4 and 5) literally, and no gradient is derived by
-hand: every derivative is a complex step, d f(x)/dx = Im f(x + i h)/h with h = 1e-30, which has no
-subtractive error.  All functions that carry a derivative therefore accept complex arguments and
-avoid ``abs``, ``norm`` and ``conj``.  The only finite difference is in Newton's Jacobian, which
-affects the number of iterations but not the solution.
+Everything follows docs/physics.md literally, and no gradient is derived by hand: every derivative
+is a complex step, d f(x)/dx = Im f(x + i h)/h with h = 1e-30, which has no subtractive error. All
+functions that carry a derivative therefore accept complex arguments and avoid ``abs``, ``norm`` and
+``conj``. The only finite difference is in Newton's Jacobian, which affects the number of iterations
+but not the solution.
 
 Minimal coordinates are u = (x0, y0, th_1, ..., th_N), with (x0, y0) the head node.  The redundant
 ones are centres r, normals d1 and tangents d3.  All quantities are SI, per metre of depth.
@@ -18,6 +18,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from swim_env import Scene
 
 STEP = 1e-30  # complex step
 JACOBIAN_STEP = 1e-7  # finite difference of Newton's Jacobian, rad or m
@@ -49,12 +51,12 @@ def _length(a: NDArray) -> NDArray:
 
 
 def _tangent(th: NDArray) -> NDArray:
-    """Return d3 = (cos th, sin th), shape (..., 2); section 1."""
+    """Return d3 = (cos th, sin th), shape (..., 2)."""
     return np.stack([np.cos(th), np.sin(th)], axis=-1)
 
 
 def _normal(th: NDArray) -> NDArray:
-    """Return d1 = (-sin th, cos th), shape (..., 2); section 1."""
+    """Return d1 = (-sin th, cos th), shape (..., 2)."""
     return np.stack([-np.sin(th), np.cos(th)], axis=-1)
 
 
@@ -71,7 +73,7 @@ class _Panels:
 
 
 def _outline(th: NDArray, dl: float, h: float, per_element: int, caps: int) -> _Panels:
-    """Cut the mitred outline into panels; section 2, first item.
+    """Cut the mitred outline into panels.
 
     th (..., N) in rad, head node at the origin; element length dl and half thickness h in m.
     """
@@ -103,7 +105,7 @@ def _outline(th: NDArray, dl: float, h: float, per_element: int, caps: int) -> _
 
 
 def _influence(p: _Panels, length: float) -> tuple[NDArray, NDArray]:
-    """Return G (normal velocity) and P (potential) of unit sources; (..., M, M), section 2.
+    """Return G (normal velocity) and P (potential) of unit sources; (..., M, M).
 
     Row i is the collocation point, column j the panel that carries the source.
     """
@@ -148,18 +150,14 @@ def added_mass(
     cap_panels: int,
     axial: bool = False,
 ) -> NDArray:
-    """Return the added mass of a bent beam, A = -rho sym(B^T diag(L) P G^-1 B); section 2.
+    """Return the added mass of a bent beam, A = -rho sym(B^T diag(L) P G^-1 B).
 
     Parameters
     ----------
     joint_angles : (..., N-1) array
         th_{k+1} - th_k, rad; real or complex, leading axes are a batch.
-    length, half_thickness : float
-        Body length and half thickness, m.
-    elements : int
-        Number N of elements.
-    density : float
-        Fluid density, kg/m^3 (unit depth).
+    length, half_thickness, density : float
+        Of the body, m; of the fluid, kg/m^3 (unit depth).
     panels_per_element, cap_panels : int
         Panels on both sides of an element together (even), and on each end.
     axial : bool
@@ -172,10 +170,6 @@ def added_mass(
     """
     joints = np.asarray(joint_angles)
     joints = joints.astype(np.result_type(joints.dtype, np.float64))
-    if joints.shape[-1] != elements - 1:
-        raise ValueError("joint_angles must have N - 1 entries")
-    if panels_per_element < 2 or panels_per_element % 2 or cap_panels < 1:
-        raise ValueError("panels_per_element must be even and positive, cap_panels positive")
     first = np.zeros((*joints.shape[:-1], 1), dtype=joints.dtype)
     th = np.concatenate([first, np.cumsum(joints, axis=-1)], axis=-1)
     dl = length / elements
@@ -185,6 +179,21 @@ def added_mass(
     potential = phi @ np.linalg.solve(g, b)
     a = -density * np.swapaxes(panels.size[..., None] * b, -1, -2) @ potential
     return (a + np.swapaxes(a, -1, -2)) / 2
+
+
+def fluid_arguments(scene: Scene) -> dict[str, Any] | None:
+    """Return what `added_mass` needs to know of a scene with the panel model, besides its beam."""
+    fluid, beam = scene.fluid, scene.beam
+    if fluid is None:
+        return None
+    return {
+        "length": beam.length,
+        "half_thickness": beam.half_thickness,
+        "density": fluid.density,
+        "panels_per_element": fluid.panels_per_element,
+        "cap_panels": fluid.cap_panels,
+        "axial": scene.axial_added_mass is not None,
+    }
 
 
 def _added_mass_and_tensor(th: NDArray, **fluid: Any) -> tuple[NDArray, NDArray]:
@@ -218,7 +227,7 @@ def _redundant(u: NDArray, dl: float) -> tuple[NDArray, NDArray, NDArray]:
 def _motions(
     d1: NDArray, d3: NDArray, dr: NDArray, dd1: NDArray, dd3: NDArray, axial: bool
 ) -> NDArray:
-    """Return V = (v, w[, axial]) of changes dr, dd1, dd3 as seen at d1, d3; section 4."""
+    """Return V = (v, w[, axial]) of changes dr, dd1, dd3 as seen at d1, d3."""
     v, w = _dot(d1, dr), (_dot(dd3, d1) - _dot(dd1, d3)) / 2
     return np.concatenate([v, w, _dot(d3, dr)] if axial else [v, w], axis=-1)
 
@@ -237,7 +246,7 @@ def _step_motions(u0: NDArray, u1: NDArray, beam: _Beam) -> NDArray:
 
 
 def _discrete_lagrangian(u0: NDArray, u1: NDArray, a: NDArray | None, beam: _Beam) -> NDArray:
-    """L_d(u0, u1) of section 4 with the added mass held at a; (..., N+2) -> (...,), J s."""
+    """L_d(u0, u1) of (34) with the added mass held at a; (..., N+2) -> (...,), J s."""
     (r0, d10, d30), (r1, d11, d31) = _redundant(u0, beam.dl), _redundant(u1, beam.dl)
     dr, dd1 = r1 - r0, d11 - d10
     quadratic = beam.dl * np.sum(
@@ -267,7 +276,7 @@ def _d2(u0: NDArray, u1: NDArray, a: NDArray | None, beam: _Beam) -> NDArray:
 
 
 def _mass(u: NDArray, a: NDArray | None, beam: _Beam) -> NDArray:
-    """Total mass matrix (N+2, N+2) on du/dt at u; eqs. (18), (32) and section 2."""
+    """Total mass matrix (N+2, N+2) on du/dt at u; eqs. (18), (32)."""
     # Row c of the complex step is the velocity that the unit rate of coordinate c produces.
     dr, dd1, dd3 = (q.imag / STEP for q in _redundant(u + 1j * STEP * np.eye(len(u)), beam.dl))
     mass = beam.line_density * np.einsum("aki,bki->ab", dr, dr)
@@ -281,7 +290,7 @@ def _mass(u: NDArray, a: NDArray | None, beam: _Beam) -> NDArray:
 
 
 def _force(torque: NDArray, damping: NDArray, u0: NDArray, u1: NDArray, dt: float) -> NDArray:
-    """Generalised force F_n (..., N+2) of the torques and Kelvin-Voigt moments; sections 1, 4.
+    """Generalised force F_n (..., N+2) of the torques and Kelvin-Voigt moments.
 
     damping is (EI/dl) t_kv at the joints, N m s.
     """
@@ -314,81 +323,42 @@ def _solve(residual: Callable[[NDArray], NDArray], guess: NDArray, scale: float)
     return u
 
 
-def simulate(
-    *,
-    elements: int,
-    length: float,
-    half_thickness: float,
-    line_density: float,
-    rotary_inertia: float,
-    bending_stiffness: ArrayLike,
-    density: float | None,
-    panels_per_element: int,
-    cap_panels: int,
-    time_step: float,
-    torques: ArrayLike,
-    retardation_time: float = 0.0,
-    velocity: ArrayLike = (0.0, 0.0),
-    slope: float = 0.0,
-    axial: bool = False,
-) -> dict[str, NDArray]:
-    """Run the variational integrator (34) of section 4 from the reference pose.
+def simulate(scene: Scene, torques: NDArray) -> dict[str, NDArray]:
+    """Run the variational integrator (34) from the straight pose with its head at the origin.
 
     Parameters
     ----------
-    elements : int
-        Number N of elements.
-    length, half_thickness : float
-        Body length and half thickness, m.
-    line_density, rotary_inertia : float
-        rho_B A in kg/m and rho_B I_1 in kg m.
-    bending_stiffness : (N-1,) array
-        EI at the joints, N m^2.
-    density : float or None
-        Fluid density, kg/m^3; None or 0 means no fluid.
-    panels_per_element, cap_panels, axial
-        As for `added_mass`.
-    time_step : float
-        Step dt, s.
+    scene : Scene
+        Beam, damping, fluid (panels or none), axial added mass, time step, and the start's uniform
+        velocity and slope; the rest is ignored.
     torques : (T, N-1) array
         Joint torques held over each step, N m.
-    retardation_time : float
-        Kelvin-Voigt time t_kv, s.
-    velocity : (2,) array
-        Uniform initial velocity, m/s.
-    slope : float
-        Initial lateral velocity per x, equal to the elements' turning rate, 1/s.
 
     Returns
     -------
     dict
         centres (T+1, N, 2) in m; angles (T+1, N) in rad; momentum (T+1, 3), the discrete momentum
         map (px, py, angular about the origin); energy (T+1,) in J, p M^-1 p/2 + W; work (T,) in J,
-        the torques' work (section 5).
+        that of the torques.
     """
-    n, dt, dl = elements, time_step, length / elements
-    stiffness = np.broadcast_to(np.asarray(bending_stiffness, dtype=float), (n - 1,))
-    torques = np.asarray(torques, dtype=float)
-    if torques.ndim != 2 or torques.shape[1] != n - 1:
-        raise ValueError("torques must have the shape (T, N - 1)")
-    beam = _Beam(dl, line_density, rotary_inertia, stiffness, dt, axial)
-    fluid: dict[str, Any] = {
-        "length": length, "half_thickness": half_thickness, "density": density, "axial": axial,
-        "panels_per_element": panels_per_element, "cap_panels": cap_panels,
-    }  # fmt: skip
-    if not density and rotary_inertia <= 0:
-        raise ValueError("without a fluid, rotary_inertia must be positive")
-    damping = stiffness / dl * retardation_time
+    n, dl, length = scene.beam.elements, scene.beam.element_length, scene.beam.length
+    dt = scene.integrator.time_step
+    stiffness = scene.beam.stiffness_at_joints()
+    axial = scene.axial_added_mass is not None
+    beam = _Beam(dl, scene.beam.line_density, scene.beam.rotary_inertia, stiffness, dt, axial)
+    fluid = fluid_arguments(scene)
+    damping = stiffness / dl * (scene.damping.retardation_time if scene.damping else 0.0)
+    rate = np.full(n + 2, scene.initial.velocity_slope)
+    rate[:2] = scene.initial.velocity
 
     steps = len(torques)
     path = np.zeros((steps + 1, n + 2))
     momenta = np.zeros_like(path)
     energy, work = np.zeros(steps + 1), np.zeros(steps)
-    rate = np.concatenate([np.asarray(velocity, dtype=float), np.full(n, float(slope))])
     guess = path[0] + dt * rate
     for i in range(steps + 1):
         u0 = path[i]
-        a, da = _added_mass_and_tensor(u0[2:], **fluid) if density else (None, None)
+        a, da = _added_mass_and_tensor(u0[2:], **fluid) if fluid else (None, None)
         mass = _mass(u0, a, beam)
         np.linalg.cholesky(mass)  # refuses a mass that has lost positivity
         if i == 0:

@@ -58,17 +58,15 @@ def test_a_fold_that_reset_refuses_leaves_the_simulator_as_it_was() -> None:
     assert simulator.snapshot() == before, "the refused reset changed the state"
 
 
-@pytest.mark.parametrize(
-    ("name", "retardation"), [("quickly", 0.001), ("slowly", 0.05), ("undamped", None)]
-)
-def test_curling_up_ends_when_the_gap_closes(name: str, retardation: float | None) -> None:
+@pytest.mark.parametrize("retardation", [0.001, 0.05, None])
+def test_curling_up_ends_when_the_gap_closes(retardation: float | None) -> None:
     damping = None if retardation is None else {"retardation_time": retardation}
     simulator = Simulator(load_scene("swimmer", {"damping": damping}))
     ramp = np.linspace(0.0, 45.0, 400)[:, None] * np.ones(8)
     trajectory = simulator.rollout(ramp)
-    assert trajectory.termination_reason in {"under_resolved_gap", "outline_degenerate"}, (
-        f"{trajectory.termination_reason!r} after {trajectory.steps} steps"
-    )
+    # Slowly enough, it is the gap that closes by and by.
+    ends = {"under_resolved_gap"} | ({"outline_degenerate"} if retardation != 0.05 else set())
+    assert trajectory.termination_reason in ends, f"after {trajectory.steps} steps"
     assert 0 < trajectory.steps < 400, trajectory.steps
     bend = np.abs(np.diff(trajectory.angles, axis=1)).max()
     assert bend > 0.5, f"ended at a joint angle of {bend:.2f} rad"
@@ -79,34 +77,35 @@ def test_curling_up_ends_when_the_gap_closes(name: str, retardation: float | Non
     _assert_finite(trajectory)
 
 
-def test_the_gap_that_closes_by_and_by_is_named() -> None:
-    simulator = Simulator(load_scene("swimmer", {"damping.retardation_time": 0.05}))
-    trajectory = simulator.rollout(np.linspace(0.0, 45.0, 400)[:, None] * np.ones(8))
-    assert trajectory.termination_reason == "under_resolved_gap", trajectory.termination_reason
-
-
 @pytest.mark.parametrize("torque", [1e3, 1e6, 1e12, 1e300])
 @pytest.mark.parametrize("name", ["paper_i", "swimmer", "paper_iv", "paper_xii"])
-def test_a_step_that_cannot_be_solved_ends_by_name_in_about_a_second(
-    name: str, torque: float
-) -> None:
+def test_a_step_that_cannot_be_solved_ends_by_name(name: str, torque: float) -> None:
     simulator = Simulator(name)
     simulator.rollout(simulator.prescribed_torques(20))
     before = simulator.coordinates, simulator.momentum()
     held = torque * np.cos(np.arange(simulator.elements - 1))
-    start = time.perf_counter()
     with pytest.raises(SimulationEndedError) as caught:
         for _ in range(3):
             before = simulator.coordinates, simulator.momentum()
             simulator.step(held)
-    took = time.perf_counter() - start
     assert caught.value.reason in REASONS, caught.value.reason
     assert caught.value.time == simulator.time
-    assert took < 3.0, f"{took:.2f} s until {caught.value}"
     after = simulator.coordinates, simulator.momentum()
     assert np.array_equal(before[0], after[0]), "the failed step moved the beam"
     assert np.array_equal(before[1], after[1]), "the failed step changed the momentum"
     assert np.isfinite(after[0]).all()
+
+
+@pytest.mark.release
+@pytest.mark.parametrize("torque", [1e3, 1e6, 1e12, 1e300])
+@pytest.mark.parametrize("name", ["paper_i", "swimmer", "paper_iv", "paper_xii"])
+def test_a_step_that_cannot_be_solved_ends_in_about_a_second(name: str, torque: float) -> None:
+    simulator = Simulator(name)
+    simulator.rollout(simulator.prescribed_torques(20))
+    held = torque * np.cos(np.arange(simulator.elements - 1))
+    start = time.perf_counter()
+    simulator.rollout(np.tile(held, (3, 1)))
+    assert time.perf_counter() - start < 3.0
 
 
 def test_after_the_end_steps_are_refused_until_a_reset() -> None:
@@ -184,17 +183,13 @@ class TestCutSteps:
 
     def test_whole_steps_return_once_the_motion_calms_down(self) -> None:
         simulator = Simulator(load_scene("swimmer", {"integrator.time_step": 0.01}))
-        torques = np.concatenate([KICK[None], np.zeros((60, 8))])
-        parts = simulator.rollout(torques).parts
+        trajectory = simulator.rollout(np.concatenate([KICK[None], np.zeros((60, 8))]))
+        parts = trajectory.parts
         assert parts[0] > 1, f"parts {parts[:10]}"
         assert (parts[-40:] == 1).all(), f"parts {parts}"
-
-    def test_figures_count_the_cut_steps(self) -> None:
-        simulator = Simulator(load_scene("swimmer", {"integrator.time_step": 0.01}))
-        trajectory = simulator.rollout(np.concatenate([KICK[None], np.zeros((20, 8))]))
         figures = trajectory.summary()
-        assert figures["halved_steps"] == (trajectory.parts > 1).sum() > 0
-        assert figures["most_parts"] == trajectory.parts.max() > 1
+        assert figures["halved_steps"] == (parts > 1).sum() > 0
+        assert figures["most_parts"] == parts.max() > 1
 
 
 class TestTolerance:

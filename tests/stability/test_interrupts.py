@@ -10,17 +10,14 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
 
-import studies.accuracy.study as study_module
-from studies.accuracy.study import Study
 from swim_env import (
     Scene,
     SceneError,
@@ -31,12 +28,9 @@ from swim_env import (
     TrajectoryError,
     load_scene,
 )
-from swim_env.accuracy.grid import Case
-from swim_env.accuracy.reference import Reference
-from swim_env.accuracy.settings import Settings
 from swim_env.plots.results import RESULT_FILES
+from tests.support import ENVIRONMENT, ROOT, Done, assert_same, files_of
 
-ROOT = Path(__file__).parents[2]
 KILLED, TOO_LARGE = -signal.SIGKILL, -signal.SIGXFSZ
 PATIENCE = 120.0
 
@@ -44,12 +38,11 @@ PATIENCE = 120.0
 
 #: Reads orders, one a line, and lets a child carry out each: a script's arguments, or "save", and
 #: when to stop it. Moments are the operations on files below a folder, counted from 1: before the
-#: n-th the child kills itself, or is told that the disk is full. A limit is the largest size of a
-#: file in bytes: beyond it, a child is killed or told so. A plain order draws an empty picture,
-#: which takes less time.
+#: n-th the child kills itself, or finds the disk full. A limit is the largest size of a file in
+#: bytes: beyond it, a child is killed or gets an error. A plain order draws an empty picture, which
+#: takes less time.
 DRIVER = """
 import errno, importlib, json, os, resource, signal, sys
-sys.path[:0] = [{root!r}, {root!r} + "/scripts"]
 import numpy as np
 from swim_env import Simulator
 from swim_env.envs.assessment import load_assessment
@@ -57,13 +50,10 @@ from swim_agents.commands.command_line import run
 import swim_env.plots.results
 from matplotlib.figure import Figure
 load_assessment()
-scripts = {{name: importlib.import_module(name) for name in ("replay", "stability")}}
-RESULTS = {{
-    "date": "2026-01-01", "commit": "none", "kernels": "none",
-    "machine": {{"processor": "none", "cores": 1}}, "runs": [], "onsets": [],
-    "drawn": {{"count": 0, "ends": {{}}, "failures": [], "untrusted": 0, "slowest": 0.0}},
-}}
+scripts = {{name: importlib.import_module("scripts." + name) for name in ("replay", "stability")}}
+RESULTS = {{"runs": [], "onsets": [], "drawn": {{"failures": []}}}}
 scripts["stability"].measure_stability = lambda *given: RESULTS
+scripts["stability"].stability_tables = lambda results: 1000 * "x"
 KINDS = {{"open", "os.rename", "os.mkdir", "os.remove", "os.rmdir"}}
 
 def arm(order):
@@ -84,8 +74,8 @@ def arm(order):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), arguments[0])
 
     if "limit" in order:
-        told = signal.SIG_IGN if order["told"] else signal.SIG_DFL
-        signal.signal(signal.SIGXFSZ, told)
+        what = signal.SIG_IGN if order["error"] else signal.SIG_DFL
+        signal.signal(signal.SIGXFSZ, what)
         resource.setrlimit(resource.RLIMIT_FSIZE, (order["limit"], order["limit"]))
     if "kill" in order or "full" in order:
         sys.addaudithook(watch)
@@ -118,19 +108,13 @@ for line in sys.stdin:
             os._exit(code)
     os.close(theirs)
     with os.fdopen(ours) as pipe:
-        told = pipe.read()
+        errors = pipe.read()
     status = os.waitpid(child, 0)[1]
-    print(json.dumps([os.waitstatus_to_exitcode(status), told]), flush=True)
+    print(json.dumps([os.waitstatus_to_exitcode(status), errors]), flush=True)
 """
 
 
-class Done(NamedTuple):
-    """What became of a child: its exit code, or minus the signal that killed it, and its stderr."""
-
-    code: int
-    told: str
-
-
+#: Its answer has a child's exit code, or minus the signal that killed it, and its stderr.
 Carry = Callable[..., Done]
 
 
@@ -143,7 +127,7 @@ def carry() -> Iterator[Carry]:
         stdout=subprocess.PIPE,
         text=True,
         cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_NUM_THREADS": "1"},
+        env={**ENVIRONMENT, "NUMBA_NUM_THREADS": "1"},
     )
     assert process.stdin is not None and process.stdout is not None
     stdin, stdout = process.stdin, process.stdout
@@ -154,7 +138,8 @@ def carry() -> Iterator[Carry]:
         stdin.flush()
         answer = stdout.readline()
         assert answer, "the driver has died"
-        return Done(*json.loads(answer))
+        code, err = json.loads(answer)
+        return Done(code, "", err)
 
     yield give
     stdin.close()
@@ -164,10 +149,6 @@ def carry() -> Iterator[Carry]:
 
 def replay_arguments(folder: Path, steps: int) -> list[object]:
     return ["--scene", "paper_iv", "--duration", steps * 0.01, "--output", folder, "--json"]
-
-
-def files_of(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
 def steps_of_results(folder: Path) -> int:
@@ -182,12 +163,10 @@ def steps_of_results(folder: Path) -> int:
     return trajectory.steps
 
 
-def assert_one_line(done: Done, code: int, *parts: str) -> None:
-    """Check that a script ended by itself with one line of error."""
-    assert done.code == code, done
-    assert done.told.startswith("error: ") and done.told.count("\n") == 1, done.told
-    for part in parts:
-        assert part in done.told, f"{part!r} is not in {done.told!r}"
+def assert_failed(done: Done, *parts: str) -> None:
+    """Check that a script ended by itself with one line about the disk."""
+    done.assert_refused(*parts, code=1)
+    assert "/." not in done.err, f"it names a temporary file: {done.err}"
 
 
 # ---- killed ------------------------------------------------------------------------------------
@@ -240,7 +219,7 @@ def test_a_replay_killed_in_the_middle_of_a_file_leaves_the_old_results(
     folder = tmp_path / "run"
     assert carry("replay", *replay_arguments(folder, 10)).code == 0
     before = files_of(folder)
-    done = carry("replay", *replay_arguments(folder, 20), limit=limit, told=False)
+    done = carry("replay", *replay_arguments(folder, 20), limit=limit, error=False)
     assert done.code == TOO_LARGE, done
     assert files_of(folder) == before
     assert carry("replay", *replay_arguments(folder, 20)).code == 0
@@ -273,7 +252,7 @@ def test_a_saved_trajectory_is_the_old_or_the_new_one_whenever_it_is_killed(
     after = path.read_bytes()
     path.write_bytes(before)
     for limit in (*range(0, len(after), 500), len(after) - 1):
-        assert save(9, limit=limit, told=False).code == TOO_LARGE, f"{limit} bytes"
+        assert save(9, limit=limit, error=False).code == TOO_LARGE, f"{limit} bytes"
         assert path.read_bytes() == before, f"killed after {limit} bytes"
     assert save(9).code == 0
     assert Trajectory.load(path).steps == 9
@@ -303,13 +282,13 @@ def test_a_replay_whose_results_do_not_fit_says_so_and_leaves_the_old_ones(
 ) -> None:
     """Exit code 1, one line that names the folder, no file of the new results."""
     folder = tmp_path / "run"
-    done = carry("replay", *replay_arguments(folder, 20), limit=limit, told=True)
-    assert_one_line(done, 1, "cannot write", "File too large", f"({folder})")
+    done = carry("replay", *replay_arguments(folder, 20), limit=limit, error=True)
+    assert_failed(done, "cannot write", "File too large", f"({folder})")
     assert list(tmp_path.iterdir()) == [], "something half-written stays behind"
     assert carry("replay", *replay_arguments(folder, 10)).code == 0
     before = files_of(folder)
-    done = carry("replay", *replay_arguments(folder, 20), limit=limit, told=True)
-    assert_one_line(done, 1, "cannot write", "File too large", f"({folder})")
+    done = carry("replay", *replay_arguments(folder, 20), limit=limit, error=True)
+    assert_failed(done, "cannot write", "File too large", f"({folder})")
     assert files_of(folder) == before
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
@@ -321,7 +300,7 @@ def test_a_disk_that_is_full_at_any_moment_of_a_replay_costs_no_results(
     folder, kept = tmp_path / "run", tmp_path / "kept"
     assert carry("replay", *replay_arguments(folder, 10)).code == 0
     shutil.copytree(folder, kept)
-    told = 0
+    refused = 0
     for moment in range(1, 40):
         order = {"full": moment, "below": tmp_path, "plain": True}
         done = carry("replay", *replay_arguments(folder, 20), **order)
@@ -330,11 +309,10 @@ def test_a_disk_that_is_full_at_any_moment_of_a_replay_costs_no_results(
             shutil.rmtree(folder)
             shutil.copytree(kept, folder)
             continue
-        told += 1
-        assert_one_line(done, 1, "No space left on device", str(folder))
-        assert "/." not in done.told, f"it names a temporary file: {done.told}"
+        refused += 1
+        assert_failed(done, "No space left on device", str(folder))
         assert files_of(folder) == files_of(kept), f"moment {moment}"
-    assert told > 8, f"only {told} moments"
+    assert refused > 8, f"only {refused} moments"
 
 
 def test_tables_of_hard_cases_that_do_not_fit_are_one_line(carry: Carry, tmp_path: Path) -> None:
@@ -346,18 +324,17 @@ def test_tables_of_hard_cases_that_do_not_fit_are_one_line(carry: Carry, tmp_pat
     size = len(before["stability.json"])
     assert size < len(before["tables.md"]), "the limits below strike one file each"
     for limit, name in ((0, "stability.json"), (size - 1, "stability.json"), (size, "tables.md")):
-        done = carry("stability", *arguments, limit=limit, told=True)
-        assert_one_line(done, 1, "File too large", f"({tmp_path / name})")
+        done = carry("stability", *arguments, limit=limit, error=True)
+        assert_failed(done, "File too large", f"({tmp_path / name})")
         assert files_of(tmp_path) == before, f"{limit} bytes"
-    told = 0
+    refused = 0
     for moment in range(1, 12):
         done = carry("stability", *arguments, full=moment, below=tmp_path)
         if done.code:
-            told += 1
-            assert_one_line(done, 1, "No space left on device", str(tmp_path))
-            assert "/." not in done.told, f"it names a temporary file: {done.told}"
-        assert files_of(tmp_path).items() >= before.items(), f"moment {moment}"
-    assert told >= 4, f"only {told} moments"
+            refused += 1
+            assert_failed(done, "No space left on device", str(tmp_path))
+            assert files_of(tmp_path).items() >= before.items(), f"moment {moment}"
+    assert refused >= 4, f"only {refused} moments"
 
 
 def test_a_video_that_does_not_fit_is_an_error(carry: Carry, tmp_path: Path) -> None:
@@ -365,10 +342,10 @@ def test_a_video_that_does_not_fit_is_an_error(carry: Carry, tmp_path: Path) -> 
     pytest.importorskip("moviepy")
     arguments = ("--scene", "paper_iv", "--duration", "0.1", "--env", "--record-video", tmp_path)
     for limit in (300, 3000):
-        done = carry("replay", *arguments, limit=limit, told=True)
+        done = carry("replay", *arguments, limit=limit, error=True)
         assert done.code == 1, done
-        assert "error: cannot write the video: " in done.told, done.told
-        assert "Traceback" not in done.told, done.told
+        assert "error: cannot write the video: " in done.err, done.err
+        assert "Traceback" not in done.err, done.err
         assert list(tmp_path.iterdir()) == []
     assert carry("replay", *arguments).code == 0
     assert [path.suffix for path in tmp_path.iterdir()] == [".mp4"]
@@ -423,99 +400,10 @@ def test_a_recording_outlives_a_disk_that_is_full(tmp_path: Path) -> None:
             env.recorded().save(path)
         assert list(tmp_path.iterdir()) == []
     env.recorded().save(path)
-    assert_same_run(Trajectory.load(path), twin.recorded(), "the recording")
-
-
-# ---- the study of accuracy ---------------------------------------------------------------------
-
-GRID = [Settings("frozen", elements, 4, 1, 0.01, "midpoint") for elements in (3, 5, 7)]
-
-
-@pytest.fixture
-def study(monkeypatch: pytest.MonkeyPatch) -> Callable[[Path], Study]:
-    """Return what makes studies that measure nothing and always find the same."""
-    any_reference = Reference(np.ones(2), np.ones((41, 2)), 1.0, 1.0, 0.0, 0.0, 0.0, {})
-    monkeypatch.setattr(study_module, "reference_of", lambda *given: any_reference)
-    monkeypatch.setattr(study_module, "Yardstick", lambda *given: None)
-
-    def measure(self: Study, case: Case, settings: Settings, yardstick: object) -> dict[str, Any]:
-        return study_module._line(case, settings, "", error=settings.elements / 8.0)
-
-    monkeypatch.setattr(Study, "_measure", measure)
-    return lambda folder: Study(folder, [Case(load_scene("swimmer"), 1.0)], GRID)
-
-
-def test_a_study_whose_lines_do_not_fit_goes_on_once_there_is_room(
-    study: Callable[[Path], Study], tmp_path: Path
-) -> None:
-    """No half line stays, for a new study as for the one that was told; both end as any."""
-    study(tmp_path / "whole").run()
-    whole = files_of(tmp_path / "whole")["runs.jsonl"]
-    first = whole.index(b"\n") + 1
-    for limit in (first + 1, 2 * first - 3, 2 * first + 20):
-        folder = tmp_path / str(limit)
-        folder.mkdir()
-        shutil.copy(tmp_path / "whole" / "references.json", folder)
-        one = study(folder)
-        with files_of_at_most(limit), pytest.raises(SwimError) as caught:
-            one.run()
-        message = str(caught.value)
-        assert "cannot write the run: File too large" in message, message
-        assert str(folder / "runs.jsonl") in message and "\n" not in message
-        left = (folder / "runs.jsonl").read_bytes()
-        assert left.endswith(b"\n") and whole.startswith(left), "half a line stays"
-        assert len(one.runs) == left.count(b"\n"), "it takes a line for written that is not"
-        copied = tmp_path / f"{limit} later"
-        shutil.copytree(folder, copied)
-        one.run()
-        study(copied).run()
-        for again in (folder, copied):
-            assert (again / "runs.jsonl").read_bytes() == whole, f"{again.name}"
-
-
-def test_a_study_cut_off_at_any_byte_is_completed(
-    study: Callable[[Path], Study], tmp_path: Path
-) -> None:
-    """A kill in the middle of a line costs that line, which is done again."""
-    study(tmp_path).run()
-    path = tmp_path / "runs.jsonl"
-    whole = path.read_bytes()
-    for size in range(0, len(whole), 11):
-        path.write_bytes(whole[:size])
-        again = study(tmp_path)
-        assert len(again.runs) == whole[:size].count(b"\n"), f"{size} bytes"
-        again.run()
-        text = path.read_bytes()
-        assert text.lstrip(b"\n") == whole, f"cut off after {size} bytes"
-    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["references.json", "runs.jsonl"]
-
-
-def test_references_that_do_not_fit_leave_none(
-    study: Callable[[Path], Study], tmp_path: Path
-) -> None:
-    """The file of references is whole or not there."""
-    one = study(tmp_path)
-    with files_of_at_most(50), pytest.raises(OSError) as caught:
-        one.run()
-    assert caught.value.filename == str(tmp_path / "references.json")
-    assert list(tmp_path.iterdir()) == []
+    assert_same(Trajectory.load(path), twin.recorded(), "the recording")
 
 
 # ---- damaged and foreign files -----------------------------------------------------------------
-
-ARRAYS = [one.name for one in fields(Trajectory) if one.name not in ("scene", "termination_reason")]
-
-
-def assert_same_run(left: Trajectory, right: Trajectory, where: str) -> None:
-    """Check that two trajectories are bit for bit the same."""
-    assert left.scene == right.scene, where
-    assert left.termination_reason == right.termination_reason, where
-    for name in ARRAYS:
-        one, other = getattr(left, name), getattr(right, name)
-        assert (one is None) == (other is None), f"{where}: {name}"
-        if one is not None:
-            assert one.dtype == other.dtype and one.shape == other.shape, f"{where}: {name}"
-            assert one.tobytes() == other.tobytes(), f"{where}: {name} is silently another"
 
 
 @pytest.fixture(scope="module")
@@ -537,7 +425,7 @@ def refused_or_same(path: Path, content: bytes, run: Trajectory, where: str) -> 
         return True
     except BaseException as error:
         pytest.fail(f"{where}: {error!r}, which is no TrajectoryError")
-    assert_same_run(read, run, where)
+    assert_same(read, run, where)
     return False
 
 
@@ -610,7 +498,11 @@ def foreign_archives(run: Trajectory) -> dict[str, dict[str, Any]]:
         "format_version": np.array(3),
         "scene": np.array(run.scene.to_yaml()),
         "termination_reason": np.array(""),
-        **{name: getattr(run, name) for name in ARRAYS if getattr(run, name) is not None},
+        **{
+            one.name: value
+            for one in fields(Trajectory)
+            if isinstance(value := getattr(run, one.name), np.ndarray)
+        },
     }
     return {
         "nothing": {},
@@ -717,25 +609,3 @@ def test_a_scene_cut_off_or_changed_anywhere_is_refused_or_read(tmp_path: Path) 
             refused += 1
             assert str(path) in str(error) and "\n" not in str(error), str(error)
     assert 0.2 * len(changed) < refused, f"{refused} of {len(changed)}"
-
-
-def test_replay_tells_of_a_foreign_scene_in_one_line(carry: Carry, tmp_path: Path) -> None:
-    path = tmp_path / "scene.yaml"
-    for kind in ("noise", "many brackets", "containers"):
-        content, part = SCENES[kind]
-        path.write_bytes(content)
-        done = carry("replay", "--scene", path, "--output", tmp_path / "run")
-        assert_one_line(done, 2, part, f"({path})")
-        assert sorted(entry.name for entry in tmp_path.iterdir()) == ["scene.yaml"]
-
-
-def test_temporary_folders_of_others_are_left_alone(carry: Carry) -> None:
-    """What a killed run left beside the results is neither read nor in the way, nor removed."""
-    with tempfile.TemporaryDirectory() as place:
-        folder = Path(place) / "run"
-        left = Path(place) / ".run.abcdefgh"
-        (left / "new").mkdir(parents=True)
-        (left / "new" / "summary.json").write_text("{")
-        assert carry("replay", *replay_arguments(folder, 10)).code == 0
-        assert steps_of_results(folder) == 10
-        assert files_of(left / "new") == {"summary.json": b"{"}

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 
-import gymnasium
 import numpy as np
 import pytest
 
-from swim_env import TERMINATION_REASONS, SwimVectorEnv
-
-FORWARD = "swim_env/KirchhoffSwimmer-v0"
-TARGET = "swim_env/KirchhoffSwimmerTarget-v0"
-each_task = pytest.mark.parametrize("task", [FORWARD, TARGET], ids=("forward", "target"))
+from swim_env import TERMINATION_REASONS
+from tests.support import FORWARD, TARGET, each_task, make_batch
 
 #: Actions in an episode of scene swimmer: 20 s over 0.02 s.
 LIMIT = 1000
@@ -22,8 +18,7 @@ PHYSICS = {"", *TERMINATION_REASONS} - {"", "target_reached"}
 
 def _check(task: str, episodes: int, members: int, seed: int) -> None:
     """Play at least that many whole episodes with uniform actions and look at all of it."""
-    envs = gymnasium.make_vec(task, members, autoreset_mode="SameStep")
-    assert isinstance(envs, SwimVectorEnv)
+    envs = make_batch(task, members, autoreset_mode="SameStep")
     rng = np.random.default_rng(seed)
     observations, _ = envs.reset(seed=seed)
     assert observations in envs.observation_space

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import fields
 
 import numpy as np
@@ -29,7 +30,7 @@ def _play(simulator: Simulator, kind: str, seed: int) -> Trajectory:
 def _check(name: str, kind: str, seeds: range) -> None:
     simulator = Simulator(name)
     lasted = 0
-    ends: dict[str, int] = {}
+    ends: Counter[str] = Counter()
     not_finite = []
     for seed in seeds:
         trajectory = _play(simulator, kind, seed)
@@ -39,7 +40,7 @@ def _check(name: str, kind: str, seeds: range) -> None:
             f"seed {seed}: {trajectory.steps} steps, reason {trajectory.termination_reason!r}"
         )
         lasted += full
-        ends[trajectory.termination_reason] = ends.get(trajectory.termination_reason, 0) + 1
+        ends[trajectory.termination_reason] += 1
         for field in fields(Trajectory):
             values = getattr(trajectory, field.name)
             if isinstance(values, np.ndarray) and not np.isfinite(values).all():

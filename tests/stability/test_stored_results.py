@@ -1,48 +1,35 @@
-"""The stored results of the hard cases belong to the kernels that are here."""
+"""The stored results of the hard cases: a full run in which all was right, and its tables."""
 
 from __future__ import annotations
 
 import json
-from pathlib import Path
-from typing import Any
 
-from studies.stability.cases import CASES, hard_runs
-from studies.stability.digest import code_of, kernel_digest
+import pytest
+
+from studies.fingerprint import kernel_digest
+from studies.stability.cases import hard_runs
 from studies.stability.report import failures_of, stability_tables
+from tests.support import ROOT
 
-FOLDER = Path(__file__).parents[2] / "docs" / "stability"
-
-
-def _stored() -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((FOLDER / "stability.json").read_text(encoding="utf-8"))
-    return found
+FOLDER = ROOT / "docs" / "stability"
+STORED = json.loads((FOLDER / "stability.json").read_text(encoding="utf-8"))
 
 
+@pytest.mark.release
 def test_the_kernels_have_not_changed_since_the_last_full_run() -> None:
-    assert _stored()["kernels"] == kernel_digest(), (
-        "the kernels, or swim_env/bodies.py, have changed since docs/stability was measured: run "
-        "make stability and keep its results"
+    assert STORED["kernels"] == kernel_digest(), (
+        "the kernels, or swim_env/sim/batch.py, have changed since docs/stability was measured: "
+        "run make stability and keep its results"
     )
 
 
 def test_the_stored_run_was_a_full_one_in_which_all_was_right() -> None:
-    stored = _stored()
-    assert failures_of(stored) == []
+    assert failures_of(STORED) == []
     labels = [(run.case, run.label) for run in hard_runs()]
-    assert [(run["case"], run["label"]) for run in stored["runs"]] == labels
-    assert set(CASES) == {run["case"] for run in stored["runs"]}
-    assert stored["drawn"]["count"] >= 100_000
-    assert len(stored["onsets"]) == 12
-    assert stored["date"] and stored["commit"] and not stored["commit"].endswith("+")
+    assert [(run["case"], run["label"]) for run in STORED["runs"]] == labels
+    assert STORED["drawn"]["count"] >= 100_000 and len(STORED["onsets"]) == 12
+    assert STORED["date"] and STORED["commit"] and not STORED["commit"].endswith("+")
 
 
 def test_the_tables_are_made_of_the_stored_run() -> None:
-    assert (FOLDER / "tables.md").read_text(encoding="utf-8") == stability_tables(_stored())
-
-
-def test_comments_and_docstrings_do_not_count_but_code_does() -> None:
-    plain = 'def f(x):\n    """Say."""\n    # why\n    return x + 1\n'
-    other = 'def f(x):\n    """Say it in other words."""\n    return x+1  # else\n'
-    assert code_of(plain) == code_of(other)
-    assert code_of(plain) != code_of(plain.replace("+ 1", "+ 2"))
-    assert code_of('class A:\n    """Only words."""\n') == code_of("class A:\n    pass\n")
+    assert (FOLDER / "tables.md").read_text(encoding="utf-8") == stability_tables(STORED)

@@ -1,1 +1,1 @@
-"""The sections of the page, each from the data alone."""
+"""What the sections of ``page.md`` are filled with: from the data to fields, None where missing."""

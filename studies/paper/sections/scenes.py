@@ -1,85 +1,148 @@
-"""The twelve scenes: what came of each run, and the paper's figures redrawn."""
+"""The twelve scenes: their runs, what is kept, and forces along the beam."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 
 from studies.paper.bars import PANELS, coarse_error, with_bar
 from studies.paper.constants import RESOLVED
-from studies.paper.measures import heading_turn, largest_bend, mean_power, turn_per_way, way_ahead
+from studies.paper.measures import (
+    Run,
+    heading_turn,
+    largest_bend,
+    mean_power,
+    transport_cost,
+    turn_per_way,
+    way_ahead,
+)
 from studies.paper.runs import NUMERALS
-from studies.paper.sections.text import picture, run_with_bar, table
+from studies.paper.sections.text import Fields, run_with_bar, table
 from studies.paper.verdicts import Data
 
-__all__ = ["section"]
+__all__ = ["constants", "forces", "runs"]
 
-_CAPTIONS = {
-    "fig3": "Fig. 3: the torque at every joint of scene i, from head (dark) to tail; l is the "
-    "body's length.",
-    "fig4": "Fig. 4: scenes i, ii, iii. Both directors stand at every element's centre.",
-    "fig5": "Fig. 5: scenes iv and v.",
-    "fig6": "Fig. 6: scenes vi and vii.",
-    "fig7": "Fig. 7: scenes viii and ix.",
-    "fig8": "Fig. 8: scenes x, xi and xii.",
-}
+#: From the name of a run to a cell.
+Cell = Callable[[str], object]
+
 #: Of Figs. 4 to 7.
 _SAME_PHASE = (
-    " All shapes are at the same phase of the drive, that of t = 0; they differ as the undamped "
+    "All shapes are at the same phase of the drive, that of t = 0; they differ as the undamped "
     "body still rings from its start."
 )
 
 
-def section(data: Data, pictures: Mapping[str, str]) -> str:
-    """Return the section, nothing where its figures are missing."""
-    rows = []
-    for name in NUMERALS:
-        run = data["runs"].get(name)
-        if run is None:
-            continue
-        modes = data["modes"].get(name)
-        rows.append(
-            (
-                name,
-                run_with_bar(data, name, way_ahead, "+"),
-                run_with_bar(data, name, lambda r: r["displacement"][1] / r["length"], "+"),
-                run_with_bar(data, name, lambda r: 1e3 * r["speed"]),
-                run_with_bar(data, name, heading_turn, "+"),
-                run_with_bar(data, name, turn_per_way, "+"),
-                run_with_bar(data, name, largest_bend),
-                "" if modes is None else _frequencies(modes),
-                run_with_bar(data, name, mean_power),
-            )
-        )
-    if not rows:
-        return ""
-    heads = (
-        "scene",
-        "head first (BL)",
-        "to its right, +y (BL)",
-        "net speed (mm/s)",
-        "turn (°), left +",
-        "turn per way (°/m)",
-        "largest joint angle (rad)",
-        "natural frequencies (Hz)",
-        f"mean positive power below {RESOLVED:g} Hz (W)",
-    )
-    duration = max(data["runs"][row[0]]["duration"] for row in rows)
-    text = (
-        f"## The twelve scenes, {duration:g} s\n\n"
-        "Displacements and turns are between the means of the first and of the last second. The "
-        "body lies along +x and swims head first towards -x, to the left in the paper's "
-        "figures. Natural frequencies are those of the straight body in its fluid, with the bar of "
-        "the panels alone.\n\n"
-    )
-    text += table(heads, rows)
-    for name, caption in _CAPTIONS.items():
-        phase = _SAME_PHASE if name in ("fig4", "fig5", "fig6", "fig7") else ""
-        shown = picture(pictures, name, caption + phase)
-        text += "\n" + shown if shown else ""
-    return text
+def _names(data: Data) -> list[str]:
+    return [name for name in NUMERALS if name in data["runs"]]
 
 
-def _frequencies(modes: Data) -> str:
-    """Return the first two natural frequencies with the bar of the panels."""
-    pairs = list(zip(modes["frequencies"], modes.get("fine", []), strict=False))[:2]
-    return ", ".join(with_bar(f, coarse_error(fine - f, PANELS)) for f, fine in pairs)
+def _barred(data: Data, pick: Callable[[Run], float | None], sign: str = "") -> Cell:
+    return lambda name: run_with_bar(data, name, pick, sign)
+
+
+def runs(data: Data) -> Fields | None:
+    """Return what is said of the runs."""
+    names = _names(data)
+    if not names:
+        return None
+
+    def frequencies(name: str) -> str:
+        """Return the first two natural frequencies with the bar of the panels."""
+        modes = data["modes"].get(name, {})
+        pairs = list(zip(modes.get("frequencies", []), modes.get("fine", []), strict=False))[:2]
+        return ", ".join(with_bar(f, coarse_error(fine - f, PANELS)) for f, fine in pairs)
+
+    def to_the_right(run: Run) -> float:
+        return float(run["displacement"][1] / run["length"])
+
+    columns: dict[str, Cell] = {
+        "scene": str,
+        "head first (BL)": _barred(data, way_ahead, "+"),
+        "to its right, +y (BL)": _barred(data, to_the_right, "+"),
+        "net speed (mm/s)": _barred(data, lambda run: 1e3 * run["speed"]),
+        "turn (°), left +": _barred(data, heading_turn, "+"),
+        "turn per way (°/m)": _barred(data, turn_per_way, "+"),
+        "largest joint angle (rad)": _barred(data, largest_bend),
+        "natural frequencies (Hz)": frequencies,
+        f"mean positive power below {RESOLVED:g} Hz (W)": _barred(data, mean_power),
+    }
+    return {
+        "duration": max(data["runs"][name]["duration"] for name in names),
+        "table": table(columns, names),
+        "same_phase": _SAME_PHASE,
+    }
+
+
+def constants(data: Data) -> Fields | None:
+    """Return what is said of momentum and energy."""
+    known = data["runs"]
+    names = _names(data)
+    if not names:
+        return None
+
+    def errors(name: str) -> str:
+        half = known.get(f"{name}_half")
+        text = f"{known[name]['energy']['unexplained']:.1e}"
+        if half is None or half["end"]:
+            return text
+        return f"{text} ({half['energy']['unexplained']:.1e})"
+
+    def quarters(name: str) -> str:
+        return ", ".join(f"{known[name]['energy'][key]:+.1e}" for key in ("first", "last"))
+
+    def cost(name: str) -> str:
+        spent = known[name]["energy"]["positive_work"]
+        return run_with_bar(data, name, transport_cost) if spent != 0.0 else ""
+
+    columns: dict[str, Cell] = {
+        "scene": str,
+        "momentum drift": lambda name: f"{known[name]['momentum']['drift']:.1e}",
+        "its bound": lambda name: f"{known[name]['momentum']['bound']:.1e}",
+        "largest energy (J)": _barred(data, lambda run: run["energy"]["largest"]),
+        "unexplained (at half the step)": errors,
+        "mean of first and last quarter": quarters,
+        "net work (J)": _barred(data, lambda run: run["energy"]["work"]),
+        "positive work (J)": _barred(data, lambda run: run["energy"]["positive_work"]),
+        f"positive work below {RESOLVED:g} Hz per way (J/m)": cost,
+    }
+    return {"resolved": RESOLVED, "table": table(columns, names)}
+
+
+def forces(data: Data) -> Fields | None:
+    """Return what is said of forces and moments along the beam."""
+    known = data["runs"]
+    found = {x: known[x]["internal"] for x in _names(data) if "internal" in known[x]}
+    if not found:
+        return None
+
+    def largest(key: str, factor: float = 1.0) -> Cell:
+        return _barred(data, lambda run: factor * max(run["internal"][key]))
+
+    def joint(name: str) -> str:
+        total = found[name]["total"]
+        return f"{1 + total.index(max(total))} of {len(total)}"
+
+    def above(name: str) -> str:
+        return ", ".join(f"{found[name]['above'][key]:.0%}" for key in ("shear", "axial", "total"))
+
+    columns: dict[str, Cell] = {
+        "scene": str,
+        "force across (N)": largest("shear"),
+        "force along (N)": largest("axial"),
+        "spring's moment (N m)": largest("elastic"),
+        "sum of moments (N m)": largest("total"),
+        "at joint": joint,
+        f"variance above {RESOLVED:g} Hz: across, along, sum": above,
+        "largest strain at the skin (1e-3)": largest("strain", 1e3),
+    }
+    halves = {name: known.get(f"{name}_half", {}).get("internal") for name in found}
+    peaks = [
+        half["peak_shear"] / found[name]["peak_shear"]
+        for name, half in halves.items()
+        if half is not None and found[name]["peak_shear"] > 0.0
+    ]
+    return {
+        "resolved": RESOLVED,
+        "peaks_low": min(peaks, default=None),
+        "peaks_high": max(peaks, default=None),
+        "table": table(columns, found),
+    }

@@ -3,100 +3,121 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping
 
 from studies.paper.bars import STEPS, coarse_error, with_bar
-from studies.paper.measures import heading_turn, turn_per_way, way_ahead
-from studies.paper.onset import PAPER_TIMES
+from studies.paper.measures import Run, heading_turn, turn_per_way, way_ahead
+from studies.paper.onset import PAPER_BODIES, PAPER_TIMES
 from studies.paper.runs import NUMERALS
-from studies.paper.sections.text import picture, run_with_bar, seconds, table
+from studies.paper.sections.text import Fields, run_with_bar, seconds
 from studies.paper.statements import STATEMENTS, find_all
 from studies.paper.variants import VARIANTS
-from studies.paper.verdicts import AGREE, Data, Finding
+from studies.paper.verdicts import AGREE, Data
+from swim_env.files.tables import markdown_table
 
-__all__ = ["section"]
+__all__ = ["variants"]
 
-#: Statements about driven scenes, which any reading can be held against.
-_OF_DRIVEN = (
-    "i-iii left",
-    "i-iii curve",
-    "i-iii alike",
-    "nontrivial",
-    "i fastest",
-    "ii slower",
-    "iii slower",
-    "iv less stable",
-    "iv semicircle",
-    "v quadrant",
-    "v unlike iii",
-    "v faster",
-    "vi-vii left",
-    "vi-vii curve",
-    "vi bends",
-    "vi slow",
-    "vii faster",
-    "vii bends",
-    "head matters",
-    "viii slows",
-    "viii tighter",
-    "ix slow",
-    "ix straight",
-)
+#: Statements about driven scenes, which any reading can be compared with.
+_OF_DRIVEN = {
+    one.key: one.says
+    for one in STATEMENTS
+    if one.group in ("orders", "paths") and one.key != "viii as i"
+}
+#: What is shown of every scene and reading.
+_FIGURES: dict[str, tuple[Callable[[Run], float], str]] = {
+    "ahead": (way_ahead, "+"),
+    "speed": (lambda run: 1e3 * run["speed"], ""),
+    "turn": (heading_turn, "+"),
+    "curvature": (turn_per_way, "+"),
+}
 
 
-def section(data: Data, pictures: Mapping[str, str]) -> str:
-    """Return the section, nothing where its figures are missing."""
-    known = [name for name in VARIANTS if name in data["variants"]]
+def variants(data: Data) -> Fields | None:
+    """Return what is said of other readings."""
+    known = {name: data["variants"][name] for name in VARIANTS if name in data["variants"]}
     if not known or "i" not in data["runs"]:
-        return ""
+        return None
     scenes = [name for name in NUMERALS[:9] if name in data["runs"]]
-    ours = {name: data["runs"][name] for name in scenes}
-
-    def rows(pick: Any, sign: str = "") -> list[list[str]]:
-        lines = [["closed outline, panels", *(run_with_bar(data, n, pick, sign) for n in scenes)]]
-        for name in known:
-            found = data["variants"][name]
-            lines.append([VARIANTS[name], *(_cell(found.get(n), pick, sign) for n in scenes)])
-        return lines
-
-    heads = ["added mass", *scenes]
-    duration = ours["i"]["duration"]
-    text = (
-        "## Other readings of the print\n\n"
-        "The paper's equations (27) to (29), read to the letter, put sources on one side of the "
-        "centreline, and (28) has a factor 1/2 and leaves open where its s begins. Each reading is "
-        f"played on the driven scenes for {duration:g} s, and once more with half the step: bars "
-        "of the readings are those of the step, that of the closed outline counts its panels too. "
-        "Figures in brackets: in one of the two runs the energy does not add up within 5 %.\n\n"
-        "Displacement head first (body lengths):\n\n"
-        + table(heads, rows(way_ahead, "+"))
-        + "\nSpeed, net (mm/s):\n\n"
-        + table(heads, rows(lambda run: 1e3 * run["speed"]))
-        + "\nTurn of the heading (°, left positive):\n\n"
-        + table(heads, rows(heading_turn, "+"))
-        + "\nCurvature, turn per way (°/m, left positive):\n\n"
-        + table(heads, rows(turn_per_way, "+"))
-    )
-    text += "\n" + picture(
-        pictures, "variants", "Displacement and turn of the driven scenes by reading."
-    )
-    text += "\n" + _step_words(data, known) + "\n" + _judged_by_reading(data, known)
-    return text + "\n" + _variant_rates(data, known) + "\n" + _mirror(data)
+    tables = {}
+    for key, (pick, sign) in _FIGURES.items():
+        rows = [["closed outline, panels", *(run_with_bar(data, n, pick, sign) for n in scenes)]]
+        for name, found in known.items():
+            rows.append([VARIANTS[name], *(_cell(found.get(n), pick, sign) for n in scenes)])
+        tables[key] = markdown_table(["added mass", *scenes], rows)
+    paper = [f"{PAPER_TIMES[*body, 'small']:g}" for body in PAPER_BODIES.values()]
+    return {
+        "duration": data["runs"]["i"]["duration"],
+        **tables,
+        **_steps(known),
+        "verdicts": _judged_by_reading(data, known),
+        "paper_times": ", ".join(paper),
+        "rates": _rates(known),
+        **_mirror(data),
+    }
 
 
-def _cell(found: Data | None, pick: Any, sign: str) -> str:
+def _holds(found: Data) -> bool:
+    """Tell whether both runs of a scene came to their end and their energy adds up."""
+    return all(not found[x]["end"] and found[x]["energy"]["trusted"] for x in ("base", "half"))
+
+
+def _cell(found: Data | None, pick: Callable[[Run], float], sign: str) -> str:
     """Return a figure of a reading with the bar of the step."""
     if found is None:
         return ""
     base, half = found["base"], found["half"]
     if base["end"]:
         return str(base["end"])
-    if half["end"]:
-        return f"({with_bar(pick(base), None, sign)})"
-    text = with_bar(pick(base), coarse_error(pick(half) - pick(base), STEPS), sign)
-    both = base["energy"]["trusted"] and half["energy"]["trusted"]
-    return text if both else f"({text})"
+    bar = None if half["end"] else coarse_error(pick(half) - pick(base), STEPS)
+    text = with_bar(pick(base), bar, sign)
+    return text if _holds(found) else f"({text})"
+
+
+def _steps(known: Mapping[str, Data]) -> Fields:
+    """Return how much the step matters to the displacements that are not in brackets."""
+    changes = sorted(
+        (abs(way_ahead(one["half"]) / way_ahead(one["base"]) - 1.0), scene, VARIANTS[name])
+        for name, found in known.items()
+        for scene, one in found.items()
+        if scene in NUMERALS[:9] and _holds(one) and way_ahead(one["base"]) != 0.0
+    )
+    most = changes[-1] if changes else (None, None, None)
+    return {
+        "step_median": changes[len(changes) // 2][0] if changes else None,
+        **dict(zip(("step_most", "step_scene", "step_reading"), most, strict=True)),
+    }
+
+
+def _judged_by_reading(data: Data, known: Mapping[str, Data]) -> str:
+    columns = [data]
+    for found in known.values():
+        runs: dict[str, Data] = {}
+        for name, one in found.items():
+            # No finer panels: the error bar is that of the time step.
+            runs |= {name: one["base"], f"{name}_half": one["half"], f"{name}_fine": one["base"]}
+        columns.append({**data, "runs": runs, "modes": {}})
+    verdicts = [{one.key: finding.verdict for one, finding in find_all(x)} for x in columns]
+    rows = [[says, *(found[key] for found in verdicts)] for key, says in _OF_DRIVEN.items()]
+    counts = [sum(found[key] == AGREE for key in _OF_DRIVEN) for found in verdicts]
+    rows.append([f"**agree, of {len(_OF_DRIVEN)}**", *(f"**{count}**" for count in counts)])
+    heads = ["statement", "closed outline, panels", *(VARIANTS[name] for name in known)]
+    return markdown_table(heads, rows)
+
+
+def _rates(known: Mapping[str, Data]) -> str:
+    """Return the table of the instability under each reading."""
+    heads, rows = ["added mass"], []
+    for scene, (n, _) in PAPER_BODIES.items():
+        heads += [f"{scene}, N = {n}: rate (1/s)", "1 % after (s)"]
+    for name, readings in known.items():
+        cells = [VARIANTS[name]]
+        for scene in PAPER_BODIES:
+            found = readings.get(scene)
+            rate = None if found is None else found["kirchhoff"]
+            cells.append("" if rate is None else f"{rate:.4f}")
+            cells.append("" if found is None else _left_with_bar(found))
+        rows.append(cells)
+    return markdown_table(heads, rows)
 
 
 def _left_with_bar(found: Data) -> str:
@@ -107,95 +128,19 @@ def _left_with_bar(found: Data) -> str:
     return with_bar(base, coarse_error(half - base, STEPS), digits=3)
 
 
-def _step_words(data: Data, known: Sequence[str]) -> str:
-    """Say how much the step matters to the displacements that are not in brackets."""
-    changes = [
-        (abs(way_ahead(one["half"]) / way_ahead(one["base"]) - 1.0), scene, name)
-        for name in known
-        for scene, one in data["variants"][name].items()
-        if scene in NUMERALS[:9]
-        and not any(one[level]["end"] for level in ("base", "half"))
-        and all(one[level]["energy"]["trusted"] for level in ("base", "half"))
-        and way_ahead(one["base"]) != 0.0
-    ]
-    if not changes:
-        return ""
-    most, scene, name = max(changes)
-    middle = sorted(change for change, *_ in changes)[len(changes) // 2]
-    return (
-        f"Half the step changes these displacements by {middle:.1%} in the median and by "
-        f"{most:.0%} at most (scene {scene}, {VARIANTS[name]}).\n"
-    )
-
-
-def _by_reading(data: Data, variant: str) -> dict[str, Finding]:
-    """Return what comes of the statements where a reading takes the place of the closed outline."""
-    runs: dict[str, Any] = {}
-    for name, found in data["variants"][variant].items():
-        # No finer panels: the error bar is that of the time step.
-        runs |= {name: found["base"], f"{name}_half": found["half"], f"{name}_fine": found["base"]}
-    instead = {**data, "runs": runs, "modes": {}}
-    return {statement.key: finding for statement, finding in find_all(instead)}
-
-
-def _judged_by_reading(data: Data, known: Sequence[str]) -> str:
-    says = {statement.key: statement.says for statement in STATEMENTS}
-    ours = {statement.key: finding for statement, finding in find_all(data)}
-    columns = [ours, *(_by_reading(data, name) for name in known)]
-    rows = [[says[key], *(found[key].verdict for found in columns)] for key in _OF_DRIVEN]
-    counts = [sum(found[key].verdict == AGREE for key in _OF_DRIVEN) for found in columns]
-    rows.append([f"**agree, of {len(_OF_DRIVEN)}**", *(f"**{count}**" for count in counts)])
-    heads = ["statement", "closed outline, panels", *(VARIANTS[name] for name in known)]
-    return (
-        "The statements about driven scenes held against every reading, by the same criteria "
-        "(error bars of the step alone, but for the first column). A reading that turns to a "
-        "stated side by less than the criterion's degree differs here too:\n\n" + table(heads, rows)
-    )
-
-
-def _variant_rates(data: Data, known: Sequence[str]) -> str:
-    rows = []
-    for name in known:
-        cells: list[object] = [VARIANTS[name]]
-        for scene in ("x", "xi", "xii"):
-            found = data["variants"][name].get(scene)
-            if found is None:
-                cells += ["", ""]
-                continue
-            cells += [_number(found["kirchhoff"], ".4f"), _left_with_bar(found)]
-        rows.append(cells)
-    heads = ["added mass"]
-    for scene, n in (("x", 3), ("xi", 9), ("xii", 27)):
-        heads += [f"{scene}, N = {n}: rate (1/s)", "1 % after (s)"]
-    paper = ", ".join(
-        f"{PAPER_TIMES[k]:g}" for k in ((3, 12, "small"), (9, 4, "small"), (27, 4, "small"))
-    )
-    return (
-        f"The instability under each reading, start 1e-4 m/s (the paper: {paper} s):\n\n"
-        + table(heads, rows)
-    )
-
-
-def _number(value: float | None, form: str) -> str:
-    return "" if value is None else f"{value:{form}}"
-
-
-def _mirror(data: Data) -> str:
-    run, mirrored = data["runs"].get("i"), data["runs"].get("i_mirrored")
-    other = data["variants"].get("mirrored")
-    one_sided = data["variants"].get("consistent", {}).get("i")
-    if None in (run, mirrored, other, one_sided):
-        return ""
-    assert run is not None and mirrored is not None and other is not None
-    assert one_sided is not None
-
-    def sums(a: Data, b: Data) -> tuple[float, float]:
-        turn = math.degrees(a["turn"] + b["turn"])
-        return abs(a["displacement"][1] + b["displacement"][1]), abs(turn)
-
-    ours, theirs = sums(run, mirrored), sums(one_sided["base"], other["base"])
-    return (
-        "Mirrored torques (scene i half a period later) should give the mirrored path. What is "
-        f"left of the sum of both: closed outline {ours[0]:.1e} m across and {ours[1]:.1e}° of "
-        f"turn, centreline sources {theirs[0]:.1e} m and {theirs[1]:.2g}°.\n"
-    )
+def _mirror(data: Data) -> Fields:
+    """Return what is left of the sum of a path and that of the mirrored torques."""
+    names = ("across", "turned", "centreline_across", "centreline_turned")
+    runs, variants = data["runs"], data["variants"]
+    sums: list[float] = []
+    for one, other in (
+        (runs.get("i"), runs.get("i_mirrored")),
+        (variants.get("consistent", {}).get("i"), variants.get("mirrored")),
+    ):
+        if one is None or other is None:
+            return dict.fromkeys(names)
+        # Readings have a run with half the step too.
+        one, other = one.get("base", one), other.get("base", other)
+        sums.append(abs(one["displacement"][1] + other["displacement"][1]))
+        sums.append(abs(math.degrees(one["turn"] + other["turn"])))
+    return dict(zip(names, sums, strict=True))

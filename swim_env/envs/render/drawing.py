@@ -1,15 +1,13 @@
-"""Drawing with Pillow: smooth shapes on a part of a picture, fast text, colours."""
+"""Drawing with Pillow: smooth shapes on a part of a picture, and fast text."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from types import TracebackType
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from swim_env.colours import TORQUE_STOPS
+from swim_env.colours import Colour
 from swim_env.errors import SwimError
 
 try:
@@ -19,21 +17,9 @@ except ImportError as error:
         f"frames need Pillow: install the extra 'view' (pip install 'swim-env[view]'; {error})"
     ) from None
 
-__all__ = [
-    "Box",
-    "Colour",
-    "Image",
-    "ImageDraw",
-    "Lettering",
-    "Patch",
-    "Point",
-    "blend",
-    "coverage",
-    "torque_colours",
-]
+__all__ = ["Box", "Image", "ImageDraw", "Lettering", "Patch", "Point"]
 
 Array = NDArray[np.float64]
-Colour = tuple[int, int, int]
 Point = tuple[float, float]
 Box = tuple[int, int, int, int]
 
@@ -45,57 +31,11 @@ _FINEST, _FINE = 70_000, 110_000
 _KEPT_TEXTS, _LARGER = 256, 4
 
 
-def blend(first: Colour, second: Colour, share: float) -> Colour:
-    """Return the colour that lies a share of the way from the first to the second."""
-    r, g, b = (round(p + share * (q - p)) for p, q in zip(first, second, strict=True))
-    return (r, g, b)
-
-
-def torque_colours(torques: Array) -> list[Colour]:
-    """Return the colours of torques.
-
-    Parameters
-    ----------
-    torques : (n,) array
-        Torques as a share of their limit; beyond -1 and 1 they count as -1 and 1.
-    """
-    at = 2.0 * (np.clip(torques, -1.0, 1.0) + 1.0)
-    below = np.minimum(at.astype(np.int64), 3)
-    return [
-        blend(TORQUE_STOPS[i], TORQUE_STOPS[i + 1], float(share))
-        for i, share in zip(below, at - below, strict=True)
-    ]
-
-
-def coverage(lines: Array, width: float, size: int) -> Array:
-    """Return how much of every pixel of a row is covered by lines that cross it.
-
-    Parameters
-    ----------
-    lines : (k,) array
-        Where the middles of the lines are (pixels from the row's beginning).
-    width : float
-        Their width (pixels).
-    size : int
-        Number n of pixels.
-
-    Returns
-    -------
-    (n,) array
-        Shares between 0 and 1.
-    """
-    left = np.arange(size, dtype=np.float64)
-    begin = np.maximum(left, lines[:, None] - 0.5 * width)
-    end = np.minimum(left + 1.0, lines[:, None] + 0.5 * width)
-    covered: Array = np.minimum(np.maximum(end - begin, 0.0).sum(axis=0), 1.0)
-    return covered
-
-
 class Patch:
     """A part of a picture, enlarged, so that what is drawn on it comes out smooth.
 
     Used in a ``with`` statement, at whose end the part goes back into the picture. Coordinates
-    are those of the picture (pixels, y downwards). What lies outside of the limits is cut off.
+    and sizes are pixels of the picture, y downwards; colours are one Colour or an (n, 3) array.
 
     Parameters
     ----------
@@ -104,9 +44,9 @@ class Patch:
     points : (n, 2) array
         What will be drawn lies around these points ...
     margin : float
-        ... at most this far from one of them (pixels).
+        ... at most this far from one of them.
     limits : Box
-        Left, top, right and bottom of what may be drawn on (pixels).
+        Left, top, right and bottom of what may be drawn on; the rest is cut off.
     """
 
     def __init__(self, image: Image.Image, points: Array, margin: float, limits: Box) -> None:
@@ -114,95 +54,71 @@ class Patch:
         low = np.clip(points.min(axis=0) - margin - 1.0, limits[:2], limits[2:])
         high = np.clip(points.max(axis=0) + margin + 1.0, limits[:2], limits[2:])
         self._image = image
-        self.box = (int(low[0]), int(low[1]), math.ceil(high[0]), math.ceil(high[1]))
-        width, height = self.box[2] - self.box[0], self.box[3] - self.box[1]
-        self.is_empty = width == 0 or height == 0
+        self._box = (int(low[0]), int(low[1]), math.ceil(high[0]), math.ceil(high[1]))
+        width, height = self._box[2] - self._box[0], self._box[3] - self._box[1]
         area = width * height
-        self._scale = 4 if area <= _FINEST else 3 if area <= _FINE else 2
+        self._is_empty = area == 0
+        scale = self._scale = 4 if area <= _FINEST else 3 if area <= _FINE else 2
         # Half a pixel of the enlarged part: Pillow cuts coordinates to whole numbers.
-        self._origin = np.array(self.box[:2]) - 0.5 / self._scale
+        self._origin = np.array(self._box[:2]) - 0.5 / scale
+        if not self._is_empty:
+            size = (width * scale, height * scale)
+            self._large = image.crop(self._box).resize(size, Image.Resampling.NEAREST)
+            self._draw = ImageDraw.Draw(self._large)
 
     def __enter__(self) -> Patch:
-        if not self.is_empty:
-            width, height = self.box[2] - self.box[0], self.box[3] - self.box[1]
-            part = self._image.crop(self.box)
-            size = (width * self._scale, height * self._scale)
-            self._large = part.resize(size, Image.Resampling.NEAREST)
-            self._draw = ImageDraw.Draw(self._large)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if not self.is_empty and error is None:
-            self._image.paste(self._large.reduce(self._scale), self.box[:2])
+    def __exit__(self, kind: object, error: object, traceback: object) -> None:
+        if not self._is_empty and error is None:
+            self._image.paste(self._large.reduce(self._scale), self._box[:2])
 
     def _enlarged(self, points: Array) -> Array:
         return (points - self._origin) * self._scale
 
-    def polygons(self, corners: Array, colours: Iterable[Colour]) -> None:
-        """Fill polygons of as many corners each.
-
-        Parameters
-        ----------
-        corners : (n, k, 2) array
-            Their corners (pixels).
-        colours : iterable of Colour
-            Their colours.
-        """
-        if self.is_empty:
+    def polygons(self, corners: Array, colours: ArrayLike) -> None:
+        """Fill polygons with corners (n, k, 2)."""
+        if self._is_empty:
             return
         flat = self._enlarged(corners).reshape(len(corners), -1).tolist()
-        for polygon, colour in zip(flat, colours, strict=False):
+        for polygon, colour in zip(flat, _inks(colours, len(flat)), strict=True):
             self._draw.polygon(polygon, fill=colour)
 
-    def discs(self, centres: Array, radius: float, colours: Iterable[Colour]) -> None:
-        """Fill discs.
-
-        Parameters
-        ----------
-        centres : (n, 2) array
-            Their centres (pixels).
-        radius : float
-            Their radius (pixels).
-        colours : iterable of Colour
-            Their colours.
-        """
-        if self.is_empty:
+    def discs(self, centres: Array, radius: float, colours: ArrayLike) -> None:
+        """Fill discs with centres (n, 2)."""
+        if self._is_empty:
             return
         # An ellipse of Pillow reaches to the end of its last pixel.
         size = radius * self._scale - 0.5
-        for (x, y), colour in zip(self._enlarged(centres).tolist(), colours, strict=False):
+        places = self._enlarged(centres).tolist()
+        for (x, y), colour in zip(places, _inks(colours, len(places)), strict=True):
             self._draw.ellipse((x - size, y - size, x + size, y + size), fill=colour)
 
     def ring(self, centre: Array, radius: float, width: float, colour: Colour) -> None:
-        """Draw a circle whose line lies inside of the radius; centre (2,), all in pixels."""
-        if self.is_empty:
+        """Draw a circle around a centre (2,), whose line lies inside of the radius."""
+        if self._is_empty:
             return
         (x, y), size = self._enlarged(centre), radius * self._scale - 0.5
         box = (x - size, y - size, x + size, y + size)
         self._draw.ellipse(box, outline=colour, width=round(width * self._scale))
 
     def line(self, points: Array, width: float, colour: Colour) -> None:
-        """Draw a line through points (n, 2) with a width (pixels)."""
-        if not self.is_empty:
+        """Draw a line through points (n, 2)."""
+        if not self._is_empty:
             corners = self._enlarged(points).ravel().tolist()
             self._draw.line(corners, fill=colour, width=round(width * self._scale))
 
 
+def _inks(colours: ArrayLike, count: int) -> list[Colour]:
+    """Return a colour for each of a number of shapes, as Pillow takes them."""
+    return [tuple(colour) for colour in np.broadcast_to(colours, (count, 3)).tolist()]
+
+
 class Lettering:
-    """Text of one size, in the font that comes with Pillow.
+    """Text of one size (pixels), in the font that comes with Pillow.
 
     Laying out a text takes Pillow longer than drawing a fish, so texts are kept. What changes
     from frame to frame is put together from kept letters; the font's digits have one width.
-
-    Parameters
-    ----------
-    size : float
-        Size of the font (pixels).
     """
 
     def __init__(self, size: float) -> None:
@@ -217,25 +133,9 @@ class Lettering:
     def words(
         self, image: Image.Image, at: Point, text: str, colour: Colour, shift: float = 0.0
     ) -> float:
-        """Draw a text that stays, evenly spaced.
+        """Draw a text that stays, evenly spaced, and return its width (pixels).
 
-        Parameters
-        ----------
-        image : PIL.Image.Image
-            The picture.
-        at : Point
-            A point on the base line (pixels) ...
-        text : str
-            The text.
-        colour : Colour
-            Its colour.
-        shift : float
-            ... which the text begins at (0), has in its middle (0.5) or ends at (1).
-
-        Returns
-        -------
-        float
-            The text's width (pixels).
+        It begins (shift 0), has its middle (0.5) or ends (1) at a point on the base line.
         """
         mask = self._words.get(text)
         if mask is None:

@@ -8,50 +8,31 @@ it, importing this module is a `SwimError`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swim_env.envs.render.drawing import (
-    Box,
-    Colour,
-    Image,
-    ImageDraw,
-    Lettering,
-    Patch,
-    Point,
-    blend,
-    coverage,
-    torque_colours,
-)
+from swim_env.colours import BODY, GOAL, WATER, Colour, ramp, torque_colours
+from swim_env.envs.render.camera import Camera
+from swim_env.envs.render.drawing import Box, Image, ImageDraw, Lettering, Patch, Point
 from swim_env.envs.render.silhouette import chain, head_outline, mitres
 from swim_env.errors import OptionError, SwimError
 from swim_env.scene import Scene
 
-__all__ = ["BODY_COLOUR", "GOAL_COLOUR", "WATER_COLOUR", "FramePainter"]
+__all__ = ["FramePainter"]
 
 Array = NDArray[np.float64]
 Frame = NDArray[np.uint8]
 
-PAPER_COLOUR: Colour = (255, 255, 255)
-WATER_COLOUR: Colour = (242, 247, 251)
-GRID_COLOUR: Colour = (198, 211, 223)
-FRAME_COLOUR: Colour = (170, 184, 198)
-TEXT_COLOUR: Colour = (28, 37, 48)
-QUIET_COLOUR: Colour = (96, 110, 126)
-BODY_COLOUR: Colour = (44, 58, 75)
-TRAIL_COLOUR: Colour = (108, 134, 168)
-GOAL_COLOUR: Colour = (0, 158, 115)
+PAPER: Colour = (255, 255, 255)
+GRID: Colour = (198, 211, 223)
+BORDER: Colour = (170, 184, 198)
+TEXT: Colour = (28, 37, 48)
+QUIET_TEXT: Colour = (96, 110, 126)
+TRAIL: Colour = (108, 134, 168)
 
-#: How fast the camera follows: after so long 63 % of a move are made up for (s).
-_LAG = 0.6
-#: How far it may fall behind, and how far the view reaches beyond the mean centre (BL).
-_MOST_LAG, _REACH_ALONG, _REACH_ACROSS = 0.15, 1.15, 0.56
-#: Most points of the trail, of which the older half goes then, and their distance (pixels).
-_TRAIL_POINTS, _TRAIL_STEP = 2000, 1.5
-#: Size of the ring at the start (pixels).
-_START_SIZE = 4.0
+#: Least distance of the trail's points, and size of the ring at the start (pixels).
+_TRAIL_STEP, _START_SIZE = 1.5, 4.0
 #: Positions beyond this count as this (BL), so that every finite state can be drawn.
 _FAR = 1e12
 #: Grid lines further out have no numbers (BL): they would not fit.
@@ -59,53 +40,10 @@ _NUMBERED = 1e7
 _LEAST_WIDTH, _LEAST_HEIGHT = 480, 270
 
 
-@dataclass
-class _Memory:
-    """What is left of the frames before: the view, and where the body has been (all in BL).
-
-    Attributes
-    ----------
-    time : float
-        Time of the last frame (s).
-    camera : (2,) array
-        What the middle of the picture shows.
-    scale : float
-        Pixels per BL.
-    centre : (2,) array
-        The mean centre.
-    start : (2,) array
-        Where the mean centre was in the first frame.
-    trail : (n, 2) array
-        Later places of the mean centre, a visible step apart, in its first `points` rows.
-    points : int
-        Their number.
-    """
-
-    time: float
-    camera: Array
-    scale: float
-    centre: Array
-    start: Array
-    trail: Array
-    points: int = 0
-
-    def __post_init__(self) -> None:
-        """Begin the trail at the start."""
-        self.lengthen_trail()
-
-    def lengthen_trail(self) -> None:
-        """Add the mean centre to the trail."""
-        if self.points == len(self.trail):
-            self.points //= 2
-            self.trail[: self.points] = self.trail[-self.points :].copy()
-        self.trail[self.points] = self.centre
-        self.points += 1
-
-
 class FramePainter:
     """Draws the frames of one episode after the other.
 
-    The same episode gives the same frames: a frame hangs on nothing but the size, what it shows
+    The same episode gives the same frames: a frame depends on nothing but the size, what it shows
     and what the frames since the last `forget` have shown.
 
     Parameters
@@ -146,16 +84,15 @@ class FramePainter:
         self._plot: Box = (left, top, width - right, height - bottom)
         self._half = 0.5 * np.array([width - left - right, height - top - bottom])
         self._middle_of_plot = np.array([left, top]) + self._half
-        shades = [blend(WATER_COLOUR, GRID_COLOUR, share / 255) for share in range(256)]
-        self._grid_shades = np.array(shades, dtype=np.uint8)
+        self._grid_shades = ramp((WATER, GRID), np.arange(256) / 255)
         self._backdrop = self._draw_backdrop()
-        self._memory: _Memory | None = None
+        self._camera: Camera | None = None
 
     # ---- the frames ----------------------------------------------------------------------------
 
     def forget(self) -> None:
         """Start a new episode: trail and camera begin anew."""
-        self._memory = None
+        self._camera = None
 
     def draw(
         self,
@@ -191,94 +128,43 @@ class FramePainter:
         aim = np.asarray(goal, dtype=np.float64)
         if self._radius is not None:
             aim = np.clip(aim / length, -_FAR, _FAR)
-        memory = self._look(centre, aim, time)
+        camera = self._camera
+        if camera is None or time < camera.time:
+            step = _TRAIL_STEP * self._unit
+            camera = self._camera = Camera(
+                self._middle_of_plot, self._half, self._radius, step, centre, aim, time
+            )
+        else:
+            camera.follow(centre, aim, time)
         image = self._backdrop.copy()
-        self._draw_grid(image, memory)
+        self._draw_grid(image, camera)
         if self._radius is None:
             self._draw_direction(image, aim)
         else:
-            self._draw_target(image, memory, aim)
-        self._draw_trail(image, memory)
-        self._draw_body(image, memory, values[2:], np.asarray(torques, dtype=np.float64))
+            self._draw_target(image, camera, aim, self._radius)
+        self._draw_trail(image, camera)
+        self._draw_body(image, camera, values[2:], np.asarray(torques, dtype=np.float64))
         self._draw_figures(image, time, progress)
         return np.array(image)
 
     def pixels(self, points: ArrayLike) -> Array:
-        """Return where the last frame shows points.
+        """Return column and row (pixels), (..., 2), where the last frame shows points (m).
 
-        Parameters
-        ----------
-        points : (..., 2) array_like
-            Points (m).
-
-        Returns
-        -------
-        (..., 2) array
-            Column and row (pixels); the pixel in row i and column j has its middle at
-            (j + 0.5, i + 0.5).
-
-        Raises
-        ------
-        SwimError
-            If there was no frame since the last `forget`.
+        The pixel in row i and column j has its middle at (j + 0.5, i + 0.5).
         """
-        if self._memory is None:
+        if self._camera is None:
             raise SwimError("no frame was drawn yet")
-        return self._on_screen(
-            self._memory, np.asarray(points, dtype=np.float64) / self.scene.beam.length
-        )
-
-    def _on_screen(self, memory: _Memory, points: Array) -> Array:
-        away = (points - memory.camera) * memory.scale
-        return self._middle_of_plot + away * (1.0, -1.0)
-
-    # ---- the camera ----------------------------------------------------------------------------
-
-    def _look(self, centre: Array, aim: Array, time: float) -> _Memory:
-        """Move the camera and the trail on to a new frame."""
-        memory = self._memory
-        if memory is None or time < memory.time:
-            scale = self._chosen_scale(centre, aim)
-            focus = self._focus(centre, aim, scale)
-            trail = np.empty((_TRAIL_POINTS, 2))
-            memory = self._memory = _Memory(time, focus, scale, centre, centre, trail)
-            return memory
-        focus = self._focus(centre, aim, memory.scale)
-        behind = (focus - memory.camera) * math.exp((memory.time - time) / _LAG)
-        most = _MOST_LAG / max(_MOST_LAG, float(np.hypot(*behind)))
-        memory.time, memory.centre, memory.camera = time, centre, focus - most * behind
-        moved = np.hypot(*(centre - memory.trail[memory.points - 1])) * memory.scale
-        if moved >= _TRAIL_STEP * self._unit:
-            memory.lengthen_trail()
-        return memory
-
-    def _chosen_scale(self, centre: Array, aim: Array) -> float:
-        """Return the pixels per BL: the body as large as it can turn, and a target in view."""
-        half_width, half_height = self._half
-        largest = min(half_width / _REACH_ALONG, half_height / _REACH_ACROSS)
-        if self._radius is None:
-            return float(largest)
-        beyond = max(_REACH_ACROSS, self._radius + 0.05)
-        away = 0.5 * np.abs(aim - centre) + beyond
-        fitting = min(half_width / away[0], half_height / away[1])
-        return float(min(max(fitting, 0.45 * largest), largest))
-
-    def _focus(self, centre: Array, aim: Array, scale: float) -> Array:
-        """Return what the camera follows: the mean centre, or half way to a target."""
-        if self._radius is None:
-            return centre
-        most = np.maximum(self._half / scale - _REACH_ACROSS, 0.0)
-        return centre + np.clip(0.5 * (aim - centre), -most, most)
+        return self._camera.on_screen(np.asarray(points, dtype=np.float64) / self.scene.beam.length)
 
     # ---- layers, from back to front ------------------------------------------------------------
 
     def _draw_backdrop(self) -> Image.Image:
         """Draw what stays: the name, the labels, the legend and the border of the view."""
         unit, small = self._unit, self._small
-        image = Image.new("RGB", (self.width, self.height), PAPER_COLOUR)
+        image = Image.new("RGB", (self.width, self.height), PAPER)
         draw = ImageDraw.Draw(image)
         left, top, right, bottom = self._plot
-        draw.rectangle((left - 1, top - 1, right, bottom), fill=WATER_COLOUR, outline=FRAME_COLOUR)
+        draw.rectangle((left - 1, top - 1, right, bottom), fill=WATER, outline=BORDER)
         # Above: whose episode it is, and the places of the figures.
         base = top - 11 * unit
         self._time_at = (right - 190 * unit, base)
@@ -287,26 +173,26 @@ class FramePainter:
             (self._time_at, "time", 81, "s"),
             (self._progress_at, "progress", 116, "BL"),
         ):
-            self._middle.words(image, (at[0] - far * unit, base), name, QUIET_COLOUR)
-            self._middle.words(image, (at[0] + 4 * unit, base), of, QUIET_COLOUR)
+            self._middle.words(image, (at[0] - far * unit, base), name, QUIET_TEXT)
+            self._middle.words(image, (at[0] + 4 * unit, base), of, QUIET_TEXT)
         title, room = self.scene.name, right - left - 290 * unit
         while self._big.words_width(title) > room:
             title = title[:-2] + "\u2026"
-        self._big.words(image, (left, base), title, TEXT_COLOUR)
+        self._big.words(image, (left, base), title, TEXT)
         # Below: the colours of the torques in N m.
-        small.words(image, (left - 6 * unit, bottom + 15 * unit), "BL", QUIET_COLOUR, 1.0)
+        small.words(image, (left - 6 * unit, bottom + 15 * unit), "BL", QUIET_TEXT, 1.0)
         base = self.height - 12 * unit
         limit = self.scene.torque_limit
-        x = left + small.words(image, (left, base), "joint torque", QUIET_COLOUR) + 9 * unit
-        x += small.figures(image, (x, base), f"-{limit:.3g}", TEXT_COLOUR) + 5 * unit
+        x = left + small.words(image, (left, base), "joint torque", QUIET_TEXT) + 9 * unit
+        x += small.figures(image, (x, base), f"-{limit:.3g}", TEXT) + 5 * unit
         width = round(80 * unit)
         box = (round(x), round(base - 9 * unit), round(x) + width, round(base))
-        for i, colour in enumerate(torque_colours(np.linspace(-1.0, 1.0, width))):
-            draw.line((box[0] + i, box[1], box[0] + i, box[3]), fill=colour)
-        draw.rectangle((box[0] - 1, box[1] - 1, box[2], box[3] + 1), outline=FRAME_COLOUR)
+        shades = torque_colours(np.linspace(-1.0, 1.0, width))
+        image.paste(Image.fromarray(shades[None]).resize((width, box[3] - box[1] + 1)), box[:2])
+        draw.rectangle((box[0] - 1, box[1] - 1, box[2], box[3] + 1), outline=BORDER)
         x = box[2] + 5 * unit
-        x += small.figures(image, (x, base), f"+{limit:.3g}", TEXT_COLOUR) + 4 * unit
-        small.words(image, (x, base), "N m", QUIET_COLOUR)
+        x += small.figures(image, (x, base), f"+{limit:.3g}", TEXT) + 4 * unit
+        small.words(image, (x, base), "N m", QUIET_TEXT)
         # And from right to left: what the unit, the line and the circle mean.
         x = float(right)
         entries = ["BL: body length", "path of the mean centre"]
@@ -314,39 +200,39 @@ class FramePainter:
             entries.append("target")
         for number, text in enumerate(entries):
             x -= small.words_width(text)
-            small.words(image, (x, base), text, QUIET_COLOUR)
+            small.words(image, (x, base), text, QUIET_TEXT)
             mark = np.array([[x - 26 * unit, base - 4 * unit], [x - 6 * unit, base - 4 * unit]])
             everywhere = (0, 0, self.width, self.height)
             if number == 1:
                 with Patch(image, mark, 6 * unit, everywhere) as patch:
-                    patch.line(mark, 1.7 * unit, TRAIL_COLOUR)
+                    patch.line(mark, 1.7 * unit, TRAIL)
                     self._draw_start(patch, mark[:1])
                 x -= 30 * unit
             elif number == 2:
                 with Patch(image, mark, 8 * unit, everywhere) as patch:
-                    patch.ring(mark[1] - (5.5 * unit, 0.0), 5.5 * unit, 1.5 * unit, GOAL_COLOUR)
+                    patch.ring(mark[1] - (5.5 * unit, 0.0), 5.5 * unit, 1.5 * unit, GOAL)
             x -= 16 * unit
         return image
 
-    def _draw_grid(self, image: Image.Image, memory: _Memory) -> None:
+    def _draw_grid(self, image: Image.Image, camera: Camera) -> None:
         unit = self._unit
         left, top, right, bottom = self._plot
-        step, parts = _grid_step(70.0 * unit / memory.scale)
+        step, parts = _grid_step(70.0 * unit / camera.scale)
         shares, numbers = [], []
         for axis, size in ((0, right - left), (1, bottom - top)):
-            camera = float(memory.camera[axis])
-            reach = self._half[axis] / memory.scale
-            # Line numbers relative to one near the camera: exact wherever the camera is.
-            first = math.fmod(camera, step)
+            middle = float(camera.place[axis])
+            reach = self._half[axis] / camera.scale
+            # Line numbers relative to one near the middle: exact wherever the camera is.
+            first = math.fmod(middle, step)
             k = np.arange(math.ceil(-reach / step) - 2, math.ceil(reach / step) + 3)
             sign = -1.0 if axis else 1.0
-            large = self._half[axis] + sign * (k * step - first) * memory.scale
+            large = self._half[axis] + sign * (k * step - first) * camera.scale
             fine = np.arange(k[0] * parts, k[-1] * parts + 1) * (step / parts)
-            little = self._half[axis] + sign * (fine - first) * memory.scale
+            little = self._half[axis] + sign * (fine - first) * camera.scale
             shares.append(
-                np.maximum(coverage(large, 1.2 * unit, size), 0.38 * coverage(little, unit, size))
+                np.maximum(_coverage(large, 1.2 * unit, size), 0.38 * _coverage(little, unit, size))
             )
-            numbers.append((large, (k + round((camera - first) / step)) * step))
+            numbers.append((large, (k + round((middle - first) / step)) * step))
         # Most rows are alike, those of no line along them; only the others are made one by one.
         columns, rows = (np.rint(255.0 * share).astype(np.uint8) for share in shares)
         view = np.empty((bottom - top, right - left, 3), dtype=np.uint8)
@@ -372,17 +258,17 @@ class FramePainter:
             room = 0.5 * small.figures_width(text)
             if abs(value) < _NUMBERED and room <= place <= right - left - room:
                 at = (left + place, bottom + 15 * unit)
-                small.figures(image, at, text, QUIET_COLOUR, 0.5)
+                small.figures(image, at, text, QUIET_TEXT, 0.5)
         for place, value in zip(*upwards, strict=True):
             text = _plain(value, digits)
             if small.figures_width(text) <= left - 8 * unit:
                 if 5 * unit <= place <= bottom - top - 5 * unit:
                     at = (left - 6 * unit, top + place + 4 * unit)
-                    small.figures(image, at, text, QUIET_COLOUR, 1.0)
+                    small.figures(image, at, text, QUIET_TEXT, 1.0)
             elif abs(value) < _NUMBERED:
                 room = 0.5 * small.figures_width(text)
                 if room <= place <= bottom - top - room:
-                    small.figures_upwards(image, (left - 6 * unit, top + place), text, QUIET_COLOUR)
+                    small.figures_upwards(image, (left - 6 * unit, top + place), text, QUIET_TEXT)
 
     def _draw_direction(self, image: Image.Image, aim: Array) -> None:
         """Draw the arrow of a goal that is a direction, at the side that it points to."""
@@ -397,29 +283,30 @@ class FramePainter:
         width, head = 3.0 * unit * across, 9.0 * unit * across
         with Patch(image, np.array([tip, tail]), 10 * unit, self._plot) as patch:
             shaft = np.array([[tail + width, neck + width, neck - width, tail - width]])
-            patch.polygons(shaft, [GOAL_COLOUR])
-            patch.polygons(np.array([[tip, neck + head, neck - head]]), [GOAL_COLOUR])
+            patch.polygons(shaft, GOAL)
+            patch.polygons(np.array([[tip, neck + head, neck - head]]), GOAL)
         # Level with the arrow's middle where it stands upright, above it where it lies.
         lift = 14 + 24 * abs(float(along[1]))
         at: Point = (centre[0], centre[1] - lift * unit)
         if at[1] < self._plot[1] + 14 * unit:
             at = (centre[0], centre[1] + (lift + 9) * unit)
-        self._middle.words(image, at, "goal", GOAL_COLOUR, 0.5)
+        self._middle.words(image, at, "goal", GOAL, 0.5)
 
-    def _draw_target(self, image: Image.Image, memory: _Memory, aim: Array) -> None:
+    def _draw_target(
+        self, image: Image.Image, camera: Camera, aim: Array, target_radius: float
+    ) -> None:
         """Draw the circle of a target, or where it lies outside of the view."""
-        assert self._radius is not None
         unit = self._unit
-        place = self._on_screen(memory, aim[None])
-        radius = max(self._radius * memory.scale, 4.0 * unit)
+        place = camera.on_screen(aim[None])
+        radius = max(target_radius * camera.scale, 4.0 * unit)
         away = place[0] - self._middle_of_plot
+        distance = float(np.hypot(*(aim - camera.centre)))
         if (np.abs(away) < self._half + 0.5 * radius).all():
-            distance = float(np.hypot(*(aim - memory.centre)))
-            inside = blend(WATER_COLOUR, GOAL_COLOUR, 0.45 if distance <= self._radius else 0.16)
+            inside = ramp((WATER, GOAL), 0.45 if distance <= target_radius else 0.16)
             with Patch(image, place, radius, self._plot) as patch:
-                patch.discs(place, radius, [inside])
-                patch.ring(place[0], radius, 1.8 * unit, GOAL_COLOUR)
-                patch.discs(place, 2.2 * unit, [GOAL_COLOUR])
+                patch.discs(place, radius, inside)
+                patch.ring(place[0], radius, 1.8 * unit, GOAL)
+                patch.discs(place, 2.2 * unit, GOAL)
             return
         inner = self._half - 12.0 * unit
         edge = self._middle_of_plot + away * float((inner / np.maximum(np.abs(away), 1e-9)).min())
@@ -429,61 +316,68 @@ class FramePainter:
             [8 * along, -6 * along + 8 * across, -2 * along, -6 * along - 8 * across]
         )
         with Patch(image, edge[None], 10 * unit, self._plot) as patch:
-            patch.polygons((edge + unit * corners)[None], [GOAL_COLOUR])
-        text = f"{_short(float(np.hypot(*(aim - memory.centre))), 2)} BL"
+            patch.polygons((edge + unit * corners)[None], GOAL)
+        text = f"{_short(distance, 2)} BL"
         room = 0.5 * self._small.words_width(text) + 4 * unit
         at = edge - (14 * unit + room * abs(along[0])) * along
         x = min(max(float(at[0]), self._plot[0] + room), self._plot[2] - room)
-        self._small.words(image, (x, float(at[1]) + 4 * unit), text, GOAL_COLOUR, 0.5)
+        self._small.words(image, (x, float(at[1]) + 4 * unit), text, GOAL, 0.5)
 
-    def _draw_trail(self, image: Image.Image, memory: _Memory) -> None:
-        trail = memory.trail[: memory.points]
-        points = self._on_screen(memory, np.concatenate([trail, memory.centre[None]]))
+    def _draw_trail(self, image: Image.Image, camera: Camera) -> None:
+        trail = camera.trail
+        points = camera.on_screen(np.concatenate([trail, camera.centre[None]]))
         # Cut where it is well outside of the view, and left out there.
         outside = (np.abs(points - self._middle_of_plot) > 2.0 * self._half).any(axis=1)
         runs = np.split(points, np.flatnonzero(outside))
         for run in (runs[0], *(later[1:] for later in runs[1:])):
             if len(run) > 1:
                 with Patch(image, run, 1.0 * self._unit, self._plot) as patch:
-                    patch.line(run, 1.7 * self._unit, TRAIL_COLOUR)
-        start = self._on_screen(memory, memory.start)[None]
+                    patch.line(run, 1.7 * self._unit, TRAIL)
+        start = camera.on_screen(camera.start)[None]
         with Patch(image, start, _START_SIZE * self._unit, self._plot) as patch:
             self._draw_start(patch, start)
 
     def _draw_start(self, patch: Patch, start: Array) -> None:
-        patch.discs(start, _START_SIZE * self._unit, [TRAIL_COLOUR])
-        patch.discs(start, (_START_SIZE - 1.7) * self._unit, [PAPER_COLOUR])
+        patch.discs(start, _START_SIZE * self._unit, TRAIL)
+        patch.discs(start, (_START_SIZE - 1.7) * self._unit, PAPER)
 
-    def _draw_body(
-        self, image: Image.Image, memory: _Memory, angles: Array, torques: Array
-    ) -> None:
+    def _draw_body(self, image: Image.Image, camera: Camera, angles: Array, torques: Array) -> None:
         unit, beam = self._unit, self.scene.beam
-        element = memory.scale / beam.elements
-        half = max(beam.half_thickness / beam.length * memory.scale, 1.6 * unit)
+        element = camera.scale / beam.elements
+        half = max(beam.half_thickness / beam.length * camera.scale, 1.6 * unit)
         along, nodes = chain(angles, element)
-        nodes += self._on_screen(memory, memory.centre)
+        nodes += camera.on_screen(camera.centre)
         across = np.stack([-along[:, 1], along[:, 0]], axis=-1)
         sides = half * mitres(across)
         left, right = nodes + sides, nodes - sides
-        head = max(half, min(max(0.028 * memory.scale, 4.8 * unit), 6.5 * unit))
+        head = max(half, min(max(0.028 * camera.scale, 4.8 * unit), 6.5 * unit))
         eyes = min(head, 9.0 * unit) * np.array([[0.8, 0.46], [0.8, -0.46]])
         with Patch(image, nodes, 2.5 * head, self._plot) as patch:
             corners = np.stack([left[:-1], left[1:], right[1:], right[:-1]], axis=1)
-            patch.polygons(corners, [BODY_COLOUR] * len(corners))
-            patch.polygons(head_outline(nodes[0], along[0], across[0], head)[None], [BODY_COLOUR])
+            patch.polygons(corners, BODY)
+            patch.polygons(head_outline(nodes[0], along[0], across[0], head)[None], BODY)
             # On a body of many elements the joints make a band inside of its outline.
             size = min(0.45 * element, max(0.75 * half, min(0.22 * element, 4.2 * unit)))
             if size > 2.5 * unit:
-                patch.discs(nodes[1:-1], size + 1.2 * unit, [BODY_COLOUR] * len(torques))
+                patch.discs(nodes[1:-1], size + 1.2 * unit, BODY)
             patch.discs(nodes[1:-1], size, torque_colours(torques))
             eyes = nodes[0] + eyes @ np.array([along[0], across[0]])
-            patch.discs(eyes, 0.3 * min(head, 9.0 * unit), [PAPER_COLOUR] * 2)
+            patch.discs(eyes, 0.3 * min(head, 9.0 * unit), PAPER)
 
     def _draw_figures(self, image: Image.Image, time: float, progress: float) -> None:
-        self._middle.figures(image, self._time_at, _short(time, 2), TEXT_COLOUR, 1.0)
+        self._middle.figures(image, self._time_at, _short(time, 2), TEXT, 1.0)
         text = _short(progress, 3)
         text = text if text.startswith("-") else f"+{text}"
-        self._middle.figures(image, self._progress_at, text, TEXT_COLOUR, 1.0)
+        self._middle.figures(image, self._progress_at, text, TEXT, 1.0)
+
+
+def _coverage(lines: Array, width: float, size: int) -> Array:
+    """Return the share (n,) of each pixel of a row that lines (k,) of some width (pixels) cover."""
+    left = np.arange(size, dtype=np.float64)
+    begin = np.maximum(left, lines[:, None] - 0.5 * width)
+    end = np.minimum(left + 1.0, lines[:, None] + 0.5 * width)
+    covered: Array = np.minimum(np.maximum(end - begin, 0.0).sum(axis=0), 1.0)
+    return covered
 
 
 def _grid_step(least: float) -> tuple[float, int]:

@@ -23,19 +23,8 @@ class EpisodesViewer:
     """Draws the members of `Episodes` as they are, or shows member 0 in a window.
 
     Nothing of the episodes is changed. A copy of an environment has no viewer and makes its own:
-    copies and pickles of this object are None.
-
-    Parameters
-    ----------
-    episodes : Episodes
-        What to look at.
-    rate : float
-        Frames in a second of real time in a window.
-
-    Raises
-    ------
-    SwimError
-        From `frames` and `show`, if there is something to draw and Pillow is not installed.
+    copies and pickles of this object are None. A window shows so many frames in a second of real
+    time. `frames` and `show` raise a SwimError where Pillow is not installed.
     """
 
     def __init__(self, episodes: Episodes, rate: float) -> None:

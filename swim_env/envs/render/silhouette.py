@@ -16,21 +16,10 @@ _HEAD_WIDTHS = np.concatenate([np.sin(_round), np.cos(0.5 * np.pi * _taper)])
 
 
 def chain(angles: Array, element: float) -> tuple[Array, Array]:
-    """Return a body's directions and nodes on the screen, relative to the mean centre.
+    """Return a body's unit vectors (N, 2) from head to tail, and its nodes (N + 1, 2) (pixels).
 
-    Parameters
-    ----------
-    angles : (N,) array
-        Angle of element 1 and joint angles (rad).
-    element : float
-        Length of an element (pixels).
-
-    Returns
-    -------
-    along : (N, 2) array
-        Unit vectors of the elements from head to tail, y downwards.
-    nodes : (N + 1, 2) array
-        The nodes (pixels), y downwards.
+    The nodes are relative to the mean centre, y is downwards. The angles (N,) are that of element
+    1 and the joint angles (rad); `element` is the length of an element (pixels).
     """
     turned = np.cumsum(angles)
     along = np.stack([np.cos(turned), -np.sin(turned)], axis=-1)
@@ -41,19 +30,9 @@ def chain(angles: Array, element: float) -> tuple[Array, Array]:
 
 
 def head_outline(front: Array, along: Array, across: Array, radius: float) -> Array:
-    """Return the outline of a head that begins at the body's front.
+    """Return the corners (30, 2) of a head at the body's front (2,), with half its width as radius.
 
-    Parameters
-    ----------
-    front, along, across : (2,) arrays
-        The front (pixels), and unit vectors to the tail and to the side.
-    radius : float
-        Half the head's width (pixels).
-
-    Returns
-    -------
-    (30, 2) array
-        Corners (pixels).
+    The unit vectors (2,) point to the tail and to the side.
     """
     line = front + radius * _HEAD_PLACES[:, None] * along
     side = radius * _HEAD_WIDTHS[:, None] * across
@@ -61,17 +40,10 @@ def head_outline(front: Array, along: Array, across: Array, radius: float) -> Ar
 
 
 def mitres(across: Array) -> Array:
-    """Return the vectors from the nodes to the outline of a body with half thickness 1.
+    """Return the vectors (N + 1, 2) from the nodes to the outline of a body of half thickness 1.
 
-    Parameters
-    ----------
-    across : (N, 2) array
-        Unit vectors at a right angle to the elements.
-
-    Returns
-    -------
-    (N + 1, 2) array
-        Where two elements meet, to the corner that their sides make.
+    Where two elements meet, they point to the corner that their sides make. The elements' normals
+    (N, 2) are unit vectors.
     """
     corners = np.concatenate([across[:1], across[:-1] + across[1:], across[-1:]])
     # Sharp bends, which the physics does not allow, would have corners at any distance.

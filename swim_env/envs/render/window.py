@@ -21,17 +21,17 @@ _NO_WINDOW = (
     "gymnasium.wrappers.RecordVideo, or swim-env replay --env --record-video FOLDER{cure}"
 )
 _CURE = ", or install the extra 'view' (pip install 'swim-env[view]')"
-_CLOSED = "swim_env: the window was closed; the environment goes on without it"
-_told: set[str] = set()
+_CLOSED = "swim_env: the window was closed; the environment continues without it"
+_printed: set[str] = set()
 
 #: Drivers of SDL, and the variables that name the displays that they show on.
 _SERVERS = (("x11", "DISPLAY"), ("wayland", "WAYLAND_DISPLAY"))
 
 
-def _tell_once(line: str) -> None:
+def _print_once(line: str) -> None:
     """Write a line to stderr, once per process."""
-    if line not in _told:
-        _told.add(line)
+    if line not in _printed:
+        _printed.add(line)
         print(line, file=sys.stderr, flush=True)
 
 
@@ -39,14 +39,8 @@ class Window:
     """Shows frames, no faster than real time.
 
     A process has one window at most; several of these objects share it. Without a display, and
-    after the window was closed by whoever looks at it, frames are dropped without delay.
-
-    Parameters
-    ----------
-    title : str
-        What the window is called.
-    rate : float
-        Frames in a second of real time.
+    after the user has closed the window, frames are dropped without delay. The rate is that of the
+    frames in a second of real time.
     """
 
     #: Those that show their frames: the last one to be closed closes the window.
@@ -83,7 +77,7 @@ class Window:
         if any(event.type == pygame.QUIT for event in pygame.event.get()):
             self._showing.clear()
             pygame.display.quit()
-            _tell_once(_CLOSED)
+            _print_once(_CLOSED)
 
     def close(self) -> None:
         """Show no more frames. Closing twice does no harm."""
@@ -96,7 +90,7 @@ class Window:
 def _ready_pygame() -> Any:
     """Return pygame with its display started, or None after a line on stderr."""
     chosen = os.environ.get("SDL_VIDEODRIVER")
-    # SDL's own search would go on to drivers that show nothing, and write lines on its way.
+    # SDL's own search would try drivers that show nothing, and print lines about it.
     found = ",".join(driver for driver, name in _SERVERS if os.environ.get(name))
     if chosen or found or sys.platform in ("darwin", "win32"):
         os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
@@ -108,13 +102,13 @@ def _ready_pygame() -> Any:
                 warnings.simplefilter("ignore")
                 import pygame
         except ImportError:
-            _tell_once(_NO_WINDOW.format(why="pygame is not installed", cure=_CURE))
+            _print_once(_NO_WINDOW.format(why="pygame is not installed", cure=_CURE))
             return None
         try:
             if found and not chosen:
                 os.environ["SDL_VIDEODRIVER"] = found
             pygame.display.init()
-            # Drivers that show nothing count only where somebody asked for them.
+            # Drivers that show nothing count only where the environment asks for them.
             if chosen or pygame.display.get_driver() not in ("dummy", "offscreen"):
                 return pygame
             pygame.display.quit()
@@ -123,5 +117,5 @@ def _ready_pygame() -> Any:
         finally:
             if not chosen:
                 os.environ.pop("SDL_VIDEODRIVER", None)
-    _tell_once(_NO_WINDOW.format(why="there is no display", cure=""))
+    _print_once(_NO_WINDOW.format(why="there is no display", cure=""))
     return None

@@ -70,7 +70,7 @@ def _shortening(j: int, beam: BeamConstants, inc: Increment) -> tuple[float, flo
     return inc.half_cosine[j], inc.half_cosine[j + 1], inc.half_sine[j], inc.half_sine[j + 1]
 
 
-@kernel
+@inlined
 def elastic_terms(h: float, beam: BeamConstants, inc: Increment, balance: Balance) -> None:
     """Differentiate h W(K(q_{n+1/2})) with respect to q_n, and sum that with that to q_{n+1}."""
     b = balance
@@ -93,7 +93,7 @@ def elastic_terms(h: float, beam: BeamConstants, inc: Increment, balance: Balanc
         b.elastic_size[j + 1] += abs(moment)
 
 
-@kernel
+@inlined
 def impulses_of_torques(
     torques: Array, z: Array, h: float, beam: BeamConstants, balance: Balance
 ) -> None:

@@ -48,7 +48,7 @@ from swim_env.physics.planar.elastic import (
     linearise_mean_joints,
 )
 from swim_env.physics.planar.layout import Balance, Body, Drag, Increment, Pose
-from swim_env.physics.runtime.compile import kernel
+from swim_env.physics.runtime.compile import inlined, kernel
 from swim_env.physics.runtime.dense import mat_vec
 from swim_env.physics.runtime.elementary import SMALL_ANGLE, cos_small, sin_small
 
@@ -80,7 +80,7 @@ def set_pose(q: Array, beam: BeamConstants, pose: Pose) -> None:
         linearise_joints(q, pose)
 
 
-@kernel
+@inlined
 def _set_increment(z: Array, pose: Pose, inc: Increment) -> None:
     """Compute turns, first directors and mean joints from the increment z (N + 2,)."""
     elements = inc.turn_sine.size
@@ -120,7 +120,7 @@ def _set_increment(z: Array, pose: Pose, inc: Increment) -> None:
         inc.new_d1[1, k] = pose.d1[1, k] * inc.turn_cosine[k] - pose.d3[1, k] * inc.turn_sine[k]
 
 
-@kernel
+@inlined
 def _move(
     z: Array,
     h: float,
@@ -163,39 +163,17 @@ def _move(
 
 
 @kernel
-def evaluate_held_step(
-    p: Array,
-    torques: Array,
-    z: Array,
-    h: float,
-    at_end: bool,
-    beam: BeamConstants,
-    fluid: FluidConstants,
-    body: Body,
-) -> float:
-    """Evaluate the residual like `evaluate_step`, the shape force taken as `balance` has it.
-
-    The shape force is what an evaluation spends most of its time on, and changes little with z.
-    """
-    pose, inc, balance, drag, mass = body
-    normal = inc.new_d1 if at_end else pose.d1
-    _move(z, h, beam, fluid, normal, mass.added, pose, inc, balance.sums)
-    return _balance(p, torques, z, h, at_end, normal, beam, fluid, pose, inc, balance, drag)
-
-
-@kernel
 def evaluate_step(
     p: Array,
     torques: Array,
     z: Array,
     h: float,
-    at_end: bool,
     beam: BeamConstants,
     fluid: FluidConstants,
     body: Body,
     fluid_work: FluidWork,
 ) -> float:
-    """Evaluate the residual of p_n + D1 L_d(q_n, q_{n+1}) + h F/2 = 0.
+    """Evaluate the residual of p_n + D1 L_d(q_n, q_{n+1}) + h F/2 = 0 with its shape force.
 
     Parameters
     ----------
@@ -207,15 +185,12 @@ def evaluate_step(
         Increment (dc, d theta_1, da_2 ... da_N).
     h : float
         Length of the step (s).
-    at_end : bool
-        Whether the inertia is that of the end of the step: the adjoint.
     beam, fluid : BeamConstants, FluidConstants
         The scene.
     body : Body
-        With the pose q_n, and the added mass of that pose or in the adjoint of q_{n+1}. Increment,
-        balance and drag are overwritten.
+        With the pose q_n and its added mass. Increment, balance and drag are overwritten.
     fluid_work : FluidWork
-        As `added_mass` left it for the shape of that added mass.
+        As `added_mass` left it for q_n.
 
     Returns
     -------
@@ -223,14 +198,36 @@ def evaluate_step(
         max_i |r_i|/s_i with s_i = max(smallest scale, |p_i|, impulses); not finite where z is not.
     """
     pose, inc, balance, drag, mass = body
-    normal = inc.new_d1 if at_end else pose.d1
-    _move(z, h, beam, fluid, normal, mass.added, pose, inc, balance.sums)
+    _move(z, h, beam, fluid, pose.d1, mass.added, pose, inc, balance.sums)
     if fluid.model != NO_FLUID:
         shape_force(inc.motion, fluid, fluid_work, balance.shape)
-    return _balance(p, torques, z, h, at_end, normal, beam, fluid, pose, inc, balance, drag)
+    return _balance(p, torques, z, h, False, pose.d1, beam, fluid, pose, inc, balance, drag)
 
 
 @kernel
+def evaluate_held_step(
+    p: Array,
+    torques: Array,
+    z: Array,
+    h: float,
+    at_end: bool,
+    beam: BeamConstants,
+    fluid: FluidConstants,
+    body: Body,
+) -> float:
+    """Evaluate the residual like `evaluate_step`, the shape force taken as `body.balance` has it.
+
+    The shape force is what an evaluation spends most of its time on, and changes little with z. The
+    inertia is that of the start of the step, or with `at_end` that of its end: the adjoint, with
+    the added mass of q_{n+1}.
+    """
+    pose, inc, balance, drag, mass = body
+    normal = inc.new_d1 if at_end else pose.d1
+    _move(z, h, beam, fluid, normal, mass.added, pose, inc, balance.sums)
+    return _balance(p, torques, z, h, at_end, normal, beam, fluid, pose, inc, balance, drag)
+
+
+@inlined
 def _balance(
     p: Array,
     torques: Array,
@@ -308,24 +305,24 @@ def _balance(
         b.size[2 + j] = abs(p[2 + j]) + abs(turning) + abs(arm) + forces + dl * size
     if fluid.drag > 0.0:
         add_drag(z, h, beam, fluid.drag, pose, inc, b, drag)
-    return residual_norm(b)
+    return residual_norm(b.residual, b.scale)
 
 
 @kernel
-def residual_norm(balance: Balance) -> float:
+def residual_norm(residual: Array, scale: Array) -> float:
     """Return max_i |r_i|/s_i; a residual that is not a number counts as infinite."""
     largest = 0.0
-    for i in range(balance.residual.size):
-        ratio = abs(balance.residual[i]) / balance.scale[i]
+    for i in range(residual.size):
+        ratio = abs(residual[i]) / scale[i]
         if not ratio <= largest:
             largest = ratio if ratio >= 0.0 else np.inf
     return largest
 
 
 @kernel
-def round_off_floor(balance: Balance) -> float:
+def round_off_floor(size: Array, scale: Array) -> float:
     """Estimate the scaled residual that rounding alone leaves."""
     largest = 0.0
-    for i in range(balance.residual.size):
-        largest = max(largest, balance.size[i] / balance.scale[i])
+    for i in range(size.size):
+        largest = max(largest, size[i] / scale[i])
     return 2.220446049250313e-16 * largest

@@ -97,7 +97,7 @@ def _evaluate(
     step.effort[0] += solver.evaluation_cost
     step.tally[EVALUATED] += 1
     if not at_end:
-        return evaluate_step(p, torques, z, h, at_end, beam, fluid, body, fluid_work)
+        return evaluate_step(p, torques, z, h, beam, fluid, body, fluid_work)
     mass = body.mass
     shape = mass.trial_shape
     for j in range(torques.size):
@@ -309,7 +309,9 @@ def newton_with_shortening(
                     accepted = True
                     break
                 largest = max(solver.tolerance, _LARGEST_ROUND_OFF)
-                if norm <= min(ROUND_OFF_MARGIN * round_off_floor(balance), largest):
+                if norm <= min(
+                    ROUND_OFF_MARGIN * round_off_floor(balance.size, balance.scale), largest
+                ):
                     # Rounding keeps the residual from falling further: this is as exact as it
                     # gets.
                     copy(trial, z)

@@ -17,10 +17,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.added_mass import FluidConstants, depends_on_shape
+from swim_env.physics.fluid.added_mass import FluidConstants, depends_on_shape, shape_force
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.drag import drag_loss, drag_moment
-from swim_env.physics.planar.equations import evaluate_step, set_pose
+from swim_env.physics.planar.equations import evaluate_held_step, set_pose
 from swim_env.physics.planar.layout import (
     TOTAL,
     Drag,
@@ -71,7 +71,7 @@ MOST_HALVINGS = 10
 _WHOLE = 1 << MOST_HALVINGS
 
 
-@kernel
+@inlined
 def _extrapolate(
     part: int, history: Array, shape_history: Array, counters: Array, increment: Array, shape: Array
 ) -> None:
@@ -165,7 +165,7 @@ def _solve_part(
     return status, norm, at_round_off
 
 
-@kernel
+@inlined
 def _drift(
     state: State,
     z: Array,
@@ -228,7 +228,7 @@ def _take_back_part(state: State, step: OuterStep, forces: ForceWork, record: Ar
     state.counters[KNOWN_INCREMENTS] = 0.0
 
 
-@kernel
+@inlined
 def _move_on(
     state: State, increment: Array, change: Array, shape: Array, total: Array, part: int
 ) -> None:
@@ -315,7 +315,8 @@ def outer_step(
         if at_end:
             # The change of the momentum needs the shape force at the end.
             step.effort[0] += solver.evaluation_cost
-            evaluate_step(state.p, torques, increment, h, at_end, beam, fluid, body, fluid_work)
+            shape_force(inc.motion, fluid, fluid_work, balance.shape)
+            evaluate_held_step(state.p, torques, increment, h, at_end, beam, fluid, body)
         for j in range(torques.size):
             change = increment[3 + j]
             record[DISSIPATED] += beam.joint_damping[j] * change * change / h

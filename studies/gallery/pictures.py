@@ -1,0 +1,210 @@
+"""The gallery's own pictures: how far for how much work, and how agents learned over seeds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.errors import SwimError
+from swim_env.plots import style
+from swim_env.sim.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["draw_learning", "draw_pareto", "pareto_front"]
+
+Curve = Mapping[str, Sequence[float]]
+
+_MARKS = ("o", "s", "^", "D", "v", "P", "X")
+
+
+def pareto_front(costs: Sequence[float], gains: Sequence[float]) -> list[int]:
+    """Return the numbers of those that none beats, costing as little and gaining more.
+
+    They are in the order of rising cost.
+    """
+    order = sorted(range(len(costs)), key=lambda i: (costs[i], -gains[i]))
+    front: list[int] = []
+    for i in order:
+        if not front or gains[i] > gains[front[-1]]:
+            front.append(i)
+    return front
+
+
+def draw_pareto(
+    trajectories: Mapping[str, Sequence[Trajectory]],
+    trusted: Mapping[str, Sequence[bool]] | None = None,
+) -> Figure:
+    """Draw the net displacement over the positive work of runs, and the front.
+
+    Parameters
+    ----------
+    trajectories : mapping of str to sequence of Trajectory
+        Of each policy its runs at rising strength; a line joins them. Displacement is that along
+        the scene's heading; runs that got nowhere or backwards, or took no work, are left out.
+    trusted : mapping of str to sequence of bool, optional
+        Whether each run passed a check; those that did not are hollow and not on the front.
+
+    Raises
+    ------
+    SwimError
+        If nothing is left to draw.
+    """
+    looks = style.policy_looks(trajectories)
+    figure = style.new_figure(style.WIDTH, 4.6)
+    axes = figure.add_subplot()
+    trusted_points: list[tuple[float, float]] = []
+    doubtful = False
+    for number, (name, runs) in enumerate(trajectories.items()):
+        passed = [True] * len(runs) if trusted is None else trusted[name]
+        points = [
+            (_point(run), good)
+            for run, good in zip(runs, passed, strict=True)
+            if min(_point(run)) > 0.0
+        ]
+        if not points:
+            continue
+        colour, mark = looks[name]["color"], _MARKS[number % len(_MARKS)]
+        line: dict[str, Any] = {"color": colour, "linewidth": style.LINE}
+        marks: dict[str, Any] = {"color": colour, "marker": mark, "markersize": 5}
+        axes.plot(*zip(*(point for point, _ in points), strict=True), **line)
+        axes.plot([], [], **(marks | line), label=name)
+        for wanted, fill in ((True, colour), (False, "white")):
+            some = [point for point, good in points if good == wanted]
+            shown = np.array(some).reshape(-1, 2).T
+            axes.plot(*shown, **marks, linestyle="", markerfacecolor=fill, zorder=4)
+            if wanted:
+                trusted_points += some
+            else:
+                doubtful = doubtful or bool(some)
+    if not trusted_points:
+        raise SwimError("there is nothing to draw: no run got anywhere along the scene's heading")
+    if doubtful:
+        label = "hollow: a finer computation disagrees"
+        axes.plot([], [], "o", color=style.GREY, markerfacecolor="white", markersize=5, label=label)
+    works, reached = zip(*trusted_points, strict=True)
+    front = pareto_front(works, reached)
+    axes.step(
+        [works[i] for i in front],
+        [reached[i] for i in front],
+        where="post",
+        color=style.FRONT,
+        linewidth=style.THIN,
+        label="front: no run goes as far for less",
+        zorder=2,
+    )
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.margins(0.08)
+    _draw_equal_costs(axes)
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.legend(fontsize=style.SMALL, frameon=False, loc="upper left")
+    first = next(run for runs in trajectories.values() for run in runs)
+    style.style_axes(
+        axes,
+        "positive work of the torques (J)",
+        "net displacement (body lengths)",
+        f"{first.scene.name}, {first.duration:g} s: each policy's torques at rising strength",
+    )
+    return figure
+
+
+def _point(run: Trajectory) -> tuple[float, float]:
+    """Return positive work (J) and displacement along the scene's heading (BL)."""
+    ahead = float(run.displacement @ run.scene.episode.heading) / run.scene.beam.length
+    return float(run.positive_work.sum()), ahead
+
+
+def _draw_equal_costs(axes: Axes) -> None:
+    """Draw lines of equal work per displacement, a name at the lower end of each."""
+    left, right = axes.get_xlim()
+    low, high = axes.get_ylim()
+    decades = range(math.floor(math.log10(left / high)), math.ceil(math.log10(right / low)) + 1)
+    for cost in (10.0**decade for decade in decades):
+        axes.plot(
+            [cost * low, cost * high],
+            [low, high],
+            color=style.GREY,
+            linewidth=style.THIN,
+            linestyle=":",
+        )
+        # Under the line where it comes in, if there is room.
+        if left < cost * low < right * (right / left) ** -0.15:
+            axes.annotate(
+                f"{cost:,.0f} J/BL" if cost >= 1.0 else f"{cost:g} J/BL",
+                (cost * low, low),
+                xytext=(17, 2),
+                textcoords="offset points",
+                fontsize=style.SMALLER,
+                color=style.GREY,
+            )
+    axes.set_xlim(left, right)
+    axes.set_ylim(low, high)
+
+
+def draw_learning(
+    forward: Mapping[str, Sequence[Curve]],
+    target: Mapping[str, Sequence[Curve]],
+    reference: tuple[str, float] | None = None,
+) -> Figure:
+    """Draw how agents learned, with the spread over training seeds.
+
+    Left, how far they swim; right, how many targets they reach; both in the periodic evaluations,
+    without exploration. The line is the median over seeds, the band goes from the least to the
+    largest of them, and thin lines are the seeds; an agent of one seed has its line alone.
+
+    Parameters
+    ----------
+    forward, target : mapping of str to sequence of mapping
+        For each agent the columns of its runs' ``evaluations.csv``, a run for each training seed.
+    reference : (str, float), optional
+        A policy and its net displacement (body lengths), as a line across.
+    """
+    figure = style.new_figure(style.WIDTH, 3.2)
+    left, right = figure.subplots(1, 2)
+    looks = style.policy_looks([*forward, *target])
+    for axes, curves, column, scale in (
+        (left, forward, "net_displacement_median", 1.0),
+        (right, target, "success_rate", 100.0),
+    ):
+        for name, runs in curves.items():
+            _draw_spread(axes, name, runs, column, scale, looks[name]["color"])
+    if reference is not None:
+        name, value = reference
+        colour = style.policy_looks([name])[name]["color"]
+        left.axhline(value, color=colour, linewidth=style.LINE, linestyle="--", label=name)
+    for axes in (left, right):
+        axes.set_xlim(left=0.0)
+        style.add_legend(axes, loc="lower right")
+    right.set_ylim(-3.0, 103.0)
+    steps = "environment steps (millions)"
+    title = "swimming forward: line median, band all training seeds"
+    style.style_axes(left, steps, "net displacement (body lengths)", title)
+    style.style_axes(right, steps, "targets reached (%)", "swimming to a target")
+    return figure
+
+
+def _draw_spread(
+    axes: Axes, name: str, runs: Sequence[Curve], column: str, scale: float, colour: str
+) -> None:
+    """Draw the median and the extent of runs, where all of them have been."""
+    steps = [1e-6 * np.array(run["steps"]) for run in runs]
+    values = [scale * np.array(run[column]) for run in runs]
+    at: NDArray[np.float64] = steps[0][steps[0] <= min(one[-1] for one in steps)]
+    table = np.stack([np.interp(at, x, y) for x, y in zip(steps, values, strict=True)])
+    count = f"{len(runs)} seeds" if len(runs) > 1 else "1 seed"
+    axes.plot(
+        at, np.median(table, axis=0), color=colour, linewidth=style.THICK, label=f"{name}, {count}"
+    )
+    if len(runs) > 1:
+        low, high = table.min(axis=0), table.max(axis=0)
+        axes.fill_between(at, low, high, color=colour, alpha=0.2, linewidth=0)
+        for x, y in zip(steps, values, strict=True):
+            axes.plot(x, y, color=colour, linewidth=style.THIN, alpha=0.8)
