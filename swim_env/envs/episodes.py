@@ -29,7 +29,7 @@ from swim_env.sim.batch import Bodies
 from swim_env.sim.recorder import needs_recording
 from swim_env.sim.trajectory import Trajectory
 
-__all__ = ["TERMINATION_REASONS", "Episodes", "EpisodesSnapshot", "reason_of", "whole_number"]
+__all__ = ["TERMINATION_REASONS", "Episodes", "EpisodesSnapshot", "whole_number"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -393,11 +393,6 @@ class Episodes:
         self.someone_ended = bool(self.counters[:, END_CODE:].any())
         for random, state in zip(randoms, snapshot.randoms, strict=True):
             random.bit_generator.state = deepcopy(state)
-
-
-def reason_of(code: int) -> str:
-    """Return the reason of an end by its code, an empty text for 0."""
-    return _REASON_BY_CODE[code]
 
 
 def whole_number(value: object, name: str, at_most: int | None = None) -> int:

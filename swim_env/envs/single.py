@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.envs.assessment import END_CODE
-from swim_env.envs.episodes import TERMINATION_REASONS, reason_of
+from swim_env.envs.episodes import TERMINATION_REASONS
 from swim_env.envs.interface import (
     RENDER_MODES,
     EnvSnapshot,
@@ -225,9 +225,8 @@ class SwimEnv(SharedInterface, gymnasium.Env[Observation, NDArray[Any]]):
         """
         self._need_reset("step")
         episodes = self.episodes
-        code = int(episodes.counters[0, END_CODE])
-        if code:
-            reason = reason_of(code)
+        if episodes.counters[0, END_CODE]:
+            reason = episodes.info(0)["termination_reason"]
             meaning = f"{TERMINATION_REASONS[reason]}; call reset to start again"
             raise SimulationEndedError(reason, float(episodes.times[0]), meaning)
         episodes.take(action, True, episodes.all_members)
