@@ -39,7 +39,7 @@ __all__ = ["SwimEnv", "SwimTargetEnv"]
 
 
 class SwimEnv(SharedInterface, gymnasium.Env[Observation, NDArray[Any]]):
-    r"""An elastic beam in an ideal fluid learns to swim with its joint torques.
+    r"""An elastic beam in an ideal fluid swims by its joint torques.
 
     ``gymnasium.make("swim_env/KirchhoffSwimmer-v0", scene="swimmer")``
 
@@ -53,7 +53,7 @@ class SwimEnv(SharedInterface, gymnasium.Env[Observation, NDArray[Any]]):
 
     ## Observations
     ``Box((2 (N - 1) + 5,), float32)``. Nothing depends on where the body is. Values are scaled to
-    order one and, but for sine and cosine, clipped to ±100.
+    order one and, except sine and cosine, clipped to ±100.
 
     | index        | quantity                                               | unit of 1 |
     |--------------|--------------------------------------------------------|-----------|
@@ -84,9 +84,9 @@ class SwimEnv(SharedInterface, gymnasium.Env[Observation, NDArray[Any]]):
     ``heading``, ``velocity``, ``turning_rate``, ``position`` ...), which are then exact.
 
     ## End
-    Truncated when the scene's ``episode.duration`` is over. Terminated when the physics cannot go
-    on; ``info["termination_reason"]`` is then one of ``swim_env.TERMINATION_REASONS``, and empty
-    otherwise.
+    Truncated when the scene's ``episode.duration`` is over. Terminated when the physics cannot
+    continue; ``info["termination_reason"]`` is then one of ``swim_env.TERMINATION_REASONS``, and
+    empty otherwise.
 
     ## Info
     The same keys from ``reset`` and ``step``: ``time`` (s), ``position`` of the mean centre (m),
@@ -276,10 +276,10 @@ class SwimTargetEnv(SwimEnv):
 
     ``gymnasium.make("swim_env/KirchhoffSwimmerTarget-v0")``
 
-    As `SwimEnv`, but for these:
+    As `SwimEnv`, with these differences:
 
-    - The goal's direction in the observation is that to the point, and one more number at the end
-      is its distance from the mean centre in body lengths.
+    - The goal's direction in the observation is the direction to the point, and one more number at
+      the end is the point's distance from the mean centre in body lengths.
     - The reward is the distance by which the mean centre came closer, in body lengths.
     - Reaching the point ends the episode: terminated, ``termination_reason`` is
       ``target_reached``, ``success`` and ``is_success`` are true.

@@ -49,7 +49,7 @@ class Start(NamedTuple):
 
 
 class StartPlan(NamedTuple):
-    """A start but for its noise: the options of a reset, all checked.
+    """A start without its noise, made of the checked options of a reset.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class Task(ABC):
 
     @property
     def identity(self) -> tuple[object, ...]:
-        """What tells this task from others, to compare snapshots by."""
+        """What distinguishes this task from others, for comparing snapshots."""
         return (type(self).__name__, self.scene, self.effort_weight, self.heading_weight)
 
     @property
@@ -234,7 +234,7 @@ class ForwardTask(Task):
 
 
 class TargetTask(Task):
-    """Reach a point; the reward is by how much the mean centre came closer, in body lengths.
+    """Reach a point; the reward is the decrease of the mean centre's distance, in body lengths.
 
     Parameters
     ----------
@@ -283,7 +283,7 @@ class TargetTask(Task):
 
     @property
     def identity(self) -> tuple[object, ...]:
-        """What tells this task from others, to compare snapshots by."""
+        """What distinguishes this task from others, for comparing snapshots."""
         return (*super().identity, self.distance, self.bearing, self.radius)
 
     def _given_goal(self, options: Mapping[str, Any]) -> Array | None:

@@ -56,10 +56,10 @@ class SwimVectorEnv(
     ``gymnasium.make_vec("swim_env/KirchhoffSwimmer-v0", num_envs=64)``
 
     Actions, observations, rewards and infos are those of `SwimEnv` in Gymnasium's batched form:
-    arrays whose first axis is the member, and infos with a mask ``_key`` for every key. All modes
-    of starting members anew are there: in the step after their end, whose action they ignore
-    (NEXT_STEP, the default); in the same step, with ``final_obs`` and ``final_info`` in the infos
-    (SAME_STEP); or by ``reset(options={"reset_mask": ...})`` alone (DISABLED).
+    arrays whose first axis is the member, and infos with a mask ``_key`` for every key. Members that
+    have ended start again in the next step, whose action they ignore (NEXT_STEP, the default); in
+    the same step, with ``final_obs`` and ``final_info`` in the infos (SAME_STEP); or only by
+    ``reset(options={"reset_mask": ...})`` (DISABLED).
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class SwimVectorEnv(
     autoreset_mode : gymnasium.vector.AutoresetMode or str
         ``NextStep``, ``SameStep`` or ``Disabled``.
     max_episode_steps : int, optional
-        Actions in an episode, if that is less than the scene's duration gives.
+        Largest number of actions in an episode, if the scene's duration has more.
     num_threads : int, optional
         Largest number of threads; by default as many as numba uses at this moment.
 
