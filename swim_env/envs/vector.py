@@ -56,9 +56,9 @@ class SwimVectorEnv(
     ``gymnasium.make_vec("swim_env/KirchhoffSwimmer-v0", num_envs=64)``
 
     Actions, observations, rewards and infos are those of `SwimEnv` in Gymnasium's batched form:
-    arrays whose first axis is the member, and infos with a mask ``_key`` for every key. Members that
-    have ended start again in the next step, whose action they ignore (NEXT_STEP, the default); in
-    the same step, with ``final_obs`` and ``final_info`` in the infos (SAME_STEP); or only by
+    arrays whose first axis is the member, and infos with a mask ``_key`` for every key. Members
+    that have ended start again in the next step, whose action they ignore (NEXT_STEP, the default);
+    in the same step, with ``final_obs`` and ``final_info`` in the infos (SAME_STEP); or only by
     ``reset(options={"reset_mask": ...})`` (DISABLED).
 
     Parameters
