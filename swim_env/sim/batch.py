@@ -55,7 +55,7 @@ class Bodies:
         of every element (rad/s).
     outcome : (M, 2) array of int
         Steps taken by the last advance, and 0 or the code of the reason for an early end.
-    everyone : (M,) array of int
+    all_members : (M,) array of int
         The indices of all members.
     trace_columns : int
         Columns of a trace, see `swim_env.sim.recorder.trace_columns`.
@@ -75,7 +75,7 @@ class Bodies:
         self.states: Array = np.zeros((count, state_size(scene.beam.elements)))
         self.velocities: Array = np.zeros((count, self.unknowns))
         self.outcome = np.zeros((count, 2), dtype=np.int64)
-        self.everyone = np.arange(count)
+        self.all_members = np.arange(count)
         self._steps_column = steps_column(scene.beam.elements)
         self.recorder = Recorder(scene, count) if scene.recording is not None else None
         self.trace_columns = trace_columns(scene)
@@ -202,7 +202,7 @@ class Bodies:
                 self.outcome,
             )
 
-        chosen = self.everyone if members is None else members
+        chosen = self.all_members if members is None else members
         share(run, chosen, threads)
         if self.recorder is not None:
             self.recorder.add(chosen, self.outcome[:, 0], traced, torques, hold, record)
