@@ -5,14 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "energy_drift",
-    "momentum_drift",
-    "momentum_map",
-    "unexplained_energy",
-    "unexplained_momentum",
-]
-
 Array = NDArray[np.float64]
 
 

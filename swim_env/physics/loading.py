@@ -41,8 +41,6 @@ from swim_env.physics.solve.state import (
     work_sizes,
 )
 
-__all__ = ["load_kernels"]
-
 Array = NDArray[np.float64]
 
 

@@ -27,8 +27,6 @@ from swim_env.scene import Initial, Scene
 from swim_env.sim.constants import scene_constants
 from swim_env.sim.recorder import Recorder, trace_columns
 
-__all__ = ["Bodies", "aligned_zeros", "minimal_start"]
-
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 

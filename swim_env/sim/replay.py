@@ -12,8 +12,6 @@ from swim_env.scene import Scene
 from swim_env.sim.simulator import Simulator
 from swim_env.sim.trajectory import Trajectory
 
-__all__ = ["replay", "steps_of"]
-
 #: Longest replay, whose trajectory is kept in memory.
 MOST_STEPS = 2_000_000
 

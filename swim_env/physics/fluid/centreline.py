@@ -42,8 +42,6 @@ from swim_env.physics.runtime.compile import inlined, kernel, shared
 from swim_env.physics.status import FINE, UNDER_RESOLVED_GAP
 from swim_env.scene import Fluid
 
-__all__ = ["MODEL", "VARIANTS"]
-
 Array = NDArray[np.float64]
 
 #: Boundary values of a turning element, w b: factor of the arm, and where the arm is measured from

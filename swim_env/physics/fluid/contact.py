@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from swim_env.physics.runtime.compile import kernel
 
-__all__ = ["touches_itself"]
-
 Array = NDArray[np.float64]
 
 

@@ -17,15 +17,6 @@ from swim_env.physics.fluid.sources import LAYERS, SHAPE_SCRATCH
 from swim_env.physics.runtime.compile import shared
 from swim_env.physics.runtime.views import LANES, MEASURE, matrix, padded, vector
 
-__all__ = [
-    "FluidConstants",
-    "FluidWork",
-    "axial_motion",
-    "fluid_views",
-    "fluid_work_sizes",
-    "motion_count",
-]
-
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

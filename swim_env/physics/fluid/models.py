@@ -20,8 +20,6 @@ from swim_env.physics.runtime.compile import entry_kernel, shared
 from swim_env.physics.status import FINE
 from swim_env.scene import FLUID_MODEL_NAMES
 
-__all__ = ["FLUID_MODELS", "MODELS", "added_mass", "fluid_constants", "shape_force"]
-
 Array = NDArray[np.float64]
 
 

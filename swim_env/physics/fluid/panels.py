@@ -30,8 +30,6 @@ from swim_env.physics.runtime.compile import entry_kernel, inlined, kernel
 from swim_env.physics.runtime.dense import add_multiple
 from swim_env.physics.status import FINE
 
-__all__ = ["MODEL", "panel_added_mass", "panel_costs"]
-
 Array = NDArray[np.float64]
 
 

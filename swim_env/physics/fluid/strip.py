@@ -16,8 +16,6 @@ from swim_env.physics.fluid.model import Model
 from swim_env.physics.fluid.outline import FluidGeometry
 from swim_env.scene import Fluid
 
-__all__ = ["MODEL", "plate_added_mass"]
-
 Array = NDArray[np.float64]
 
 

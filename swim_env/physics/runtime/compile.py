@@ -27,8 +27,6 @@ import numpy as np
 from numba.core import config as numba_config
 from numba.extending import register_jitable
 
-__all__ = ["cache_folder", "entry_kernel", "inlined", "kernel", "shared", "vector_kernel"]
-
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 

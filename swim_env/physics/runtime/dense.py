@@ -12,19 +12,6 @@ from numpy.typing import NDArray
 
 from swim_env.physics.runtime.compile import entry_kernel, kernel, vector_kernel
 
-__all__ = [
-    "add_multiple",
-    "cholesky",
-    "cholesky_solve",
-    "copy",
-    "invert",
-    "invert_in_order",
-    "lu_factor",
-    "lu_solve",
-    "mat_vec",
-    "multiply",
-]
-
 Array = NDArray[np.float64]
 
 

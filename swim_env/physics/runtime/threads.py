@@ -19,8 +19,6 @@ import numpy as np
 from numba.np.ufunc import parallel
 from numpy.typing import NDArray
 
-__all__ = ["share", "usable_threads"]
-
 Indices = NDArray[np.int64]
 
 #: Pieces per thread: members differ in cost, and who is done early takes another piece.

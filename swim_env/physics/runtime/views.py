@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from swim_env.physics.runtime.compile import shared
 
-__all__ = ["LANES", "MEASURE", "matrix", "padded", "vector"]
-
 Array = NDArray[np.float64]
 
 #: Rows are padded to a multiple of this, so that loops over them fill vector registers and leave no

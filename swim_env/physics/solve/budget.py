@@ -15,8 +15,6 @@ from swim_env.physics.solve.state import (
     WORK,
 )
 
-__all__ = ["begin_budget", "keep_budget"]
-
 Array = NDArray[np.float64]
 
 

@@ -17,8 +17,6 @@ from swim_env.physics.fluid.outline import FluidGeometry
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.runtime.compile import shared
 
-__all__ = ["Constants", "SolverConstants", "pack_constants", "unpack_constants"]
-
 Array = NDArray[np.float64]
 #: The record of scalars (1,) and the vector of numbers that `pack_constants` returns.
 Constants = tuple[NDArray[np.void], Array]

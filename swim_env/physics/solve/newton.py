@@ -24,8 +24,6 @@ from swim_env.physics.solve.prepare import find_added_mass
 from swim_env.physics.solve.state import CORRECTIONS, EVALUATED, SHAPE_FAILURE, Member, OuterStep
 from swim_env.physics.status import FINE
 
-__all__ = ["newton_in_passes", "newton_with_shortening", "turns_beyond"]
-
 Array = NDArray[np.float64]
 
 #: Newton's iterates keep within this turn (rad): the strain softens beyond, and wrong roots wait.
