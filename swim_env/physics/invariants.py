@@ -1,4 +1,4 @@
-"""What is conserved and what is spent: momentum map, energy balance, work (PHYSICS section 5)."""
+"""What is conserved and what is spent: momentum map, energy balance, work."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ Array = NDArray[np.float64]
 def load_kernels() -> None:
     """Load every kernel that is called from Python; compile them first where that is needed.
 
-    Whoever calls a kernel from Python calls this before. It takes a fraction of a second where
+    Call this before calling a kernel from Python. It takes a fraction of a second where
     the cache is filled, and announces on stderr when it is not.
     """
     marker = cache_folder() / "compiled"
@@ -72,7 +72,7 @@ def _say(message: str) -> None:
 
 
 def _compile_in_own_processes() -> bool:
-    """Fill the cache; tells whether that went well.
+    """Fill the cache; return whether that went well.
 
     Where no process can be started, this one compiles as it calls.
 

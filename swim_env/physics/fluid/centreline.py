@@ -1,4 +1,4 @@
-r"""Sources on the centre line alone, the letter of (27) to (29): a fluid model for comparison.
+r"""Fluid model ``centreline``: sources on the centre line alone, as (27) to (29) are printed.
 
 Every element carries constant-strength panels on its own line, with the normal d1 and the fluid on
 that side of it only. Such an open sheet has a net flux, so its added mass depends on the length in

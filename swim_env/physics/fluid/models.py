@@ -66,7 +66,7 @@ def fluid_constants(
 
 @shared
 def _no_added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> int:
-    # No scene comes here: names are looked up in the table. Whoever does gets no mass at all.
+    # Names are looked up in the table, so no scene comes here; a wrong code gets no mass at all.
     out[:] = np.nan
     return FINE
 

@@ -200,7 +200,7 @@ def _invert_block(matrix: Array, first: int, smallest_pivot: float) -> bool:
 
 @vector_kernel
 def _apply_block(pivots: Array, column: int) -> None:
-    """Multiply four rows by the block that stands in their columns column ... column + 3."""
+    """Multiply four rows by the block in their columns column ... column + 3."""
     p0 = pivots[0]
     p1 = pivots[1]
     p2 = pivots[2]

@@ -17,7 +17,7 @@ LANES = 8
 
 
 class _Measure:
-    """Stands for a buffer of any length: views of it are itself."""
+    """A buffer of any length; every view of it is the buffer itself."""
 
     def __getitem__(self, key: object) -> _Measure:
         return self
