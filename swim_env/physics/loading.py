@@ -33,13 +33,7 @@ from swim_env.physics.runtime.views import LANES
 from swim_env.physics.solve.advance import advance, energy_and_velocity, momentum_of_velocity
 from swim_env.physics.solve.constants import Constants, SolverConstants, pack_constants
 from swim_env.physics.solve.prepare import prepare
-from swim_env.physics.solve.state import (
-    RECORD_NAMES,
-    Member,
-    member_views,
-    state_size,
-    work_sizes,
-)
+from swim_env.physics.solve.state import RECORD_NAMES, Member, member_views, state_size, work_sizes
 
 Array = NDArray[np.float64]
 

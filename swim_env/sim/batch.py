@@ -1,7 +1,7 @@
 """The state of one or many bodies of one scene, and the kernel calls that move them.
 
 The simulator, the single environment and the batched one all step bodies through this class and
-so through the same compiled code: a body's motion is the same to the bit whichever of them steps it.
+so through the same compiled code: a body moves the same to the bit whichever of them steps it.
 """
 
 from __future__ import annotations

@@ -50,9 +50,7 @@ def steps_of(scene: Scene, duration: float | None = None) -> int:
 
 
 def replay(
-    scene: Scene,
-    duration: float | None = None,
-    progress: Callable[[int], object] | None = None,
+    scene: Scene, duration: float | None = None, progress: Callable[[int], object] | None = None
 ) -> tuple[Trajectory, dict[str, Any]]:
     """Play the scene's prescribed torque from its start.
 

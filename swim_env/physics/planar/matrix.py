@@ -209,12 +209,7 @@ def mass_matrix(
 
 @kernel
 def _add_drag_columns(
-    beam: BeamConstants,
-    pose: Pose,
-    inc: Increment,
-    drag: Drag,
-    pushes: Array,
-    transposed: Array,
+    beam: BeamConstants, pose: Pose, inc: Increment, drag: Drag, pushes: Array, transposed: Array
 ) -> None:
     """Add the drag, with the slopes of the last evaluation; half its impulse is in the residual."""
     elements = beam.elements

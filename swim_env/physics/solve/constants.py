@@ -73,12 +73,7 @@ def pack_constants(
     beam: BeamConstants, fluid: FluidConstants, solver: SolverConstants
 ) -> Constants:
     """Return what the entry points need to know of a scene, as two arrays."""
-    values = {
-        **beam._asdict(),
-        **fluid.geometry._asdict(),
-        **fluid._asdict(),
-        **solver._asdict(),
-    }
+    values = {**beam._asdict(), **fluid.geometry._asdict(), **fluid._asdict(), **solver._asdict()}
     scalars = np.array([tuple(values[name] for name in _SCALARS.names or ())], dtype=_SCALARS)
     return scalars, np.concatenate([beam.joint_stiffness, beam.joint_damping, fluid.terms])
 
@@ -108,11 +103,7 @@ def unpack_constants(
     fluid = FluidConstants(
         s["model"],
         FluidGeometry(
-            elements,
-            s["element_length"],
-            s["half_thickness"],
-            s["side_panels"],
-            s["cap_panels"],
+            elements, s["element_length"], s["half_thickness"], s["side_panels"], s["cap_panels"]
         ),
         s["density"],
         s["present"],

@@ -22,12 +22,7 @@ from swim_env.physics.fluid.models import shape_force
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.drag import drag_loss, drag_moment
 from swim_env.physics.planar.equations import evaluate_held_step, set_pose
-from swim_env.physics.planar.layout import (
-    TOTAL,
-    Drag,
-    Increment,
-    Pose,
-)
+from swim_env.physics.planar.layout import TOTAL, Drag, Increment, Pose
 from swim_env.physics.runtime.compile import inlined, kernel
 from swim_env.physics.runtime.dense import copy
 from swim_env.physics.solve.budget import keep_budget
