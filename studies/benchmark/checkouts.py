@@ -10,16 +10,14 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from studies.benchmark.timing import Progress, ratio, spread_of
+from studies.benchmark.timing import Progress, no_progress, ratio, spread_of
 from swim_env.errors import SwimError
-
-__all__ = ["EASY_SCENES", "compare_checkouts"]
 
 #: Runs by name: scene, changes to it, and steps. Only what every version of the project knows.
 EASY_SCENES: dict[str, tuple[str, dict[str, object], int]] = {
@@ -53,7 +51,7 @@ for line in sys.stdin:
 
 
 def compare_checkouts(
-    before: str | os.PathLike[str], rounds: int = 101, progress: Progress | None = None
+    before: str | os.PathLike[str], rounds: int = 101, progress: Progress = no_progress
 ) -> dict[str, Any]:
     """Time this checkout against the one in another folder, each scene `rounds` times.
 
@@ -81,8 +79,7 @@ def compare_checkouts(
             for index in range(rounds):
                 for which in (0, 1) if index % 2 == 0 else (1, 0):
                     seconds[which, index] = workers[which].seconds(name)
-                if progress is not None:
-                    progress(1)
+                progress(1)
             old, new = 1e6 * seconds / steps
             found[name] = {
                 "before": spread_of(old).as_dict(),
@@ -98,12 +95,9 @@ class _Worker:
 
     def __init__(self, folder: Path, stack: ExitStack) -> None:
         self._folder = folder
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-c", _WORKER, str(folder), repr(EASY_SCENES)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
+        command = [sys.executable, "-P", "-c", _WORKER, str(folder), repr(EASY_SCENES)]
+        pipe = subprocess.PIPE
+        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True)
         stack.callback(self._process.communicate)
         stack.callback(self._process.kill)
         self._answer()
@@ -112,13 +106,11 @@ class _Worker:
             self.seconds(name)
 
     def seconds(self, name: str) -> float:
-        """Return how long the checkout took for a scene (s)."""
+        """Return how long the checkout took for the steps of a scene (s)."""
         assert self._process.stdin is not None
-        try:
+        with suppress(OSError):  # it has died, and has no answer
             self._process.stdin.write(name + "\n")
             self._process.stdin.flush()
-        except OSError:
-            pass  # it has died, and has no answer
         text, *reason = self._answer().split()
         if reason:
             raise SwimError(f"scene {name} ended with {reason[0]} in {self._folder}")
