@@ -24,8 +24,6 @@ from swim_env.physics.status import TERMINATION_REASONS
 from swim_env.scene import Scene
 from swim_env.sim.batch import Bodies, minimal_start, scene_constants
 
-__all__ = ["LONGEST_STEP", "HardRun", "Torques", "Verdict", "play"]
-
 Array = NDArray[np.float64]
 #: Torques (T, N - 1) in N m of steps that begin at these times (s).
 Torques = Callable[[Scene, Array], Array]
@@ -156,10 +154,9 @@ def play(run: HardRun) -> Verdict:
 
 def _play(run: HardRun) -> Verdict:
     scene = run.scene
-    step = scene.integrator.time_step
-    total = max(1, round(run.duration / step))
-    verdict = Verdict(run.case, run.label, wanted=total)
-    verdict.energy_tolerance = scene.integrator.energy_tolerance
+    total = max(1, round(run.duration / scene.integrator.time_step))
+    tolerance = scene.integrator.energy_tolerance
+    verdict = Verdict(run.case, run.label, wanted=total, energy_tolerance=tolerance)
     bodies = Bodies(scene)
     coordinates, velocity = minimal_start(scene, scene.initial)
     begin = time.perf_counter()
@@ -167,9 +164,17 @@ def _play(run: HardRun) -> Verdict:
         bodies.start(0, coordinates, velocity if run.velocity is None else run.velocity)
     except SimulationEndedError as error:
         verdict.reason = error.reason
-        verdict.seconds = time.perf_counter() - begin
-        _check_reason(verdict)
-        return verdict
+    else:
+        _follow(run, bodies, verdict)
+    verdict.seconds = time.perf_counter() - begin
+    if verdict.reason and verdict.reason not in TERMINATION_REASONS.values():
+        verdict.failures.append(f"unknown reason {verdict.reason!r}")
+    return verdict
+
+
+def _follow(run: HardRun, bodies: Bodies, verdict: Verdict) -> None:
+    """Take the steps of a run that has started, and judge them."""
+    scene, total, step = run.scene, verdict.wanted, run.scene.integrator.time_step
     watch = _Watch(bodies, verdict)
     block = 1 if total <= _MANY else _BLOCK
     into = 0.5 if scene.integrator.scheme == "composed" else 0.0
@@ -187,14 +192,7 @@ def _play(run: HardRun) -> Verdict:
         watch.look(trace[0, :taken], record[0, :taken], torques[:taken])
         if status:
             verdict.reason = TERMINATION_REASONS.get(status, f"code {status}")
-    verdict.seconds = time.perf_counter() - begin
     watch.close()
-    return verdict
-
-
-def _check_reason(verdict: Verdict) -> None:
-    if verdict.reason and verdict.reason not in TERMINATION_REASONS.values():
-        verdict.failures.append(f"unknown reason {verdict.reason!r}")
 
 
 class _Watch:
@@ -233,13 +231,12 @@ class _Watch:
         self._look_for_wrong_roots(q, before, column["parts"])
         residual, rounded = column["residual"], column["at_round_off"] > 0.0
         verdict.at_round_off += int(rounded.sum())
-        verdict.residual = max(verdict.residual, float(residual[~rounded].max(initial=0.0)))
-        verdict.rounded = max(verdict.rounded, float(residual[rounded].max(initial=0.0)))
+        verdict.residual = float(residual[~rounded].max(initial=verdict.residual))
+        verdict.rounded = float(residual[rounded].max(initial=verdict.rounded))
         verdict.cut_steps += int((column["parts"] > 1.0).sum())
         verdict.most_parts = max(verdict.most_parts, int(column["parts"].max()))
         self._look_at_energy(column)
-        impulses = np.stack([column[k] for k in ("impulse_x", "impulse_y", "angular_impulse")], 1)
-        self._look_at_momentum(q, p, impulses, self._impulses(q, before, torques), column["parts"])
+        self._look_at_momentum(q, p, self._impulses(q, before, torques), column)
         verdict.steps += len(states)
         self._last = q[-1].copy()
         verdict.displacement = (q[-1, :2] - self._start[:2]).tolist()
@@ -271,16 +268,17 @@ class _Watch:
         last.append(float(energy[count > verdict.wanted - verdict.wanted // 4].sum()))
 
     def _look_at_momentum(
-        self, q: Array, p: Array, impulses: Array, moments: Array, parts: Array
+        self, q: Array, p: Array, moments: Array, column: dict[str, Array]
     ) -> None:
         """Compare the momentum with the impulses from outside, by the size of its terms."""
+        impulses = np.stack([column[k] for k in ("impulse_x", "impulse_y", "angular_impulse")], 1)
         outside = self._outside + np.cumsum(impulses, axis=0)
         self._outside = outside[-1]
         drift = np.linalg.norm(momentum_map(q, p) - self._momentum - outside, axis=1)
         terms = np.abs(p).sum(axis=1) + np.abs(q[:, 0] * p[:, 1]) + np.abs(q[:, 1] * p[:, 0])
         terms += np.abs(impulses).sum(axis=1) + moments
         self._terms = max(self._terms, float(terms.max()))
-        self._solved += np.maximum(parts, 1.0).sum() * self._halves
+        self._solved += np.maximum(column["parts"], 1.0).sum() * self._halves
         # Momentum is as exact as its terms, the impulses of a step among them; what the tolerance
         # leaves of it counts by them too, and rounding adds up over all parts that are solved.
         bound = (10.0 * self._integrator.tolerance + _ROUND_OFF * self._solved) * self._terms
@@ -307,20 +305,10 @@ class _Watch:
         if not verdict.residual <= tolerance:
             verdict.failures.append(f"a residual of {verdict.residual:.1e} was accepted")
         if not verdict.rounded <= max(tolerance, _LARGEST_ROUND_OFF):
-            text = f"a residual of {verdict.rounded:.1e} was taken for round-off"
-            verdict.failures.append(text)
+            verdict.failures.append(f"a residual of {verdict.rounded:.1e} was taken for round-off")
         if not verdict.momentum <= 1.0:
             verdict.failures.append(f"momentum off by {verdict.momentum:.2g} times its bound")
-        _check_reason(verdict)
-        self._check_budget()
-        # The state that is left is one to continue from, or at least to look at.
-        left, velocity, status = self._bodies.energy_and_velocity(0)
-        if status or not (math.isfinite(left) and np.isfinite(velocity).all()):
-            verdict.failures.append("the last state has no finite energy and velocity")
-
-    def _check_budget(self) -> None:
-        """Compare the kernels' own budget, and the end that they make of it, with this one."""
-        verdict = self._verdict
+        # The kernels' own budget, and the end that they make of it.
         kept = energy_drift_of(self._bodies.states[0], self._bodies.scene.beam.elements)
         if not abs(kept - verdict.energy_drift) <= 1e-6 * verdict.energy_drift + 1e-12:
             verdict.failures.append(
@@ -329,3 +317,7 @@ class _Watch:
         ends = self._integrator.energy_excess == "end" and not verdict.trusted
         if ends != (verdict.reason == "energy_unexplained"):
             verdict.failures.append(f"energy off by {kept:.2g} and the end {verdict.reason!r}")
+        # The state that is left is one to continue from, or at least to look at.
+        left, velocity, status = self._bodies.energy_and_velocity(0)
+        if status or not (math.isfinite(left) and np.isfinite(velocity).all()):
+            verdict.failures.append("the last state has no finite energy and velocity")
