@@ -52,7 +52,7 @@ def draw_benchmark(record: Record) -> Figure:
             draw(axes, *shown)
         else:
             axes.set_axis_off()
-            where = {"ha": "center", "va": "center", "transform": axes.transAxes}
+            where: dict[str, Any] = {"ha": "center", "va": "center", "transform": axes.transAxes}
             axes.text(0.5, 0.5, f"{what}: not measured", **_NOTE, **where)
     machine = record.get("machine")
     if machine:
