@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
@@ -55,16 +56,9 @@ def compare_checkouts(
 ) -> dict[str, Any]:
     """Time this checkout against the one in another folder, each scene `rounds` times.
 
-    Returns
-    -------
-    dict
-        By scene: ``before`` and ``after``, microseconds a step as spreads, ``ratio``, the spread of
-        after/before in the same round, and ``ratio_of_smallest``.
-
-    Raises
-    ------
-    SwimError
-        If there is no such checkout, or one of the two fails.
+    Returns by scene ``before`` and ``after``, microseconds a step as spreads, ``ratio``, the spread
+    of after/before in the same round, and ``ratio_of_smallest``. If there is no such checkout, or
+    one of the two fails, it is a SwimError.
     """
     there, here = Path(before).resolve(), Path(__file__).parents[2]
     if not (there / "swim_env" / "__init__.py").is_file():
@@ -73,12 +67,12 @@ def compare_checkouts(
         raise SwimError(f"the folder to compare with is this checkout itself ({there})")
     found: dict[str, Any] = {}
     with ExitStack() as stack:
-        workers = [_Worker(folder, stack) for folder in (there, here)]
+        workers = [_start(folder, stack) for folder in (there, here)]
         for name, (_, _, steps) in EASY_SCENES.items():
             seconds = np.empty((2, rounds))
             for index in range(rounds):
                 for which in (0, 1) if index % 2 == 0 else (1, 0):
-                    seconds[which, index] = workers[which].seconds(name)
+                    seconds[which, index] = workers[which](name)
                 progress(1)
             old, new = 1e6 * seconds / steps
             found[name] = {
@@ -90,35 +84,32 @@ def compare_checkouts(
     return found
 
 
-class _Worker:
-    """A process that times one checkout on demand, until a stack ends it."""
+def _start(folder: Path, stack: ExitStack) -> Callable[[str], float]:
+    """Start a process that a stack ends; returns what gives the seconds of a scene's steps."""
+    command = [sys.executable, "-P", "-c", _WORKER, str(folder), repr(EASY_SCENES)]
+    pipe = subprocess.PIPE
+    process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True)
+    assert process.stdin is not None and process.stdout is not None
+    questions, answers = process.stdin, process.stdout
+    stack.callback(process.communicate)
+    stack.callback(process.kill)
 
-    def __init__(self, folder: Path, stack: ExitStack) -> None:
-        self._folder = folder
-        command = [sys.executable, "-P", "-c", _WORKER, str(folder), repr(EASY_SCENES)]
-        pipe = subprocess.PIPE
-        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True)
-        stack.callback(self._process.communicate)
-        stack.callback(self._process.kill)
-        self._answer()
-        # The first of each warms up.
-        for name in EASY_SCENES:
-            self.seconds(name)
+    def answer() -> str:
+        line = answers.readline()
+        if not line:
+            raise SwimError(f"the checkout could not be timed, see above ({folder})")
+        return line
 
-    def seconds(self, name: str) -> float:
-        """Return how long the checkout took for the steps of a scene (s)."""
-        assert self._process.stdin is not None
+    def seconds(name: str) -> float:
         with suppress(OSError):  # it has died, and has no answer
-            self._process.stdin.write(name + "\n")
-            self._process.stdin.flush()
-        text, *reason = self._answer().split()
+            questions.write(name + "\n")
+            questions.flush()
+        text, *reason = answer().split()
         if reason:
-            raise SwimError(f"scene {name} ended with {reason[0]} in {self._folder}")
+            raise SwimError(f"scene {name} ended with {reason[0]} in {folder}")
         return float(text)
 
-    def _answer(self) -> str:
-        assert self._process.stdout is not None
-        line = self._process.stdout.readline()
-        if not line:
-            raise SwimError(f"the checkout could not be timed, see above ({self._folder})")
-        return line
+    answer()
+    for name in EASY_SCENES:  # the first of each warms up
+        seconds(name)
+    return seconds

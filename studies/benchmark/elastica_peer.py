@@ -181,7 +181,7 @@ def rod_workloads(
                 "search_duration": duration,
             }
             call = partial(rod.play, found.time_step, count * found.substeps)
-            workload = found.workload(f"PyElastica rod{how}", call, scene, count, facts)
-            workloads[f"elastica_rod/{softening:g}"] = workload
+            name = f"elastica_rod/{softening:g}"
+            workloads[name] = found.workload(f"PyElastica rod{how}", call, count, facts)
         progress(1)
     return workloads

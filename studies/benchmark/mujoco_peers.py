@@ -63,8 +63,8 @@ def chain_workloads(
             for way in ways:
                 facts = {**variant._asdict(), "way": way, **about}
                 label = f"MuJoCo chain, {variant.description}, {way}"
-                workload = found.workload(label, calls[way], scene, count, facts)
-                workloads[f"mujoco_chain/{variant.name}/{way}"] = workload
+                name = f"mujoco_chain/{variant.name}/{way}"
+                workloads[name] = found.workload(label, calls[way], count, facts)
         progress(1)
     return workloads
 

@@ -58,41 +58,29 @@ def intervals_in(seconds: float, scene: Scene) -> int:
 
 @dataclass(frozen=True)
 class StableStep:
-    """The largest stable time step of a peer.
+    """The largest stable time step of a peer (s), as `substeps` in one control interval.
 
-    Attributes
-    ----------
-    substeps, time_step : int, float
-        Steps in one control interval, and the step itself (s).
-    unstable_time_step : float or None
-        The next larger step that was tried, which was unstable (s); None where one step for a
-        whole control interval is stable, as larger ones are not tried.
-    deviation : float
-        Root mean square difference of the joint angles from the run with a quarter of the step,
-        over that of the angles there. Stable is not accurate: an undamped chain that rings drifts
-        out of phase at any step.
-    peak : float
-        Largest joint angle (rad).
+    `peak` is the largest joint angle with it (rad).
     """
 
     substeps: int
     time_step: float
+    #: The next larger step that was tried (s); None where one for a whole interval is stable.
     unstable_time_step: float | None
+    #: Root mean square difference of the joint angles from the run with a quarter of the step, over
+    #: that of the angles there. Stable is not accurate: an undamped chain that rings drifts out of
+    #: phase at any step.
     deviation: float
     peak: float
 
     def workload(
-        self,
-        label: str,
-        call: Callable[[], object],
-        scene: Scene,
-        count: int,
-        facts: Mapping[str, Any],
+        self, label: str, call: Callable[[], object], count: int, facts: Mapping[str, Any]
     ) -> Workload:
         """Return the workload of a call that plays `count` control intervals with this step."""
-        seconds = count * scene.episode.control_interval
-        facts = {**facts, **asdict(self)}
-        return Workload(label, call, count, seconds, count * self.substeps, facts)
+        steps, facts = count * self.substeps, {**facts, **asdict(self)}
+        return Workload(
+            label, call, count, steps * self.time_step, steps, {**facts, **asdict(self)}
+        )
 
 
 def largest_stable_step(

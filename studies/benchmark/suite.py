@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from swim_agents.commands.command_line import progress_bar
@@ -44,42 +45,28 @@ class Extent(NamedTuple):
     """How much is measured."""
 
     #: Beams and panels per element that the parts of a step are measured for.
-    elements: tuple[int, ...]
-    panels: tuple[int, ...]
+    elements: tuple[int, ...] = (3, 5, 9, 18, 27, 54, 81)
+    panels: tuple[int, ...] = (2, 4, 8, 12)
     #: How often each thing is timed.
-    rounds: int
+    rounds: int = 15
     #: Environment steps in a timed call.
-    single_steps: int
-    batch_steps: int
+    single_steps: int = 200
+    batch_steps: int = 10
     #: Sizes of the batches whose memory is measured.
-    memory_members: tuple[int, ...]
+    memory_members: tuple[int, ...] = (1, 64, 256)
     #: Starts with a filled cache, and whether one with an empty cache is measured.
-    starts: int
-    cold_start: bool
+    starts: int = 5
+    cold_start: bool = True
     #: Length of each training run (s), and changes to the shipped training configurations by name.
-    training_seconds: float
-    training: dict[str, dict[str, Any]]
+    training_seconds: float = 20.0
+    training: Mapping[str, dict[str, Any]] = MappingProxyType({})
     #: What of the peers is prepared, see `studies.benchmark.peers.peer_workloads`.
-    chain_variants: tuple[ChainVariant, ...]
-    chain_ways: tuple[Way, ...]
-    softenings: tuple[float, ...]
+    chain_variants: tuple[ChainVariant, ...] = CHAIN_VARIANTS
+    chain_ways: tuple[Way, ...] = ("held", "single")
+    softenings: tuple[float, ...] = SOFTENINGS
 
 
-FULL = Extent(
-    elements=(3, 5, 9, 18, 27, 54, 81),
-    panels=(2, 4, 8, 12),
-    rounds=15,
-    single_steps=200,
-    batch_steps=10,
-    memory_members=(1, 64, 256),
-    starts=5,
-    cold_start=True,
-    training_seconds=20.0,
-    training={},
-    chain_variants=CHAIN_VARIANTS,
-    chain_ways=("held", "single"),
-    softenings=SOFTENINGS,
-)
+FULL = Extent()
 
 QUICK = Extent(
     elements=(3, 9, 27),

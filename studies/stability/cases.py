@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -42,14 +43,13 @@ def _damped_and_not(bodies: Iterable[tuple[str, dict[str, object], bool]]) -> Ru
     bodies = list(bodies)
     for how, damping in _DAMPING.items():
         for label, changes, flagged in bodies:
-            yield HardRun(
-                f"{label}, {how}",
-                load_scene("swimmer", {**changes, "damping": damping}),
-                20.0,
-                must_last=damping is not None,
-                compared=True,
-                flagged=flagged,
-            )
+            options = {"must_last": damping is not None, "compared": True, "flagged": flagged}
+            yield _swim(f"{label}, {how}", {**changes, "damping": damping}, 20.0, **options)
+
+
+def _swim(label: str, changes: Mapping[str, object], duration: float, **how: Any) -> HardRun:
+    """Return a run of scene swimmer with changes."""
+    return HardRun(label, load_scene("swimmer", changes), duration, **how)
 
 
 def _fluid(elements: int, model: str, panels: int) -> dict[str, object]:
@@ -103,7 +103,7 @@ def _violent() -> Runs:
     for (elements, model, panels), scheme in product(fluids, ("paper", "composed")):
         label = f"white noise, 60 times the limit, N = {elements}, {model} {panels}, {scheme}"
         changes = {**_fluid(elements, model, panels), "integrator.scheme": scheme}
-        yield HardRun(label, load_scene("swimmer", changes), 0.05, WhiteNoise(60.0, 1, 0.005))
+        yield _swim(label, changes, 0.05, torques=WhiteNoise(60.0, 1, 0.005))
 
 
 @_case("stiff")
@@ -177,8 +177,7 @@ def _resolution() -> Runs:
         amplitude = min(1.0, 8.0 / (elements - 1))
         changes = {**_fluid(elements, model, panels), "actuation.amplitude": amplitude}
         how = f"{panels} panels" if model == "panels" else model
-        scene = load_scene("swimmer", changes)
-        yield HardRun(f"N = {elements}, {how}", scene, duration, must_last=True)
+        yield _swim(f"N = {elements}, {how}", changes, duration, must_last=True)
 
 
 @_case("curling")
@@ -201,8 +200,7 @@ def _curling() -> Runs:
             "damping.retardation_time": 0.02,
             **contact,
         }
-        scene = load_scene("swimmer", changes)
-        yield HardRun(f"{name}, {model}, {strain}", scene, 6.0, torque)
+        yield _swim(f"{name}, {model}, {strain}", changes, 6.0, torques=torque)
 
 
 @_case("long")
@@ -229,12 +227,10 @@ def _fast() -> Runs:
     for power, (name, (x, y)) in product(range(-1, 4), directions.items()):
         speed = 10.0**power
         changes = {"actuation": None, "initial.velocity": [speed * x, speed * y]}
-        label = f"{speed:g} lengths a second {name}"
-        yield HardRun(label, load_scene("swimmer", changes), 2.0, compared=True)
-    scene = load_scene("swimmer", {"actuation": None})
+        yield _swim(f"{speed:g} lengths a second {name}", changes, 2.0, compared=True)
     for rate in (1.0, 10.0, 50.0, 100.0, 200.0, 1000.0):
-        spin = np.concatenate([[0.0, 0.0], np.full(scene.beam.elements, rate)])
-        yield HardRun(f"spinning at {rate:g} rad/s", scene, 2.0, velocity=spin, compared=True)
+        how = {"velocity": np.array([0.0, 0.0] + [rate] * 9), "compared": True}
+        yield _swim(f"spinning at {rate:g} rad/s", {"actuation": None}, 2.0, **how)
 
 
 @_case("straight ahead")

@@ -57,7 +57,7 @@ def stability_tables(results: Record) -> str:
             f"right, {drawn['untrusted']:,} flagged for their energy, slowest step "
             f"{1e3 * drawn['slowest']:.0f} ms."
         )
-        parts.append(_table(_end(*end, of=drawn["count"]) for end in ends))
+        parts.append(_table(_end(reason, count, drawn["count"]) for reason, count in ends))
     if onsets:
         table = _table(map(_onset, onsets))
         parts.append(f"## The straight body's instability at 0.1 m/s\n\n{table}")

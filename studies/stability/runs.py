@@ -51,12 +51,14 @@ def wave(scene: Scene, times: Array) -> Array:
 
 @dataclass(frozen=True)
 class HardRun:
-    """A run of a hard case."""
+    """A run of a hard case.
 
-    #: What it varies.
+    `label` is what it varies; `duration`, simulated time (s), is rounded to whole steps; `velocity`
+    is that of the mean centre (m/s) and the turning rates (rad/s), (N + 2,), if not the scene's.
+    """
+
     label: str
     scene: Scene
-    #: Simulated time (s), rounded to whole steps.
     duration: float
     torques: Torques = wave
     #: Whether a solution exists to the end, so that an early end is a failure, and so is energy
@@ -68,22 +70,21 @@ class HardRun:
     #: Whether the mean energy of the last quarter has to be that of the first within 3 %
     #: (docs/physics.md), for passive bodies without losses.
     steady: bool = False
-    #: Velocity of the mean centre (m/s) and turning rates (rad/s), (N + 2,), if not the scene's.
     velocity: Array | None = None
-    #: The case that it belongs to.
     case: str = ""
 
 
 @dataclass
 class Verdict:
-    """What a run came to."""
+    """What a run of a case came to.
 
-    #: Those of the run.
+    It took `steps` of those `wanted` in `seconds` of wall time. `reason` is why it ended early,
+    `failures` what is not right; both are empty for a run that lasted and is right.
+    """
+
     case: str
     label: str
-    #: Why it ended early, empty where it did not.
     reason: str = ""
-    #: Steps asked for and taken.
     wanted: int = 0
     steps: int = 0
     #: Largest scaled residual of steps that rounding did not stop; how many steps it did stop above
@@ -104,14 +105,11 @@ class Verdict:
     most_parts: int = 1
     #: Processor time of the slowest outer step (s), of long runs the mean of the slowest block.
     slowest: float = 0.0
-    #: Wall time of all (s).
     seconds: float = 0.0
-    #: Of the mean centre (m).
+    #: Of the mean centre (m), and how far a run at half the step is away, as a share of it or of a
+    #: tenth of a body length; None where there was none.
     displacement: list[float] = field(default_factory=lambda: [0.0, 0.0])
-    #: How far a run at half the step is away, as a share of its displacement or of a tenth of a
-    #: body length; None where there was none.
     agreement: float | None = None
-    #: What is not right, empty for a run that is.
     failures: list[str] = field(default_factory=list)
 
     @property
@@ -300,24 +298,26 @@ class _Watch:
             verdict.energy_drift = self._unexplained / self._largest
         first, last = (math.fsum(one) for one in self._quarters)
         verdict.energy_ratio = last / first if first > 0.0 else 1.0
-        if self._not_finite:
-            verdict.failures.append(self._not_finite)
-        if not verdict.residual <= tolerance:
-            verdict.failures.append(f"a residual of {verdict.residual:.1e} was accepted")
-        if not verdict.rounded <= max(tolerance, _LARGEST_ROUND_OFF):
-            verdict.failures.append(f"a residual of {verdict.rounded:.1e} was taken for round-off")
-        if not verdict.momentum <= 1.0:
-            verdict.failures.append(f"momentum off by {verdict.momentum:.2g} times its bound")
         # The kernels' own budget, and the end that they make of it.
         kept = energy_drift_of(self._bodies.states[0], self._bodies.scene.beam.elements)
-        if not abs(kept - verdict.energy_drift) <= 1e-6 * verdict.energy_drift + 1e-12:
-            verdict.failures.append(
-                f"the budget was kept at {kept:.3e}, and is {verdict.energy_drift:.3e}"
-            )
+        own, allowed = verdict.energy_drift, max(tolerance, _LARGEST_ROUND_OFF)
         ends = self._integrator.energy_excess == "end" and not verdict.trusted
-        if ends != (verdict.reason == "energy_unexplained"):
-            verdict.failures.append(f"energy off by {kept:.2g} and the end {verdict.reason!r}")
         # The state that is left is one to continue from, or at least to look at.
         left, velocity, status = self._bodies.energy_and_velocity(0)
-        if status or not (math.isfinite(left) and np.isfinite(velocity).all()):
-            verdict.failures.append("the last state has no finite energy and velocity")
+        finite = not status and math.isfinite(left) and bool(np.isfinite(velocity).all())
+        checks = {
+            self._not_finite: not self._not_finite,
+            f"a residual of {verdict.residual:.1e} was accepted": verdict.residual <= tolerance,
+            f"a residual of {verdict.rounded:.1e} was taken for round-off": (
+                verdict.rounded <= allowed
+            ),
+            f"momentum off by {verdict.momentum:.2g} times its bound": verdict.momentum <= 1.0,
+            f"the budget was kept at {kept:.3e}, and is {own:.3e}": (
+                abs(kept - own) <= 1e-6 * own + 1e-12
+            ),
+            f"energy off by {kept:.2g} and the end {verdict.reason!r}": (
+                ends == (verdict.reason == "energy_unexplained")
+            ),
+            "the last state has no finite energy and velocity": finite,
+        }
+        verdict.failures += [text for text, right in checks.items() if not right]
