@@ -13,8 +13,6 @@ from swim_env.errors import SceneError
 from swim_env.scene import ENERGY_EXCESSES, SCHEME_NAMES, STRAIN_NAMES, Scene
 from swim_env.scene.fluid import CENTRELINE_VARIANTS
 
-__all__ = ["draw_run"]
-
 _MOST_STEPS = 25
 _MODELS = ("none", "strip", "frozen", "expansion", "panels", "panels", "panels", "centreline")
 
