@@ -170,17 +170,27 @@ def onset_time(data: Data, elements: int, panels: int, kind: str) -> Value | Non
     Panels are given, not converged to: the paper's times are compared at the paper's panels. It is
     a MissingError if it was not computed, or not with half the step.
     """
+    body = f"N = {elements}, {panels} panels, {kind}"
     found = onset_of(data, elements, panels, kind)
     if found is None:
-        raise MissingError(f"no onset of N = {elements}, {panels} panels, {kind}")
+        raise MissingError(f"no onset of {body}")
+    pairs = onset_pairs(data, elements, panels, kind)
+    if not pairs:
+        raise MissingError(f"no half step of {body}")
+    if found["time"] is None:
+        return None
+    base, half = pairs[0]
+    if None in (base["time"], half["time"]):
+        raise MissingError(f"no onset with half the step, N = {elements}, {panels}, {kind}")
+    return Value(found["time"], coarse_error(half["time"] - base["time"], STEPS))
+
+
+def onset_pairs(data: Data, elements: int, panels: int, kind: str) -> list[tuple[Data, Data]]:
+    """Return runs that have another one with half the step beside them, by panels or frozen."""
+    found = []
     for model in ("panels", "frozen"):
         base = onset_of(data, elements, panels, kind, model=model)
         half = onset_of(data, elements, panels, kind, step=0.005, model=model)
-        if base is None or half is None:
-            continue
-        if found["time"] is None:
-            return None
-        if None in (base["time"], half["time"]):
-            raise MissingError(f"no onset with half the step, N = {elements}, {panels}, {kind}")
-        return Value(found["time"], coarse_error(half["time"] - base["time"], STEPS))
-    raise MissingError(f"no half step of N = {elements}, {panels} panels, {kind}")
+        if base is not None and half is not None:
+            found.append((base, half))
+    return found

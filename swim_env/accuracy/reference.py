@@ -10,9 +10,9 @@ add up, so each is removed where it is cheap to compute,
 with the frozen added mass, whose panels are free, for all but the last: what the panels' added mass
 changes is taken from a coarser body. Every part is extrapolated with its order: 2 in 1/N (1 for the
 energy, whose sum over joints is a quadrature without its ends), 2 in the step of the composed
-scheme, and in the panels what three counts show, as the outline's corners leave no whole one (the
-added mass converges like M^-0.3 to M^-0.6). Every part leaves an error bar, half of what its last
-extrapolation added or how far two of them are apart.
+scheme, and in the panels what three counts show: corners leave no whole one (the added mass
+converges like M^-0.3 to M^-0.6). Its error bar is half of what its last extrapolation added, or how
+far two of them are apart.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ _WITH_PANELS = Refinements((3, 5, 15), 30, 5, 0.01, (4,))
 _TOO_BENT = 0.2
 #: Differences of successive panel counts, each twice the one before, shrink by a factor in between.
 _SLOWEST, _FASTEST = 0.85, 0.3
-#: Share of what a fluid model changes that stays uncertain: it depends on how finely the body is
-#: divided, and one comparison on a coarse body is about right, no more.
+#: Share of what a fluid model changes that stays uncertain: one comparison on a coarse body is about
+#: right, no more.
 _OF_ONE_MODEL = 0.15
 #: Place of the energy in `Outcome.values`.
 _ENERGY = 2
@@ -137,7 +137,7 @@ def reference_of(
         If one of the fine runs ends early, or the body bends too far for a frozen added mass.
     """
     plan = plan_for(scene, refinements)
-    runs = _Runs(scene, duration, progress)
+    runs = _Runs(scene, duration, progress or (lambda _: None))
     model = "frozen" if has_fluid(scene) and scene.axial_added_mass is None else "panels"
     coarse = scene.beam.elements if keep_elements else plan.coarse_elements
     parts: dict[str, Array] = {}
@@ -163,9 +163,8 @@ def reference_of(
     }
     of_path = [_largest(part[3:].reshape(-1, 2)) / extent for part in parts.values()]
     of_energy = [abs(float(part[_ENERGY])) / max(abs(energy), 1e-300) for part in parts.values()]
-    bar, path_bar, energy_bar = (
-        float(np.linalg.norm(some)) for some in (list(shares.values()), of_path, of_energy)
-    )
+    every = (list(shares.values()), of_path, of_energy)
+    bar, path_bar, energy_bar = (float(np.linalg.norm(some)) for some in every)
     return Reference(displacement, path, energy, length, bar, path_bar, energy_bar, shares)
 
 
@@ -175,7 +174,7 @@ class _Runs:
 
     scene: Scene
     duration: float
-    progress: Callable[[int], object] | None
+    progress: Callable[[int], object]
     known: dict[Settings, Array] = field(default_factory=dict)
 
     def __call__(self, model: str, elements: int, panels: int, time_step: float) -> Array:
@@ -191,8 +190,7 @@ class _Runs:
                     "drive or a shorter run may help"
                 )
             self.known[settings] = outcome.values
-            if self.progress is not None:
-                self.progress(1)
+            self.progress(1)
         return self.known[settings]
 
 

@@ -28,8 +28,7 @@ _PATHS = {
 class Settings:
     """One way to compute a scene, the paper's unless given.
 
-    Attributes are the scene's fields of these names, ``time_step`` in s; those of the fluid have no
-    meaning in a scene without one.
+    Attributes are the scene's fields; those of the fluid mean nothing in a scene without one.
     """
 
     fluid_model: str = "panels"

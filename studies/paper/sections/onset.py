@@ -16,7 +16,7 @@ from studies.paper.onset import (
     onset_by_kirchhoff,
     rate_for_onset,
 )
-from studies.paper.verdicts import Data, MissingError, onset_of, onset_time
+from studies.paper.verdicts import Data, MissingError, onset_of, onset_pairs, onset_time
 from swim_env.analysis.kirchhoff import RigidMass
 
 
@@ -82,13 +82,10 @@ def _time_with_bar(data: Data, one: Data) -> str:
 def _rate_with_bar(data: Data, one: Data) -> str:
     if one["rate"] is None:
         return ""
-    body = (one["elements"], one["panels"], one["perturbation"])
-    for model in ("panels", "frozen"):
-        base = onset_of(data, *body, model=model)
-        half = onset_of(data, *body, step=0.005, model=model)
-        if base and half and None not in (base["rate"], half["rate"]):
-            return with_bar(one["rate"], coarse_error(half["rate"] - base["rate"], STEPS))
-    return with_bar(one["rate"], None)
+    pairs = onset_pairs(data, one["elements"], one["panels"], one["perturbation"])
+    rates = [(base["rate"], half["rate"]) for base, half in pairs]
+    bars = [coarse_error(half - base, STEPS) for base, half in rates if None not in (base, half)]
+    return with_bar(one["rate"], bars[0] if bars else None)
 
 
 def _over_stiffness(data: Data, one: Data) -> str:
