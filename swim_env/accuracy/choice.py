@@ -87,8 +87,8 @@ def choose(
     SwimError
         If the scene has no converged reference, or no settings of the front are good enough.
     """
-    is_number = isinstance(tolerance, (int, float)) and not isinstance(tolerance, bool)
-    if not is_number or not _SMALLEST <= tolerance <= _LARGEST:
+    no_number = isinstance(tolerance, bool) or not isinstance(tolerance, (int, float))
+    if no_number or not _SMALLEST <= tolerance <= _LARGEST:
         raise SwimError(
             f"the tolerance must be {_SMALLEST:g} to {_LARGEST:g}, got {tolerance!r}: smaller ones "
             "are beyond the reference, larger ones say nothing"

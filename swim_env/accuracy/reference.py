@@ -59,8 +59,8 @@ _WITH_PANELS = Refinements((3, 5, 15), 30, 5, 0.01, (4,))
 _TOO_BENT = 0.2
 #: Differences of successive panel counts, each twice the one before, shrink by a factor in between.
 _SLOWEST, _FASTEST = 0.85, 0.3
-#: Share of what a fluid model changes that stays uncertain: one comparison on a coarse body is about
-#: right, no more.
+#: Share of what a fluid model changes that stays uncertain: one comparison on a coarse body is
+#: about right, no more.
 _OF_ONE_MODEL = 0.15
 #: Place of the energy in `Outcome.values`.
 _ENERGY = 2
