@@ -24,20 +24,15 @@ from studies.paper.onset import (
     fitted_rate,
     implied_rate,
     measure_onset,
+    onset_by_kirchhoff,
     onset_units,
     perturbed,
+    rate_for_onset,
 )
 from studies.paper.runs import first_crossing, played, run_figures
 from studies.paper.variants import of_variant, with_halved_turning
 from swim_env import load_scene
-from swim_env.analysis.kirchhoff import (
-    RigidMass,
-    growth_rate,
-    mass_matrix,
-    onset_by_kirchhoff,
-    rate_for_onset,
-    rigid_mass,
-)
+from swim_env.analysis.kirchhoff import RigidMass, growth_rate, mass_matrix, rigid_mass
 from swim_env.analysis.modes import natural_frequencies
 from swim_env.sim.simulator import Simulator
 
