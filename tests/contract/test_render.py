@@ -356,7 +356,7 @@ def headless(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """Give windows a display that nobody sees and a clock that goes only while they wait."""
+    """Give windows a display that nobody sees and a clock that runs only while they wait."""
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     monkeypatch.setattr(window, "_printed", set())
     now = [100.0]

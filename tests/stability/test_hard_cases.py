@@ -98,7 +98,7 @@ def test_how_curling_ends(strain):
             # Without an outline only the watch for contact ends a run ...
             watched = shape.endswith("watched")
             assert verdict.reason == ("self_contact" if watched else ""), run.label
-            # ... and a joint that snapped over is told of by its energy.
+            # ... and the energy shows a joint that snapped over.
             assert verdict.trusted == (holds or watched), run.label
 
 

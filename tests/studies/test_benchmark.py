@@ -6,6 +6,7 @@ import json
 import shutil
 from pathlib import Path
 
+import gymnasium
 import numpy as np
 import pytest
 from PIL import Image
@@ -16,6 +17,7 @@ from studies.benchmark.checkouts import compare_checkouts
 from studies.benchmark.environments import (
     Workload,
     environment_workload,
+    step_loop,
     wave_actions,
 )
 from studies.benchmark.growth import fit_growth, growth_of
@@ -143,6 +145,32 @@ def test_times_of_one_round_have_one_index():
     assert order == ["a", "b"] * 4
     assert all(values.shape == (3,) and (values > 0.0).all() for values in times.values())
     assert ratio(np.array([2.0, 8.0]), np.array([1.0, 2.0])).median == 3.0
+
+
+class Counting(gymnasium.Env):
+    """Episodes of three steps that keep what is done to them."""
+
+    def __init__(self) -> None:
+        self.done: list[str] = []
+
+    def reset(self, *, seed=None, options=None):
+        self.done.append("reset" if seed is None else f"reset {seed}")
+        self.left = 3
+        return 0, {}
+
+    def step(self, action):
+        self.left -= 1
+        self.done.append(action)
+        return 0, 0.0, False, self.left == 0, {}
+
+
+def test_a_loop_continues_and_starts_ended_episodes_anew():
+    env = Counting()
+    play = step_loop(env, np.array(["a", "b", "c", "d"]), 5, seed=7)
+    play()
+    assert env.done == ["reset 7", *"abc", "reset", *"da"]
+    play()
+    assert env.done[7:] == [*"b", "reset", *"cda", "reset", *"b"]
 
 
 @pytest.mark.parametrize(("batch", "steps"), [(None, 4), ((5, 1), 20)])
