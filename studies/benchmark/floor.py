@@ -21,8 +21,10 @@ from swim_env.physics.fluid import outline
 from swim_env.physics.runtime.compile import entry_kernel, kernel, vector_kernel
 from swim_env.physics.runtime.dense import add_multiple, copy, invert_in_order, multiply
 from swim_env.physics.runtime.elementary import atan2, log
+from swim_env.physics.runtime.views import LANES, padded
 from swim_env.scene import Scene
-from swim_env.sim.batch import Bodies, aligned_zeros, minimal_start, scene_constants
+from swim_env.sim.batch import Bodies, aligned_zeros, minimal_start
+from swim_env.sim.constants import scene_constants
 
 __all__ = ["FLOOR_WAYS", "FloorArrays", "floor_arrays", "floor_calls", "potentials_of_motions"]
 
@@ -99,7 +101,7 @@ def _solve(matrix: Array, size: int) -> None:
     # alone as factors.
     for first in range(0, size, 4):
         # Columns before this are done with; it is a multiple of the lanes of vector registers.
-        start = first // outline.LANES * outline.LANES
+        start = first // LANES * LANES
         for k in range(first, first + 4):
             reciprocal = 1.0 / matrix[k, k]
             for j in range(first, matrix.shape[1]):
@@ -194,7 +196,7 @@ def floor_arrays(scene: Scene) -> FloorArrays:
     elements = scene.beam.elements
     count = int(outline.panel_count(scene_constants(scene)[1].geometry))
     element = given.element[:count]
-    size, wide = given.element.size, outline.padded(2 * elements)
+    size, wide = given.element.size, padded(2 * elements)
     motions = aligned_zeros(size, wide)
     rows = np.arange(count)
     motions[rows, element] = given.panels[outline.LATERAL, :count]

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from studies.benchmark.floor import FLOOR_WAYS, floor_calls
 from studies.benchmark.timing import Spread, ratio, spread_of, time_in_turn
-from swim_env.physics.fluid.added_mass import SMALLEST_PIVOT, added_mass, shape_force
+from swim_env.physics.fluid.models import added_mass, shape_force
 from swim_env.physics.fluid.outline import build_outline, outline_status, panel_count
-from swim_env.physics.fluid.panels import influence, normal_influence
+from swim_env.physics.fluid.panel_mass import SMALLEST_PIVOT
+from swim_env.physics.fluid.sources import influence, normal_influence
 from swim_env.physics.planar.equations import evaluate_held_step, evaluate_step
 from swim_env.physics.planar.layout import ADDED, TOTAL
 from swim_env.physics.planar.matrix import step_jacobian

@@ -24,7 +24,7 @@ from swim_env.errors import SwimError
 from swim_env.physics import FLUID_MODELS
 from swim_env.physics.runtime.threads import usable_threads
 from swim_env.scene import Scene, load_scene
-from swim_env.scene.blocks import MOST_ELEMENTS_OF_EXPANSION
+from swim_env.scene.fluid import MOST_ELEMENTS_OF_EXPANSION
 
 __all__ = ["FULL", "QUICK", "SECTIONS", "Extent", "kernel_scenes", "measure", "measure_speeds"]
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from studies.stability.runs import HardRun, Torques
 from studies.stability.torques import Ramp, SquareWave, WhiteNoise
-from swim_env.physics.fluid.fluid_terms import plate_added_mass
+from swim_env.physics.fluid.strip import plate_added_mass
 from swim_env.scene import load_scene
 
 __all__ = ["CASES", "hard_runs"]

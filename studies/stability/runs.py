@@ -22,7 +22,8 @@ from swim_env.physics.solve.outer_step import LARGEST_TURN
 from swim_env.physics.solve.state import RECORD_NAMES, energy_drift_of
 from swim_env.physics.status import TERMINATION_REASONS
 from swim_env.scene import Scene
-from swim_env.sim.batch import Bodies, minimal_start, scene_constants
+from swim_env.sim.batch import Bodies, minimal_start
+from swim_env.sim.constants import scene_constants
 
 __all__ = ["LONGEST_STEP", "HardRun", "Torques", "Verdict", "play"]
 

@@ -24,9 +24,9 @@ def steps_of(scene: Scene, duration: float | None = None) -> int:
     Parameters
     ----------
     scene : Scene
-        Its episode's duration is taken where none is given.
+        The scene.
     duration : float, optional
-        Simulated time (s), above 0.
+        Simulated time (s); by default that of the scene's episode.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def replay(
     scene : Scene
         The scene.
     duration : float, optional
-        Simulated time (s), rounded to whole steps; the scene's own unless given.
+        Simulated time (s), rounded to whole steps; by default that of the scene's episode.
     progress : callable, optional
         Called with the number of steps taken since the last call.
 
@@ -84,7 +84,4 @@ def replay(
     torques = simulator.prescribed_torques(steps)
     start = time.perf_counter()
     trajectory = simulator.rollout(torques, progress=progress)
-    return trajectory, {
-        **trajectory.summary(),
-        "wall_seconds": time.perf_counter() - start,
-    }
+    return trajectory, {**trajectory.summary(), "wall_seconds": time.perf_counter() - start}

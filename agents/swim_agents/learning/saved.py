@@ -30,8 +30,7 @@ from swim_env.envs.task import TASKS, Task
 from swim_env.errors import OptionError, SceneError, SwimError
 from swim_env.files.folders import write_folder
 from swim_env.scene import Beam, Scene
-from swim_env.scene.block import build_block
-from swim_env.scene.blocks import plain
+from swim_env.scene.block import build_block, plain
 from swim_env.scene.checks import check_name, check_text
 
 __all__ = [

@@ -12,7 +12,7 @@ from typing import NamedTuple, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.added_mass import FluidConstants
+from swim_env.physics.fluid.layout import FluidConstants
 from swim_env.physics.fluid.outline import FluidGeometry
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.runtime.compile import shared
@@ -117,6 +117,10 @@ def unpack_constants(
             s["cap_panels"],
         ),
         s["density"],
+        s["present"],
+        s["varies"],
+        s["panels"],
+        s["squares"],
         s["axial"],
         vectors[2 * joints :],
         s["drag"],

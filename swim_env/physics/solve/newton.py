@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.added_mass import FluidConstants, FluidWork, depends_on_shape
+from swim_env.physics.fluid.layout import FluidConstants, FluidWork
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.equations import evaluate_held_step, evaluate_step, round_off_floor
 from swim_env.physics.planar.layout import Body, Newton
@@ -99,7 +99,7 @@ def _evaluate(
     if not at_end:
         return evaluate_step(p, torques, z, h, beam, fluid, body, fluid_work)
     mass = body.mass
-    shape = mass.trial_shape
+    shape = mass.trial_shape[: torques.size]
     for j in range(torques.size):
         shape[j] = q[3 + j] + z[3 + j]
     status = find_added_mass(shape, fluid, solver, fluid_work, mass, step.effort)
@@ -200,7 +200,7 @@ def newton_in_passes(
         return False, norm
     # The first pass works with a guess of what is held and need not go far; where nothing is held,
     # it goes all the way.
-    held = depends_on_shape(fluid)
+    held = fluid.varies
     enough = _FIRST_PASS * norm if held else 0.0
     for _ in range(_MOST_PASSES):
         enough = max(enough, _PASS_TOLERANCE * solver.tolerance)
@@ -273,7 +273,7 @@ def newton_with_shortening(
     for _ in range(_MOST_ITERATIONS):
         if renew:
             effort[0] += solver.matrix_cost
-            if difference > 0.0 and not at_end and depends_on_shape(fluid):
+            if difference > 0.0 and not at_end and fluid.varies:
                 effort[0] += z.size * solver.evaluation_cost
             if effort[0] > 1.0:
                 return False, norm, False

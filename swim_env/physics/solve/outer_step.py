@@ -17,7 +17,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.added_mass import FluidConstants, depends_on_shape, shape_force
+from swim_env.physics.fluid.layout import FluidConstants
+from swim_env.physics.fluid.models import shape_force
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.drag import drag_loss, drag_moment
 from swim_env.physics.planar.equations import evaluate_held_step, set_pose
@@ -144,7 +145,7 @@ def _solve_part(
             tried = True
             copy(increment, newton.start)
             # The adjoint has nothing to guess from: its added mass is that of the end.
-            extrapolated = start == 0 and (not at_end or not depends_on_shape(fluid))
+            extrapolated = start == 0 and (not at_end or not fluid.varies)
             at_round_off = False
             solved, norm = newton_in_passes(
                 m, torques, h, at_end, beam, fluid, solver, extrapolated
