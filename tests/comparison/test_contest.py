@@ -75,11 +75,10 @@ def side_by_side(
 
 
 @pytest.mark.parametrize("name", REFERENCES)
-@pytest.mark.parametrize("threads", [1, 2])
-def test_episodes_side_by_side_are_those_one_by_one_bit_for_bit(name: str, threads: int) -> None:
+def test_episodes_side_by_side_are_those_one_by_one_bit_for_bit(name: str) -> None:
     scene = load_scene("swimmer", list(LIVELY))
     calls: list[int] = []
-    batch = SwimVectorEnv(len(SEEDS), scene, num_threads=threads)
+    batch = SwimVectorEnv(len(SEEDS), scene, num_threads=2)
     together = side_by_side(batch, SwimEnv(scene), name, SEEDS, noise=1.0, progress=calls.append)
     assert calls == [1] * 50
     assert len({rollout.path.tobytes() for rollout in together}) == len(SEEDS)
@@ -156,23 +155,18 @@ def test_the_lists_hold_the_figures_of_the_episodes_one_by_one(contest: Contest)
 
 
 def test_ratios_are_quotients_of_the_medians(contest: Contest) -> None:
-    record = contest.record
+    policies = contest.record["policies"]
     for kind, prefix in (("net_displacement", ""), ("fine_displacement", "fine_")):
-        middle = {name: np.median(one[kind]) for name, one in record["policies"].items()}
-        for name, one in record["policies"].items():
+        middle = {name: float(np.median(one[kind])) for name, one in policies.items()}
+        for name, one in policies.items():
             assert one["median"][kind] == pytest.approx(middle[name], rel=1e-12)
             for reference in REFERENCES:
-                found = one[f"{prefix}ratio_to_{reference}"]
                 # Being so many times as far as what swims backwards means nothing.
-                if middle[reference] <= 0.0:
-                    assert found is None
-                else:
-                    ratio = middle[name] / middle[reference]
-                    assert found == pytest.approx(ratio, rel=1e-12)
-    for name, ratios in record["ratios"].items():
-        assert ratios == {
-            reference: record["policies"][name][f"ratio_to_{reference}"] for reference in REFERENCES
-        }
+                base = middle[reference]
+                expected = pytest.approx(middle[name] / base, rel=1e-12) if base > 0.0 else None
+                assert one[f"{prefix}ratio_to_{reference}"] == expected
+    for name, ratios in contest.record["ratios"].items():
+        assert ratios == {other: policies[name][f"ratio_to_{other}"] for other in REFERENCES}
 
 
 def test_in_the_target_task_there_are_no_ratios_and_the_finer_computation_must_reach_it() -> None:
@@ -224,16 +218,13 @@ def test_episodes_are_kept_as_asked_for(contest: Contest) -> None:
 
 
 def test_one_thread_and_several_give_the_same_record(contest: Contest) -> None:
-    alone = hold_contest(
-        contest.scene, entries_of(["random", "zero"], contest.scene), SEEDS, threads=1, keep=2
-    )
+    entries = entries_of(["random", "zero"], contest.scene)
+    alone = hold_contest(contest.scene, entries, SEEDS, threads=1, keep=2)
     one, other = plain(alone), plain(contest)
-    assert one.keys() == other.keys()
-    for name in one.keys() - {"commit", "date", "machine"}:
-        assert one[name] == other[name], name
-    for name in contest.rollouts:
-        for first, second in zip(alone.rollouts[name], contest.rollouts[name], strict=True):
-            assert_same(first, second)
+    for name in ("commit", "date", "machine"):
+        del one[name], other[name]
+    assert one == other
+    assert_same(alone.rollouts, contest.rollouts)
 
 
 def test_progress_adds_up_to_what_is_announced() -> None:
@@ -418,8 +409,3 @@ def test_agents_for_a_target_play_for_a_target_alone(tmp_path: Path) -> None:
     assert record["policies"][entries[2].name]["success_rate"] == 0.0
     with refuses(SwimError, "was trained for task target, not for forward"):
         entries_of([str(tmp_path / "seed_5")], scene)
-    with refuses(SwimError, "cannot play scene swimmer: beam.bending_stiffness is 4"):
-        entries_of([str(tmp_path / "seed_5")], short("beam.bending_stiffness=4.0"), "target")
-    (tmp_path / "empty").mkdir()
-    with refuses(SwimError, "no agent there"):
-        entries_of([str(tmp_path / "empty")], scene)

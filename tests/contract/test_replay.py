@@ -7,7 +7,6 @@ import subprocess
 import sys
 import time
 
-import numpy as np
 import pytest
 from swim_agents.commands import main as console
 
@@ -19,7 +18,6 @@ from tests.support import (
     ROOT,
     call_script,
     files_of,
-    full_disk,
     interrupt_script,
     run_python,
     run_script,
@@ -79,7 +77,13 @@ def test_result_folder(tmp_path, capsys):
         (["--set", "initial.joint_angles=3"], "outline_degenerate"),
         (["--seed", "0"], "--seed needs --env"),
         (["--record-video", "x"], "--record-video needs --env"),
+        (["--policy", "zero"], "--policy needs --env"),
         (["--env", "--accuracy", "0.1"], "has no meaning with --env"),
+        (["--env", "--policy", "nobody"], "unknown policy 'nobody'"),
+        (["--env", "--task", "sideways"], "unknown task 'sideways'"),
+        (["--env", "--seed", "-1"], "seed"),
+        (["--env", "--noise", "-2"], "noise"),
+        (["--env", "--set", "episode.control_interval=0.012"], "whole number of steps"),
         (["--duration", "x"], "invalid float value"),
     ],
 )
@@ -91,6 +95,7 @@ def test_bad_input_is_one_line_and_code_2(tmp_path, capsys, arguments, part):
         assert done.code == 2 and part in done.err.splitlines()[-1]
     else:
         done.assert_refused(part)
+    assert done.out == ""
     assert list(tmp_path.iterdir()) == []
 
 
@@ -105,26 +110,22 @@ def test_foreign_folder_is_left_alone(tmp_path, capsys):
     assert files_of(tmp_path) == {"thesis.tex": b"dear"}
 
 
-@pytest.mark.parametrize("fault", ["full disk", "failing rename", "interrupt in rename"])
-def test_a_fault_in_writing_leaves_the_old_results(tmp_path, monkeypatch, fault):
-    """All files or none, even where the last rename fails."""
+@pytest.mark.parametrize("error", [OSError(5, "Input/output error"), KeyboardInterrupt()])
+def test_a_rename_that_fails_leaves_the_old_results(tmp_path, monkeypatch, error):
+    """All files or none, even if the last rename fails or is interrupted."""
     trajectory, summary = replay(load_scene("paper_iv"), 0.1)
     folder = tmp_path / "run"
     write_results(trajectory, summary, folder)
     before, rename = files_of(folder), type(folder).rename
-    words = {"full disk": "No space left", "failing rename": "Input/output error"}
 
     def breaks(self, target):
         if self.name == "new":
-            raise OSError(5, "Input/output error") if fault in words else KeyboardInterrupt
+            raise error
         return rename(self, target)
 
-    if fault == "full disk":
-        monkeypatch.setattr(np, "savez_compressed", full_disk)
-    else:
-        monkeypatch.setattr(type(folder), "rename", breaks)
-    error = SwimError if fault in words else KeyboardInterrupt
-    with pytest.raises(error, match=words.get(fault)):
+    monkeypatch.setattr(type(folder), "rename", breaks)
+    expected = SwimError if isinstance(error, OSError) else KeyboardInterrupt
+    with pytest.raises(expected, match="Input/output error" if expected is SwimError else None):
         write_results(trajectory, {**summary, "scene": "other"}, folder)
     assert files_of(folder) == before
     assert [path.name for path in tmp_path.iterdir()] == ["run"]

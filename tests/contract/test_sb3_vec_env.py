@@ -276,39 +276,12 @@ def test_frames_are_tiled_into_one() -> None:
         assert without.render() is None
 
 
-def test_wrappers_of_stable_baselines3(tmp_path: Path) -> None:
-    log, statistics = str(tmp_path / "log"), str(tmp_path / "statistics.pkl")
-    checked = VecCheckNan(VecMonitor(small(seed=3), log), raise_exception=True)
-    venv = VecNormalize(VecFrameStack(checked, 2))
-    plain = small(seed=3)
-    size = plain.observation_space.shape[0]
-    venv.reset()
-    assert_same(venv.get_original_obs()[:, size:], plain.reset(), "first observations")
-    totals = np.zeros(3)
-    for actions in actions_for(plain, 10):
-        observations, _, dones, infos = venv.step(actions)
-        expected, rewards, _, plain_infos = plain.step(actions)
-        assert observations.shape == (3, 2 * size)
-        assert_same(venv.get_original_obs()[:, size:], expected, "observations")
-        assert_same(venv.get_original_reward(), rewards, "rewards")
-        totals += rewards
-    assert dones.all()
-    for member, info in enumerate(infos):
-        assert info["episode"]["r"] == pytest.approx(totals[member], abs=1e-6)
-        last = venv.unnormalize_obs(info["terminal_observation"])[size:]
-        assert last == pytest.approx(plain_infos[member]["terminal_observation"], abs=1e-5)
-    assert FORWARD in Path(log + ".monitor.csv").read_text().splitlines()[0]
-    venv.save(statistics)
-    loaded = VecNormalize.load(statistics, VecFrameStack(small(seed=3), 2))
-    again = pickle.loads(pickle.dumps(venv))
-    for copy in (loaded, again):
-        assert_same(copy.obs_rms.mean, venv.obs_rms.mean, "mean of observations")
-        assert_same(copy.ret_rms.var, venv.ret_rms.var, "variance of returns")
-
-
 @pytest.mark.parametrize("env_id", [FORWARD, TARGET])
-def test_ppo_learns_on_it_and_is_evaluated(env_id: str) -> None:
-    venv = VecNormalize(VecMonitor(make_swim_vec_env(env_id, 8, overrides=SMALL)))
+def test_ppo_learns_on_it_in_wrappers_and_is_evaluated(env_id: str, tmp_path: Path) -> None:
+    log, statistics = str(tmp_path / "log"), str(tmp_path / "statistics.pkl")
+    monitored = VecMonitor(make_swim_vec_env(env_id, 8, overrides=SMALL), log)
+    stacked = VecFrameStack(VecCheckNan(monitored, raise_exception=True), 2)
+    venv = VecNormalize(stacked)
     model = PPO("MlpPolicy", venv, n_steps=16, batch_size=64, n_epochs=2, seed=0, device="cpu")
     before = [value.clone() for value in model.policy.parameters()]
     model.learn(512)
@@ -317,9 +290,16 @@ def test_ppo_learns_on_it_and_is_evaluated(env_id: str) -> None:
     assert all(value.isfinite().all() for value in after)
     assert any(not one.equal(other) for one, other in zip(before, after, strict=True))
     assert len(model.ep_info_buffer) == 8 * (64 // 10)
+    assert env_id in Path(log + ".monitor.csv").read_text().splitlines()[0]
     returns, lengths = evaluate_policy(model, venv, 6, return_episode_rewards=True)
     assert lengths == [10] * 6
     assert np.isfinite(returns).all()
+    venv.save(statistics)
+    again = pickle.loads(pickle.dumps(venv))
+    for copy in (VecNormalize.load(statistics, stacked), again):
+        assert_same(copy.obs_rms.mean, venv.obs_rms.mean, "mean of observations")
+        assert_same(copy.ret_rms.var, venv.ret_rms.var, "variance of returns")
+    venv.close()
 
 
 def test_without_stable_baselines3_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

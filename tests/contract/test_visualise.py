@@ -27,12 +27,10 @@ def test_agent_beside_the_wave(command, tmp_path):
     file = tmp_path / "new" / "both.rrd"
     done = command(
         "visualise", "--policy", "tuned_wave", "--compare-with", "paper_wave", "--duration",
-        "0.4", "--noise", "0", "--flow-rate", "10", "--output", str(file), "--view", "--json",
+        "0.4", "--noise", "0", "--flow-rate", "10", "--output", file, "--view", "--json",
     )  # fmt: skip
     figures = done.figures()
-    assert figures.keys() == {
-        "file", "bytes", "frames", "flow_frames", "logging_seconds", "flow_seconds", "schema",
-    }  # fmt: skip
+    assert figures.keys() >= {"file", "flow_frames", "logging_seconds", "flow_seconds", "schema"}
     assert figures["bytes"] == file.stat().st_size and figures["frames"] == 42
     assert f"rerun {file}" in done.err and "rerun --web-viewer" in done.err
     read = read_recording(file)
@@ -44,25 +42,24 @@ def test_agent_beside_the_wave(command, tmp_path):
 
 def test_prescribed_torque_and_saved_trajectory(command, tmp_path):
     """By default the scene's own torque, without rewards; a saved run gives the same numbers."""
-    done = command("visualise", "--scene", "paper_i", "--duration", "0.5", "--no-flow", "--json")
-    assert done.code == 0, done.err
+    assert command("visualise", "--scene", "paper_i", "--duration", "0.5", "--no-flow").code == 0
     file = tmp_path / "results" / "recordings" / "paper_i-prescribed.rrd"
     one = read_recording(file).swimmers["prescribed"]
     simulator = Simulator("paper_i")
     played = simulator.rollout(simulator.prescribed_torques(50))
     assert (one.series["energy"][:, 3] == played.energy).all()
     assert "reward" not in one.series and not one.flow_time.size
-    played.save(tmp_path / "saved.npz")
-    output = str(tmp_path / "saved.rrd")
-    done = command(
-        "visualise", "--trajectory", str(tmp_path / "saved.npz"), "--output", output, "--colour",
-        "moment", "--flow-rate", "4",
-    )  # fmt: skip
+    saved, output = tmp_path / "saved.npz", tmp_path / "saved.rrd"
+    played.save(saved)
+    look = ("--colour", "moment", "--flow-rate", "4", "--compare-with", "zero")
+    done = command("visualise", "--trajectory", saved, "--output", output, *look)
     assert done.code == 0, done.err
     assert "recording" in done.out
     # The program's name, or its path where that is not on the search path.
-    assert re.search(rf"look at it with: (\S*/)?rerun {re.escape(output)}$", done.err, re.M)
-    other = read_recording(output).swimmers["saved"]
+    typed = rf"look at it with: (\S*/)?rerun {re.escape(str(output))}$"
+    assert re.search(typed, done.err, re.M)
+    other, zero = read_recording(output).swimmers.values()
+    assert (other.nodes[0] == zero.nodes[0]).all(), "the policy's start has noise"
     for group, values in one.series.items():
         assert (other.series[group] == values).all(), group
     assert other.flow_time.size == 3
@@ -102,16 +99,7 @@ def test_bad_input_is_one_line_and_code_2(command, tmp_path, arguments, part):
     (tmp_path / "folder.png").mkdir()
     (tmp_path / "folder.rrd").mkdir()
     command("visualise", *arguments).assert_refused(part)
-    assert sorted(path.name for path in tmp_path.rglob("*")) == ["folder.png", "folder.rrd"]
-
-
-def test_a_policy_beside_the_prescribed_torque(command, tmp_path):
-    """Starts as that does, without noise."""
-    file = tmp_path / "x.rrd"
-    brief = ("--duration", "0.1", "--no-flow", "--output", file)
-    assert command("visualise", "--compare-with", "zero", *brief).code == 0
-    one, other = read_recording(file).swimmers.values()
-    assert (one.nodes[0] == other.nodes[0]).all()
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="the stand-in is a shell script")
@@ -131,32 +119,22 @@ def test_a_display_that_does_not_answer(tmp_path, monkeypatch, code, told):
 
 def test_replay_records(command, tmp_path):
     """--record writes a file beside the figures, into a folder or under its name."""
-    done = command(
-        "replay", "--scene", "swimmer", "--duration", "0.2", "--record", str(tmp_path), "--json"
-    )
-    figures = done.figures()
-    file = tmp_path / "swimmer.rrd"
+    brief = ("replay", "--scene", "swimmer", "--duration", "0.2", "--json", "--record")
+    figures = command(*brief, tmp_path).figures()
+    file, named = tmp_path / "swimmer.rrd", tmp_path / "episode.rrd"
     assert figures["recording"]["file"] == str(file)
     place = read_recording(file).swimmers["prescribed"].path
     assert place[-1] - place[0] == pytest.approx(figures["displacement"], abs=1e-6)
-    named = tmp_path / "episode.rrd"
-    done = command(
-        "replay", "--scene", "swimmer", "--duration", "0.2", "--env", "--policy", "random",
-        "--record", str(named),
-    )  # fmt: skip
-    assert done.code == 0, done.err
-    assert str(named) in done.out
+    figures = command(*brief, named, "--env", "--policy", "random").figures()
+    assert figures["recording"]["file"] == str(named)
     assert read_recording(named).swimmers["random"].series["reward"].shape == (10, 1)
 
 
 def test_compare_records(command, tmp_path):
     """Everybody's first start in one recording, the references last."""
     file = tmp_path / "contest.rrd"
-    done = command(
-        "compare", "--policies", "zero", "--duration", "0.2", "--seeds", "3", "--record",
-        str(file), "--json",
-    )  # fmt: skip
-    record = done.figures()
+    brief = ("--policies", "zero", "--duration", "0.2", "--seeds", "3", "--json")
+    record = command("compare", *brief, "--record", file).figures()
     read = read_recording(file)
     assert list(read.swimmers) == ["zero", "paper_wave", "tuned_wave"]
     for name, one in read.swimmers.items():
@@ -171,13 +149,12 @@ def test_train_records_every_evaluation(command, tmp_path):
     done = command(
         "train", "demo", "--set", "steps=256", "evaluation.every=128", "evaluation.episodes=2",
         "members=8", "ppo.minibatch=128", "ppo.rollout=16", "scene.episode.duration=0.2",
-        "--output", str(tmp_path / "run"),
-        "--record", str(tmp_path / "seen"),
+        "--output", tmp_path / "run", "--record", tmp_path / "seen",
     )  # fmt: skip
     assert done.code == 0, done.err
-    log = read_log(tmp_path / "run" / "seed_0" / "evaluations.csv")
+    steps = read_log(tmp_path / "run" / "seed_0" / "evaluations.csv")["steps"]
     files = sorted((tmp_path / "seen" / "seed_0").iterdir())
-    assert {path.name for path in files} == {f"evaluation-{int(n)}.rrd" for n in log["steps"]}
+    assert {path.name for path in files} == {f"evaluation-{int(n)}.rrd" for n in steps}
     assert len(files) >= 2
     (one,) = read_recording(files[0]).swimmers.values()
     assert one.time[-1] == pytest.approx(0.2)

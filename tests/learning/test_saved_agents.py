@@ -40,8 +40,6 @@ from tests.learning.small_runs import (
 )
 from tests.support import call_script, refuses
 
-TASKS = ("forward", "target")
-
 #: A function that returns a model of a kind and the folder it was saved to.
 Saved = Callable[[str], tuple[Any, Path]]
 
@@ -150,22 +148,6 @@ def test_the_description_says_what_the_agent_is(saved: Saved) -> None:
     assert about["observation"] == {"layout": 1, "size": 10}
     assert about["training"] == {"seed": 3, "steps": 0}
     assert sorted(contents(folder)) == ["agent.json", "model.zip"]
-
-
-def test_saving_replaces_the_agent_that_was_there(tmp_path: Path) -> None:
-    config = small_config()
-    model = model_of(config)
-    save_agent(tmp_path / "agent", model, config, {"seed": 1})
-    before = load_agent(tmp_path / "agent")
-    with torch.no_grad():
-        model.policy.action_net.bias.add_(0.5)
-    save_agent(tmp_path / "agent", model, config, {"seed": 2})
-    after = load_agent(tmp_path / "agent")
-    assert [one.description["training"]["seed"] for one in (before, after)] == [1, 2]
-    row = observations(model, 5)
-    assert (after.predict(row)[0] == model.predict(row, deterministic=True)[0]).all()
-    assert (after.predict(row)[0] != before.predict(row)[0]).any()
-    assert hidden(tmp_path) == []
 
 
 @pytest.mark.parametrize("kind", ["ppo", "target", "sac"])
@@ -324,12 +306,7 @@ def test_weights_that_are_none_are_refused(copied: Path) -> None:
         (["fluid.model=none"], "fluid.model", "none", "panels"),
         (["axial_added_mass=true"], "axial_added_mass", "{}", "None"),
         # The first difference is named and the others are counted.
-        (
-            ["fluid.density=20", "beam.elements=8"],
-            "beam.elements",
-            "8",
-            "9 in training (and 1 more)",
-        ),
+        (["fluid.density=20", "beam.elements=8"], "beam.elements", "8", "9 in training (and 1"),
     ],
 )
 def test_another_body_fluid_or_control_is_refused_and_the_field_named(
@@ -360,31 +337,33 @@ def test_another_solver_damping_or_start_is_no_obstacle(
     assert agent.predict(np.zeros(21))[0].shape == (8,)
 
 
-@pytest.mark.parametrize(("kind", "own", "other"), [("ppo", *TASKS), ("target", *TASKS[::-1])])
-def test_another_task_is_refused(kind: str, own: str, other: str, saved: Saved) -> None:
-    scene, folder = small_config(kind).scene, saved(kind)[1]
-    with refuses(AgentError, f"agent small_{kind} was trained for task {own}, not for {other}"):
-        load_policy(folder, scene, task=other)
-    assert load_policy(folder, scene, task=own).predict(observations(saved(kind)[0], 1))
+def test_another_task_is_refused(saved: Saved) -> None:
+    for kind, own, other in (("ppo", "forward", "target"), ("target", "target", "forward")):
+        scene, (model, folder) = small_config(kind).scene, saved(kind)
+        with refuses(AgentError, f"agent small_{kind} was trained for task {own}, not for {other}"):
+            load_policy(folder, scene, task=other)
+        assert load_policy(folder, scene, task=own).predict(observations(model, 1))
 
 
 # ---- by path -----------------------------------------------------------------------------------
 
 
-def test_an_agent_is_found_by_its_folder_its_run_and_its_file(tmp_path: Path) -> None:
-    config = small_config()
+def test_an_agent_replaces_the_one_before_and_is_found_by_folder_run_and_file(
+    tmp_path: Path,
+) -> None:
+    config, place = small_config(), tmp_path / "agent"
     best, last = model_of(config), model_of(config)
     with torch.no_grad():
         last.policy.action_net.bias.add_(0.5)
-    save_agent(tmp_path / "agent", best, config, {})
-    save_agent(tmp_path / "final_agent", last, config, {})
     row = observations(best, 3)
-    expected = best.predict(row, deterministic=True)[0]
-    others = last.predict(row, deterministic=True)[0]
+    expected, others = (model.predict(row, deterministic=True)[0] for model in (best, last))
     assert (expected != others).any()
-    for path in (tmp_path, tmp_path / "agent", tmp_path / "agent" / "model.zip"):
-        for form in (path, str(path)):
-            assert (load_policy(form, config.scene).predict(row)[0] == expected).all()
+    for name, model, seed in (("agent", last, 1), ("final_agent", last, 1), ("agent", best, 2)):
+        save_agent(tmp_path / name, model, config, {"seed": seed})
+    assert load_agent(place).description["training"]["seed"] == 2
+    assert hidden(tmp_path) == []
+    for path in (tmp_path, place, place / "model.zip", str(tmp_path), str(place / "model.zip")):
+        assert (load_policy(path, config.scene).predict(row)[0] == expected).all()
     found = load_policy(tmp_path / "final_agent", config.scene)
     assert (found.predict(row)[0] == others).all()
 
@@ -431,17 +410,18 @@ def test_what_is_no_agent_is_refused(saved: Saved, tmp_path: Path) -> None:
 
 # ---- the training script -----------------------------------------------------------------------
 
-BAD: list[tuple[list[str], str]] = [
-    (["ppo_forwrd"], "no such configuration: ppo_forwrd (nearest: ppo_forward)"),
-    (["ppo_forward", "--set", "step=3"], "unknown field step (nearest: steps)"),
-    (["ppo_forward", "--seeds", "1", "2", "1"], "--seeds must differ, got 1 2 1"),
-    (["ppo_forward", "--seeds", "-1"], "seed must be a whole number from 0"),
-    (["ppo_forward", "--device", "gpu"], "cannot train on device 'gpu'"),
-    (["ppo_forward", "--threads", "0"], "--threads must be at least 1, got 0"),
-]
 
-
-@pytest.mark.parametrize(("arguments", "problem"), BAD)
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (["ppo_forwrd"], "no such configuration: ppo_forwrd (nearest: ppo_forward)"),
+        (["ppo_forward", "--set", "step=3"], "unknown field step (nearest: steps)"),
+        (["ppo_forward", "--seeds", "1", "2", "1"], "--seeds must differ, got 1 2 1"),
+        (["ppo_forward", "--seeds", "-1"], "seed must be a whole number from 0"),
+        (["ppo_forward", "--device", "gpu"], "cannot train on device 'gpu'"),
+        (["ppo_forward", "--threads", "0"], "--threads must be at least 1, got 0"),
+    ],
+)
 def test_bad_input_of_the_training_script_is_one_line_and_exit_code_2(
     arguments: list[str], problem: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

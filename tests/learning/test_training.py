@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import gc
 import random
 import resource
@@ -59,7 +58,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Whole:
     @cache
     def run(kind: str) -> Path:
         folder = tmp_path_factory.mktemp(kind) / "run"
-        train(small_config(kind), folder, 3)
+        train(small_config(kind), folder, 3, threads=2)
         return folder
 
     return run
@@ -96,8 +95,9 @@ def draw_elsewhere() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_two_runs_with_one_seed_are_the_same(kind: str, whole: Whole, tmp_path: Path) -> None:
+    """Whatever was drawn before, and with another number of threads."""
     draw_elsewhere()
-    train(small_config(kind), tmp_path, 3)
+    train(small_config(kind), tmp_path, 3, threads=1)
     assert_same_run(whole(kind), tmp_path)
     ended = load_checkpoint(tmp_path / "checkpoint.zip")["model"]["parameters"]["policy"]
     begun = untrained(small_config(kind), 3).policy.state_dict()
@@ -113,9 +113,7 @@ def test_another_seed_is_another_run(kind: str, whole: Whole, tmp_path: Path) ->
     other = whole(kind)
     assert table(tmp_path, "progress.csv") != table(other, "progress.csv")
     assert table(tmp_path, "evaluations.csv")[1:] != table(other, "evaluations.csv")[1:]
-    ours, theirs = weights(tmp_path / "final_agent"), weights(other / "final_agent")
-    assert ours.keys() == theirs.keys()
-    assert ours != theirs
+    assert weights(tmp_path / "final_agent") != weights(other / "final_agent")
 
 
 def test_runs_with_different_seeds_share_no_start() -> None:
@@ -124,33 +122,17 @@ def test_runs_with_different_seeds_share_no_start() -> None:
     assert len({tuple(row) for row in starts}) == 2 * config.members
 
 
-@pytest.mark.parametrize("kind", ["ppo", "sac"])
-def test_the_number_of_threads_of_the_batch_does_not_matter(
-    kind: str, whole: Whole, tmp_path: Path
-) -> None:
-    for threads in (1, 2):
-        train(small_config(kind), tmp_path / str(threads), 3, threads=threads)
-        assert_same_run(whole(kind), tmp_path / str(threads))
-
-
 @pytest.mark.parametrize("kind", ["ppo", "target", "sac"])
 def test_evaluations_and_checkpoints_do_not_disturb_the_training(
     kind: str, whole: Whole, tmp_path: Path
 ) -> None:
-    often = {"every": 100, "episodes": 3, "seed": 70}
+    often = {"every": 100, "episodes": 2, "seed": 70}
     train(small_config(kind, evaluation=often, checkpoint_every=50), tmp_path, 3)
-    assert len(table(tmp_path, "evaluations.csv")) > len(table(whole(kind), "evaluations.csv"))
+    ours, theirs = (table(folder, "evaluations.csv") for folder in (tmp_path, whole(kind)))
+    assert len(ours) > len(theirs)
+    assert ours[1] != theirs[1], "their seed does not decide what evaluations play"
     assert weights(tmp_path / "final_agent") == weights(whole(kind) / "final_agent")
     assert table(tmp_path, "progress.csv") == table(whole(kind), "progress.csv")
-
-
-def test_the_seeds_of_evaluations_decide_what_they_play(tmp_path: Path) -> None:
-    rows = []
-    for seed in (100, 101):
-        settings = {"every": 600, "episodes": 2, "seed": seed}
-        train(small_config(steps=64, evaluation=settings), tmp_path / str(seed), 3)
-        rows.append(table(tmp_path / str(seed), "evaluations.csv")[1])
-    assert rows[0] != rows[1]
 
 
 # ---- what a run leaves -------------------------------------------------------------------------
@@ -193,19 +175,17 @@ def test_the_record_says_how_the_run_ended(whole: Whole) -> None:
     assert hidden(folder) == []
 
 
-@pytest.mark.parametrize("stop_after", [64, 1000])
-def test_the_number_of_pytorchs_threads_is_left_as_it_was(stop_after: int, tmp_path: Path) -> None:
+def test_the_number_of_pytorchs_threads_is_left_as_it_was(tmp_path: Path) -> None:
     before, inside = torch.get_num_threads(), set()
-    stop = stop_at(stop_after)
 
     def progress(steps: int, text: str) -> None:
         inside.add(torch.get_num_threads())
-        stop(steps, text)
+        raise Stopped
 
     torch.set_num_threads(2)
     try:
-        with contextlib.suppress(Stopped):
-            train(small_config(steps=128, torch_threads=1), tmp_path, progress=progress)
+        with pytest.raises(Stopped):
+            train(small_config(torch_threads=1), tmp_path, progress=progress)
         assert torch.get_num_threads() == 2
     finally:
         torch.set_num_threads(before)
@@ -279,13 +259,6 @@ def test_what_a_kill_left_half_written_is_gone_in_the_end(half: Path) -> None:
     assert (half / "agent" / "agent.json").read_bytes() == kept
     train(small_config(), half, 3, resume=True)
     assert hidden(half) == []
-
-
-def test_arguments_of_the_task_may_be_tuples_when_a_run_continues(tmp_path: Path) -> None:
-    config = small_config("target", environment={"target_distance": (0.5, 1.0)}, steps=128)
-    with pytest.raises(Stopped):
-        train(config, tmp_path, 3, progress=stop_at(64))
-    assert train(config, tmp_path, 3, resume=True)["finished"]
 
 
 # ---- runs that are left alone ------------------------------------------------------------------
