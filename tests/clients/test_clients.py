@@ -1,7 +1,7 @@
 """Learning libraries that this project did not write use its environments as they are.
 
 Each has a virtual environment of its own, filled with the pins next to its files here. It stays in
-pytest's cache folder and is made anew when the pins or the interpreter change.
+pytest's cache folder and is rebuilt when the pins or the interpreter change.
 """
 
 from __future__ import annotations
@@ -30,7 +30,6 @@ from tests.support import FORWARD, ROOT, TARGET
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
 
 HERE = Path(__file__).parent
-TAIL = 60  # lines of output in a failure
 INSTALL_SECONDS = 1200
 RUN_SECONDS = 600
 
@@ -73,7 +72,7 @@ class Client(NamedTuple):
                 process.wait()
         printed = log.read_text(encoding="utf-8", errors="replace").replace("\r", "\n")
         if outcome != "exit code 0":
-            tail = "\n".join(printed.splitlines()[-TAIL:])
+            tail = "\n".join(printed.splitlines()[-60:])
             pytest.fail(f"{outcome}: {' '.join(command)}\n{tail}", pytrace=False)
         return printed
 

@@ -57,7 +57,7 @@ def small(num_envs: int = 3, seed: int | None = 0, **kwargs) -> SwimVecEnv:
 
 
 def pair(name: str, num_envs: int) -> tuple[SwimVecEnv, DummyVecEnv]:
-    """Return the batch and its like of single environments, unseeded."""
+    """Return the batch and a DummyVecEnv of single environments, unseeded."""
     env_id, single, kwargs = TASKS[name]
     return (
         make_swim_vec_env(env_id, num_envs, **kwargs),

@@ -1,4 +1,4 @@
-"""The wheel: it serves somebody who has never seen the checkout."""
+"""The wheel: complete for a user who has no checkout."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def kill_after(arguments: list[str], folder: Path, steps: int, seconds: float) -
         limit = time.monotonic() + PATIENCE
         while steps_reached(folder) < steps:
             assert process.poll() is None, "the run ended before it was to be killed"
-            assert time.monotonic() < limit, "the run does not come to the point"
+            assert time.monotonic() < limit, "the run does not get that far"
             time.sleep(0.01)
         time.sleep(seconds)
         assert process.poll() is None, "the run ended before it was killed"

@@ -199,7 +199,7 @@ def test_an_agent_is_loaded_without_unpickling_what_lies_beside_its_weights(
     assert target.exists(), "the bomb would not have gone off"
 
 
-@pytest.mark.parametrize("form", ["pickle", "torch", "torch of old"])
+@pytest.mark.parametrize("form", ["pickle", "torch", "old torch"])
 def test_weights_that_are_a_malicious_pickle_are_refused_and_not_run(
     form: str, copied: Path, tmp_path: Path
 ) -> None:
@@ -348,9 +348,7 @@ def test_another_task_is_refused(saved: Saved) -> None:
 # ---- by path -----------------------------------------------------------------------------------
 
 
-def test_an_agent_replaces_the_one_before_and_is_found_by_folder_run_and_file(
-    tmp_path: Path,
-) -> None:
+def test_an_agent_replaces_another_and_is_found_by_folder_run_and_file(tmp_path: Path) -> None:
     config, place = small_config(), tmp_path / "agent"
     best, last = model_of(config), model_of(config)
     with torch.no_grad():

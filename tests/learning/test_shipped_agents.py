@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -54,14 +53,9 @@ def test_an_agent_ships_with_all_its_files(name: str) -> None:
     assert kept == shipped
 
 
-def scores(name: str) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((PRETRAINED_FOLDER / name / "scores.json").read_text())
-    return found
-
-
 @pytest.mark.parametrize("name", ["ppo_forward", "sac_forward"])
 def test_a_forward_agent_does_as_its_record_says_and_more_than_the_tuned_wave(name: str) -> None:
-    record = scores(name)
+    record = json.loads((PRETRAINED_FOLDER / name / "scores.json").read_text())
     assert record["seeds"][0] == FIRST_SEED and len(record["seeds"]) >= 20
     assert all(record["verified"])
     assert record["fine_ratio_to_tuned_wave"] > 1.5 and record["fine_ratio_to_paper_wave"] > 50.0
@@ -71,7 +65,7 @@ def test_a_forward_agent_does_as_its_record_says_and_more_than_the_tuned_wave(na
 
 
 def test_the_target_agent_does_as_its_record_says() -> None:
-    record = scores("ppo_target")
+    record = json.loads((PRETRAINED_FOLDER / "ppo_target" / "scores.json").read_text())
     assert len(record["seeds"]) >= 100 and record["success_rate"] >= 0.9
     assert 0.5 < record["verified_success_rate"] <= record["success_rate"]
     policy, env = load_policy("ppo_target", task="target"), SwimTargetEnv("swimmer")

@@ -223,9 +223,7 @@ def test_it_does_not_matter_where_a_run_is_stopped(
     assert_same_run(whole(kind), tmp_path)
 
 
-def test_progress_is_reported_in_steps_that_add_up_from_the_start(
-    half: Path, tmp_path: Path
-) -> None:
+def test_reported_progress_adds_up_from_the_start(half: Path, tmp_path: Path) -> None:
     seen: list[tuple[int, str]] = []
     progress = lambda steps, text: seen.append((steps, text))  # noqa: E731
     train(small_config(steps=300), tmp_path / "new", 3, progress=progress)
