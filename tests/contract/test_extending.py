@@ -64,7 +64,7 @@ def probed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     for folder in ("swim_env", "configs"):
         shutil.copytree(ROOT / folder, copy / folder, ignore=shutil.ignore_patterns("__pycache__"))
     files, diffs = blocks((ROOT / "docs" / "extending.md").read_text(encoding="utf-8"))
-    assert len(files) == 1 and len(diffs) == 7
+    assert len(files) == 1 and len(diffs) == 8
     for name, text in files:
         (copy / name).write_text(text, encoding="utf-8")
     for text in diffs:
