@@ -32,13 +32,12 @@ def play(scene, steps):
     return simulator.rollout(simulator.prescribed_torques(steps))
 
 
-def displacement(scheme, step):
-    changes = {"integrator.scheme": scheme, "integrator.time_step": step}
-    return play(scene.replace(changes), round(2.0 / step))
+def run(scheme, step):
+    changes = {"integrator.scheme": scheme, "integrator.time_step": step, "fluid.model": "frozen"}
+    return play(load_scene("swimmer").replace(changes), round(1.0 / step))
 
 
-ends = [displacement("end", step) for step in (0.01, 0.005)]
-starts = [displacement("paper", step) for step in (0.01, 0.005)]
+ends, starts = [[run(scheme, step) for step in (0.005, 0.0025)] for scheme in ("end", "paper")]
 print(json.dumps({
     "models": list(swim_env.FLUID_MODELS),
     "effects": [list(swim_env.EFFECTS), list(viscous.effects)],
@@ -90,7 +89,7 @@ def probed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 def test_a_model_of_ones_own_is_there_and_has_its_mass(probed: dict[str, Any]) -> None:
     assert "tapered" in probed["models"]
     momentum, plain = np.array(probed["momentum"]), np.array(probed["plain"])
-    # As much mass as the strips have, but further ahead: it turns the other way about the origin.
+    # As much mass as the strips have, but further ahead.
     assert momentum[:2] == pytest.approx(plain[:2], abs=1e-12)
     assert 0.0 < momentum[2] < 0.95 * plain[2]
 
@@ -109,5 +108,6 @@ def test_an_effect_of_ones_own_dissipates(probed: dict[str, Any]) -> None:
 @pytest.mark.timeout(900)
 def test_a_scheme_of_ones_own_converges_to_the_same_motion(probed: dict[str, Any]) -> None:
     gaps = np.linalg.norm(np.array(probed["ends"]) - np.array(probed["starts"]), axis=1)
-    assert 0.0 < gaps[1] < 0.7 * gaps[0]
+    # Both are of first order, and the steps are short enough to show it.
+    assert gaps[1] / gaps[0] == pytest.approx(0.5, abs=0.03)
     assert max(probed["drift"]) < 1e-10
