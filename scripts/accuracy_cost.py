@@ -15,6 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # studies are not installed
+
 from swim_agents.commands.command_line import progress_bar, run
 
 from studies.accuracy.front import front_to_json, make_front, pareto

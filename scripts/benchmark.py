@@ -11,6 +11,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # studies are not installed
+
 from swim_agents.commands.command_line import add_options, print_result, run
 
 from studies.benchmark.report import REPORT_FILES, report_tables, write_report

@@ -10,6 +10,9 @@ import argparse
 import math
 import sys
 from dataclasses import replace
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # studies are not installed
 
 from swim_agents.commands.command_line import add_options, print_result, progress_bar, run
 

@@ -14,6 +14,8 @@ import sys
 import time
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # studies are not installed
+
 from swim_agents.commands.command_line import INTERRUPTED, progress_bar, run
 
 from studies.paper.book import write_book

@@ -8,6 +8,8 @@ import json
 import sys
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # studies are not installed
+
 from swim_agents.commands.command_line import add_options, print_result, progress_bar, run
 
 from studies.stability.cases import CASES

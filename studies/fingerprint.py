@@ -53,11 +53,13 @@ def files_digest(files: Iterable[Path], root: Path = ROOT) -> str:
 def kernel_digest(root: Path = ROOT) -> str:
     """Return the fingerprint of all code of a checkout that decides what a step computes.
 
-    That is everything in ``swim_env/physics``, at any depth, and the batch that calls it.
+    That is everything in ``swim_env/physics``, at any depth, the batch that calls it, and what
+    makes its constants of a scene.
     """
     kernels = (root / "swim_env" / "physics").rglob("*.py")
     files = [path for path in kernels if path.name not in _NO_KERNELS]
-    return files_digest([*files, root / "swim_env" / "sim" / "batch.py"], root)
+    sim = root / "swim_env" / "sim"
+    return files_digest([*files, sim / "batch.py", sim / "constants.py"], root)
 
 
 def with_imports(

@@ -23,7 +23,8 @@ __all__ = ["PRETRAINED_FOLDER", "load_policy", "policy_names", "pretrained_names
 _HERE = Path(__file__).parent
 #: The trained agents that ship, a folder each: inside the package in a wheel, else beside it.
 PRETRAINED_FOLDER = next(
-    folder for folder in (_HERE / "pretrained", _HERE.parent / "pretrained") if folder.is_dir()
+    (folder for folder in (_HERE / "pretrained", _HERE.parent / "pretrained") if folder.is_dir()),
+    _HERE / "pretrained",
 )
 
 _BASELINES = {"paper_wave": paper_wave, "tuned_wave": tuned_wave, "zero": ZeroPolicy}

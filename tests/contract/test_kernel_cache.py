@@ -16,8 +16,9 @@ def test_the_fingerprint_sees_every_file_with_kernels_in_folders_of_any_depth(
 ) -> None:
     package = tmp_path / "swim_env"
     shutil.copytree(ROOT / "swim_env" / "physics", package / "physics")
-    (package / "envs").mkdir()
-    shutil.copy(ROOT / "swim_env" / "envs" / "assessment.py", package / "envs")
+    for name in ("envs/assessment.py", "scene/fluid.py"):
+        (package / name).parent.mkdir()
+        shutil.copy(ROOT / "swim_env" / name, package / name)
     sources = sorted(package.rglob("*.py"))
     assert len({path.parent for path in sources}) > 5
     (package / "physics" / "spatial" / "rods").mkdir(parents=True)

@@ -245,7 +245,7 @@ def _digests(trajectory: Trajectory) -> list[str]:
 
 
 def machine() -> str:
-    """Return what the bits of a result hang on, besides this package."""
+    """Return what the bits of a result depend on, besides this package."""
     return " ".join(
         (
             llvmlite.binding.get_host_cpu_name(),

@@ -119,8 +119,11 @@ def test_comments_and_docstrings_do_not_count_but_code_does():
 
 def test_kernels_count_at_any_depth_and_so_does_the_batch(tmp_path):
     changed = {}
+    (tmp_path / "swim_env" / "sim").mkdir(parents=True)
+    for name in ("batch.py", "constants.py"):
+        (tmp_path / "swim_env" / "sim" / name).write_text("A = 0\n", encoding="utf-8")
     for place in (
-        *("swim_env/sim/batch.py", "swim_env/physics/step.py"),
+        *("swim_env/sim/batch.py", "swim_env/sim/constants.py", "swim_env/physics/step.py"),
         *("swim_env/physics/planar/deep/law.py", "swim_env/physics/loading.py"),
         "swim_env/sim/simulator.py",
     ):
@@ -133,7 +136,7 @@ def test_kernels_count_at_any_depth_and_so_does_the_batch(tmp_path):
             found.add(kernel_digest(tmp_path))
         changed[file.name] = len(found) == 2
     kernel_digest.cache_clear()
-    kernels = {"batch.py": True, "step.py": True, "law.py": True}
+    kernels = {"batch.py": True, "constants.py": True, "step.py": True, "law.py": True}
     assert changed == {**kernels, "loading.py": False, "simulator.py": False}
 
 

@@ -17,7 +17,7 @@ Integers = NDArray[np.int64]
 
 
 class FluidConstants(NamedTuple):
-    """What a scene says of the fluid; `swim_env.physics.fluid.models.fluid_constants` makes them.
+    """Constants of the fluid, from `swim_env.physics.fluid.models.fluid_constants`.
 
     Attributes
     ----------

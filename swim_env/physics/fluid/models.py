@@ -17,7 +17,7 @@ from swim_env.physics.fluid.layout import FluidConstants, FluidWork
 from swim_env.physics.fluid.model import Model
 from swim_env.physics.fluid.outline import FluidGeometry
 from swim_env.physics.runtime.compile import entry_kernel, shared
-from swim_env.physics.status import FINE
+from swim_env.physics.status import MASS_NOT_POSITIVE
 from swim_env.scene import FLUID_MODEL_NAMES
 
 Array = NDArray[np.float64]
@@ -66,9 +66,8 @@ def fluid_constants(
 
 @shared
 def _no_added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> int:
-    # Names are looked up in the table, so no scene comes here; a wrong code gets no mass at all.
-    out[:] = np.nan
-    return FINE
+    # Names are looked up in the table, so no scene comes here.
+    return MASS_NOT_POSITIVE
 
 
 @shared

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 class BeamConstants(NamedTuple):
-    """What a scene says of the beam, per element and joint.
+    """Constants of the beam, per element and joint.
 
     Attributes
     ----------

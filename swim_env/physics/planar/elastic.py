@@ -180,7 +180,7 @@ def _straighten_columns(
 
 @inlined
 def add_pose_softening(h: float, beam: BeamConstants, pose: Pose, jacobian: Array) -> None:
-    """Add what averaged directors take off the strain when either element turns."""
+    """Add the softening of averaged directors where either element turns."""
     if beam.strain_of_angles:
         return
     for j in range(beam.joint_stiffness.size):

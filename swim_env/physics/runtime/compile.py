@@ -1,6 +1,6 @@
 """One decorator for every compiled kernel, and the folder in which compiled code is kept.
 
-numba's own cache looks only at the file that a kernel stands in. A kernel whose *callee* changed
+numba's own cache looks only at the file that a kernel is in. A kernel whose *callee* changed
 would keep running the old code. Every kernel of this package is therefore cached in a folder
 whose name carries a hash of all files with kernels in them, of the versions of numba, llvmlite,
 NumPy and Python, of the processor that the code was made for, and of the place of the package.
@@ -36,6 +36,7 @@ def fingerprint(package: Path) -> str:
     for source in (
         *sorted((package / "physics").rglob("*.py")),
         package / "envs" / "assessment.py",
+        package / "scene" / "fluid.py",  # the names, in the order of the kernels' codes
     ):
         digest.update(source.relative_to(package).as_posix().encode())
         digest.update(source.read_bytes())
@@ -90,7 +91,7 @@ def _find_cache_folder() -> Path:
     name = f"kernels-{fingerprint(Path(__file__).parents[2])}"
     try:
         folder = _base_folder() / name
-    except RuntimeError:  # no home folder can be told
+    except RuntimeError:  # there is no home folder
         return _private_temporary_folder(name)
     return folder if _writable(folder) else _private_temporary_folder(name)
 
@@ -140,7 +141,7 @@ def entry_kernel(function: Function) -> Function:
 
 
 def inlined(function: Function) -> Function:
-    """Compile a kernel whose text stands in place of its one call.
+    """Compile a kernel that is inlined at its one call.
 
     Code is optimised again at every level of calls, with everything that is called from there; this
     takes a level out.

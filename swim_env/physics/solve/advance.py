@@ -36,7 +36,7 @@ def advance(
 ) -> None:
     """Advance some members of a batch, each by all its rows of torques.
 
-    Members do not know of each other: the results of one depend on its own rows alone, whichever
+    Members are independent: the results of one depend on its own rows alone, whichever
     members are advanced in the same call or, by other threads, at the same time.
 
     Parameters

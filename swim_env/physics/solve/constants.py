@@ -23,7 +23,7 @@ Constants = tuple[NDArray[np.void], Array]
 
 
 class SolverConstants(NamedTuple):
-    """What a scene says of the integrator.
+    """Constants of the integrator.
 
     Attributes
     ----------

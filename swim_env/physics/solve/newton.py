@@ -188,7 +188,7 @@ def newton_in_passes(
         return False, norm
     if norm <= solver.tolerance and not shape_known:
         return True, norm
-    # The mass knows nothing of drag.
+    # The matrix of the pose has no drag in it.
     if fluid.drag > 0.0 or turns_beyond(z, _SMALL_TURN):
         step.effort[0] += solver.matrix_cost
         step_jacobian(h, at_end, 0.0, beam, fluid, body, fluid_work, newton)
