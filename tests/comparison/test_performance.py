@@ -48,14 +48,14 @@ def played(
     return measured(play_episode(env, policy, seed=3, options={"noise": noise}))
 
 
-everyone = pytest.mark.parametrize("name", POLICIES)
+each_policy = pytest.mark.parametrize("name", POLICIES)
 every_body = pytest.mark.parametrize("body", BODIES)
 
 
 # ---- motion and effort ---------------------------------------------------------------------------
 
 
-@everyone
+@each_policy
 @every_body
 def test_the_figures_are_those_computed_once_more(name: str, body: str) -> None:
     rollout, run, figures = played(name, body)
@@ -103,7 +103,7 @@ def test_the_figures_are_those_computed_once_more(name: str, body: str) -> None:
         assert figures.torque_squared == pytest.approx(0.5 * 8 * 2.0, rel=0.02)
 
 
-@everyone
+@each_policy
 def test_the_net_displacement_to_a_target_is_by_how_much_it_came_closer(name: str) -> None:
     rollout, run, figures = played(name, task="target")
     start, end = run.centres[[0, -1]].mean(axis=1)
@@ -114,7 +114,7 @@ def test_the_net_displacement_to_a_target_is_by_how_much_it_came_closer(name: st
     assert figures.success is False
 
 
-@everyone
+@each_policy
 def test_the_energy_drift_is_what_the_balance_misses_of_the_largest_energy(name: str) -> None:
     _, run, figures = played(name)
     miss = run.energy[1:] - run.energy[0] - np.cumsum(run.work) + np.cumsum(run.dissipated)
@@ -126,7 +126,7 @@ def test_the_energy_drift_is_what_the_balance_misses_of_the_largest_energy(name:
 # ---- gait --------------------------------------------------------------------------------------
 
 
-@everyone
+@each_policy
 @every_body
 def test_the_gait_is_that_of_the_last_three_quarters(name: str, body: str) -> None:
     rollout, run, figures = played(name, body)
