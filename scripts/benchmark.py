@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import shlex
 import sys
@@ -12,7 +11,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from swim_agents.commands.command_line import run
+from swim_agents.commands.command_line import add_options, print_result, run
 
 from studies.benchmark.report import REPORT_FILES, report_tables, write_report
 from studies.benchmark.suite import FULL, QUICK, SECTIONS, measure
@@ -51,7 +50,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FOLDER",
         help="write benchmark.json, benchmark.md and benchmark.png into this folder",
     )
-    parser.add_argument("--json", action="store_true", help="end with everything as one JSON line")
+    add_options(parser, "json")
     return parser
 
 
@@ -92,7 +91,7 @@ def main(arguments: list[str] | None = None) -> int:
     if options.output is not None:
         write_report(record, options.output)
         print(f"results are in {options.output}", file=sys.stderr)
-    print(json.dumps(record, allow_nan=False) if options.json else report_tables(record))
+    print_result(record, options.json, lambda: report_tables(record))
     return 0
 
 

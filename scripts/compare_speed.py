@@ -7,7 +7,7 @@ import argparse
 import json
 import sys
 
-from swim_agents.commands.command_line import progress_bar, run
+from swim_agents.commands.command_line import add_options, progress_bar, run
 
 from studies.benchmark.checkouts import EASY_SCENES, compare_checkouts
 from swim_env.errors import SwimError
@@ -20,7 +20,7 @@ def main(arguments: list[str] | None = None) -> int:
         "before", metavar="FOLDER", help="the other checkout, for example a worktree of a tag"
     )
     parser.add_argument("--rounds", type=int, default=101, metavar="NUMBER")
-    parser.add_argument("--json", action="store_true", help="print the figures as one JSON line")
+    add_options(parser, "json")
     options = parser.parse_args(arguments)
     if options.rounds < 1:
         raise SwimError(f"--rounds must be at least 1, got {options.rounds}")

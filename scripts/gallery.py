@@ -7,12 +7,11 @@ FOLDER gets the pictures and gallery.json; the page is FOLDER.md beside it.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 from dataclasses import replace
 
-from swim_agents.commands.command_line import progress_bar, run
+from swim_agents.commands.command_line import add_options, print_result, progress_bar, run
 
 from studies.gallery.page import check_gallery, make_gallery
 from studies.gallery.runs import FULL, QUICK
@@ -36,33 +35,31 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         help=f"of the start's noise and of the target; {FULL.seed} unless given",
     )
-    parser.add_argument("--json", action="store_true", help="end with the figures as one JSON line")
+    add_options(parser, "json")
     return parser
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command."""
     options = _parser().parse_args(arguments)
-    plan = QUICK if options.quick else FULL
-    command = "python scripts/gallery.py"
-    if options.quick:
-        command += " --quick"
+    plan, quick = (QUICK, "_quick") if options.quick else (FULL, "")
+    folder = options.output or f"results/gallery{quick}"
+    command = f"python scripts/gallery.py{' --quick' if quick else ''}"
     if options.seed is not None:
         plan = replace(plan, seed=options.seed)
         command += f" --seed {options.seed}"
-    folder = options.output or ("results/gallery_quick" if options.quick else "results/gallery")
     command += f" --output {folder}"
     require_matplotlib()
     check_gallery(folder)
     load_assessment()
     with progress_bar(math.ceil(plan.seconds()), "s", "simulated") as progress:
         record = make_gallery(folder, plan, command, progress)
-    if options.json:
-        print(json.dumps(record, allow_nan=False))
-    else:
-        for name, rows in record["policies"].items():
-            reached, work = rows[-1]["net_displacement"], rows[-1]["positive_work"]
-            print(f"{name:12s} {reached:+.4f} body lengths for {work:.4g} J")
+    lines = [
+        f"{name:12s} {rows[-1]['net_displacement']:+.4f} body lengths for "
+        f"{rows[-1]['positive_work']:.4g} J"
+        for name, rows in record["policies"].items()
+    ]
+    print_result(record, options.json, lambda: "\n".join(lines))
     print(f"the page is {page_of(folder)}", file=sys.stderr)
     return 0
 

@@ -8,7 +8,7 @@ import json
 import sys
 from pathlib import Path
 
-from swim_agents.commands.command_line import progress_bar, run
+from swim_agents.commands.command_line import add_options, print_result, progress_bar, run
 
 from studies.stability.cases import CASES
 from studies.stability.report import failures_of, stability_tables
@@ -16,8 +16,9 @@ from studies.stability.suite import measure_stability, work_of
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
 
-#: Cases that --quick plays, and random runs.
-_QUICK, _QUICK_DRAWS = ("violent torques", "thickness", "curling"), 1000
+#: Cases, random runs, and the folder of results.
+_FULL = (None, 100_000, "results/stability")
+_QUICK = (("violent torques", "thickness", "curling"), 1000, "results/stability_quick")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -36,7 +37,7 @@ def _parser() -> argparse.ArgumentParser:
         "--draws", type=int, metavar="NUMBER", help="random runs; 100,000 unless given"
     )
     parser.add_argument("--workers", type=int, metavar="NUMBER", help="processes side by side")
-    parser.add_argument("--json", action="store_true", help="end with the figures as one JSON line")
+    add_options(parser, "json")
     return parser
 
 
@@ -50,13 +51,10 @@ def main(arguments: list[str] | None = None) -> int:
     unknown = [name for name in options.cases or () if name not in CASES]
     if unknown:
         raise SwimError(f"--cases must be among {', '.join(CASES)}, got {unknown[0]}")
-    names = tuple(options.cases or ()) or (_QUICK if options.quick else None)
-    draws = options.draws
-    if draws is None:
-        draws = _QUICK_DRAWS if options.quick else 100_000
-    folder = Path(
-        options.output or ("results/stability_quick" if options.quick else "results/stability")
-    )
+    cases, draws, place = _QUICK if options.quick else _FULL
+    names = tuple(options.cases or ()) or cases
+    draws = draws if options.draws is None else options.draws
+    folder = Path(options.output or place)
     # A folder that cannot be made is found at once, not after half an hour.
     folder.mkdir(parents=True, exist_ok=True)
     with progress_bar(work_of(names, draws), "run", "hard cases") as progress:
@@ -66,10 +64,7 @@ def main(arguments: list[str] | None = None) -> int:
     write_atomically(folder / "stability.json", lambda file: file.write(data.encode()))
     write_atomically(folder / "tables.md", lambda file: file.write(tables.encode()))
     failures = failures_of(results)
-    if options.json:
-        print(json.dumps(results, allow_nan=False))
-    else:
-        print(tables.split("## Runs")[0].rstrip())
+    print_result(results, options.json, lambda: tables.split("## Runs")[0].rstrip())
     for text in failures[:20]:
         print(f"not right: {text}", file=sys.stderr)
     print(f"results are in {folder}", file=sys.stderr)

@@ -39,19 +39,19 @@ class SettingsError(SwimError, ValueError):
 
 
 class SceneError(SettingsError):
-    """A scene, or a request to change or find one, cannot be used."""
+    """A scene cannot be found or used, or a change of it is not valid."""
 
 
 class OutlineError(SwimError, ValueError):
-    """An outline handed in cannot be covered with panels."""
+    """An outline cannot be divided into panels."""
 
 
 class TorqueError(SwimError, ValueError):
-    """Joint torques of the wrong shape or type, or not finite."""
+    """Joint torques have the wrong shape or type, or are not finite."""
 
 
 class SimulationEndedError(SwimError, RuntimeError):
-    """The simulation cannot go on; it stands at the last state that was reached.
+    """The simulation cannot continue; its state is the last one that was reached.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class SimulationEndedError(SwimError, RuntimeError):
     time : float
         Simulated time of the last state that was reached (s).
     meaning : str
-        One sentence on the reason.
+        The reason in one sentence.
     """
 
     def __init__(self, reason: str, time: float, meaning: str) -> None:
@@ -75,11 +75,11 @@ class SimulationEndedError(SwimError, RuntimeError):
 
 
 class ActionError(SwimError, ValueError):
-    """An action of the wrong shape or type, or not finite."""
+    """An action has the wrong shape or type, or is not finite."""
 
 
 class OptionError(SwimError, ValueError):
-    """An option or argument of an environment that it does not know or cannot use."""
+    """An option or argument of an environment is unknown or cannot be used."""
 
 
 class TrajectoryError(SwimError, ValueError):

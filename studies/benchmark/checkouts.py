@@ -10,16 +10,15 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from contextlib import ExitStack
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from studies.benchmark.timing import Progress, ratio, spread_of
+from studies.benchmark.timing import Progress, no_progress, ratio, spread_of
 from swim_env.errors import SwimError
-
-__all__ = ["EASY_SCENES", "compare_checkouts"]
 
 #: Runs by name: scene, changes to it, and steps. Only what every version of the project knows.
 EASY_SCENES: dict[str, tuple[str, dict[str, object], int]] = {
@@ -53,20 +52,13 @@ for line in sys.stdin:
 
 
 def compare_checkouts(
-    before: str | os.PathLike[str], rounds: int = 101, progress: Progress | None = None
+    before: str | os.PathLike[str], rounds: int = 101, progress: Progress = no_progress
 ) -> dict[str, Any]:
     """Time this checkout against the one in another folder, each scene `rounds` times.
 
-    Returns
-    -------
-    dict
-        By scene: ``before`` and ``after``, microseconds a step as spreads, ``ratio``, the spread of
-        after/before in the same round, and ``ratio_of_smallest``.
-
-    Raises
-    ------
-    SwimError
-        If there is no such checkout, or one of the two fails.
+    Returns by scene ``before`` and ``after``, microseconds a step as spreads, ``ratio``, the spread
+    of after/before in the same round, and ``ratio_of_smallest``. If there is no such checkout, or
+    one of the two fails, it is a SwimError.
     """
     there, here = Path(before).resolve(), Path(__file__).parents[2]
     if not (there / "swim_env" / "__init__.py").is_file():
@@ -75,14 +67,13 @@ def compare_checkouts(
         raise SwimError(f"the folder to compare with is this checkout itself ({there})")
     found: dict[str, Any] = {}
     with ExitStack() as stack:
-        workers = [_Worker(folder, stack) for folder in (there, here)]
+        workers = [_start(folder, stack) for folder in (there, here)]
         for name, (_, _, steps) in EASY_SCENES.items():
             seconds = np.empty((2, rounds))
             for index in range(rounds):
                 for which in (0, 1) if index % 2 == 0 else (1, 0):
-                    seconds[which, index] = workers[which].seconds(name)
-                if progress is not None:
-                    progress(1)
+                    seconds[which, index] = workers[which](name)
+                progress(1)
             old, new = 1e6 * seconds / steps
             found[name] = {
                 "before": spread_of(old).as_dict(),
@@ -93,40 +84,32 @@ def compare_checkouts(
     return found
 
 
-class _Worker:
-    """A process that times one checkout on demand, until a stack ends it."""
+def _start(folder: Path, stack: ExitStack) -> Callable[[str], float]:
+    """Start a process that a stack ends; returns what gives the seconds of a scene's steps."""
+    command = [sys.executable, "-P", "-c", _WORKER, str(folder), repr(EASY_SCENES)]
+    pipe = subprocess.PIPE
+    process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True)
+    assert process.stdin is not None and process.stdout is not None
+    questions, answers = process.stdin, process.stdout
+    stack.callback(process.communicate)
+    stack.callback(process.kill)
 
-    def __init__(self, folder: Path, stack: ExitStack) -> None:
-        self._folder = folder
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-c", _WORKER, str(folder), repr(EASY_SCENES)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        stack.callback(self._process.communicate)
-        stack.callback(self._process.kill)
-        self._answer()
-        # The first of each warms up.
-        for name in EASY_SCENES:
-            self.seconds(name)
+    def answer() -> str:
+        line = answers.readline()
+        if not line:
+            raise SwimError(f"the checkout could not be timed, see above ({folder})")
+        return line
 
-    def seconds(self, name: str) -> float:
-        """Return how long the checkout took for a scene (s)."""
-        assert self._process.stdin is not None
-        try:
-            self._process.stdin.write(name + "\n")
-            self._process.stdin.flush()
-        except OSError:
-            pass  # it has died, and has no answer
-        text, *reason = self._answer().split()
+    def seconds(name: str) -> float:
+        with suppress(OSError):  # it has died, and has no answer
+            questions.write(name + "\n")
+            questions.flush()
+        text, *reason = answer().split()
         if reason:
-            raise SwimError(f"scene {name} ended with {reason[0]} in {self._folder}")
+            raise SwimError(f"scene {name} ended with {reason[0]} in {folder}")
         return float(text)
 
-    def _answer(self) -> str:
-        assert self._process.stdout is not None
-        line = self._process.stdout.readline()
-        if not line:
-            raise SwimError(f"the checkout could not be timed, see above ({self._folder})")
-        return line
+    answer()
+    for name in EASY_SCENES:  # the first of each warms up
+        seconds(name)
+    return seconds

@@ -7,12 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from studies.benchmark.timing import Progress, ratio, spread_of, time_in_turn
+from studies.benchmark.parts import bent_body
+from studies.benchmark.timing import Progress, no_progress, ratio, spread_of, time_in_turn
 from swim_env.scene import Scene, load_scene
-from swim_env.sim.batch import Bodies, minimal_start
-from swim_env.sim.simulator import Simulator
-
-__all__ = ["effect_pairs", "measure_effects"]
 
 #: Steps that bend the body before anything is timed, and steps in a timed call.
 _STEPS_BEFORE, _STEPS = 200, 100
@@ -41,7 +38,7 @@ def effect_pairs() -> dict[str, tuple[Scene, Scene]]:
     }
 
 
-def measure_effects(rounds: int, progress: Progress | None = None) -> list[dict[str, Any]]:
+def measure_effects(rounds: int, progress: Progress = no_progress) -> list[dict[str, Any]]:
     """Measure what every effect adds to a physics step; `progress` is called after each.
 
     Returns
@@ -56,27 +53,18 @@ def measure_effects(rounds: int, progress: Progress | None = None) -> list[dict[
         seconds = time_in_turn(calls, rounds=rounds)
         each = {key: 1e6 / _STEPS * value for key, value in seconds.items()}
         each["added"] = each["with"] - each["without"]
-        found.append(
-            {
-                "effect": name,
-                **{key: spread_of(values).as_dict() for key, values in each.items()},
-                "removed": ratio(each["without"], each["with"]).as_dict(),
-            }
-        )
-        if progress is not None:
-            progress(1)
+        spreads = {key: spread_of(values).as_dict() for key, values in each.items()}
+        removed = ratio(each["without"], each["with"]).as_dict()
+        found.append({"effect": name, **spreads, "removed": removed})
+        progress(1)
     return found
 
 
 def _steps(scene: Scene) -> Callable[[], object]:
     """Return a call that takes the same steps again and again."""
-    bodies = Bodies(scene)
-    bodies.start(0, *minimal_start(scene, scene.initial))
-    torques = Simulator(scene).prescribed_torques(_STEPS_BEFORE + _STEPS)
-    bodies.advance(torques[None, :_STEPS_BEFORE], 1, bodies.new_record(_STEPS_BEFORE))
+    bodies, torques = bent_body(scene, _STEPS_BEFORE, _STEPS)
     begin = bodies.states.copy()
     record = bodies.new_record(_STEPS)
-    run = torques[None, _STEPS_BEFORE:]
     # Internal forces are written to a trace; the other effects are compared without one.
     with_trace = scene.internal_forces is not None
     trace = np.empty((1, _STEPS, bodies.trace_columns)) if with_trace else None
@@ -84,6 +72,6 @@ def _steps(scene: Scene) -> Callable[[], object]:
     def call() -> None:
         bodies.states[:] = begin
         bodies.begin_recording(0)
-        bodies.advance(run, 1, record, trace=trace)
+        bodies.advance(torques, 1, record, trace=trace)
 
     return call

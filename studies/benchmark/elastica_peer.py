@@ -25,18 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from studies.benchmark.environments import Workload
-from studies.benchmark.peer_tools import (
-    intervals_in,
-    largest_stable_step,
-    load_peer,
-    stable_workload,
-    wave_of,
-)
-from studies.benchmark.timing import Progress
+from studies.benchmark.peer_tools import intervals_in, largest_stable_step, load_peer, wave_of
+from studies.benchmark.timing import Progress, no_progress
 from swim_env.errors import SceneError
 from swim_env.scene import Scene
-
-__all__ = ["SOFTENINGS", "ElasticaRod", "rod_workloads"]
 
 Array = NDArray[np.float64]
 
@@ -53,15 +45,8 @@ class ElasticaRod:
     It starts straight along +x with its head at the origin, at rest. PyElastica evaluates the wave
     in every step, where other peers hold the torques over a control interval. `softening` divides
     stretching and shear stiffness; `viscosity` is the drag's (Pa s), 0 leaves it out; `rod` is
-    PyElastica's own.
-
-    Raises
-    ------
-    PeerMissingError
-        If PyElastica is not installed.
-    SceneError
-        If the scene has no rotary inertia, no wave, or one that PyElastica's `MuscleTorques` do
-        not know: with `end_time` or `active_until`.
+    PyElastica's own. A scene without rotary inertia or a wave, or with one that PyElastica's
+    `MuscleTorques` do not know (with `end_time` or `active_until`), is a SceneError.
     """
 
     def __init__(
@@ -93,8 +78,7 @@ class ElasticaRod:
         # Bending stiffness varies along the body; the rest of the section's stiffness does not.
         self.rod.bend_matrix *= stiffness / stiffness.max()
         self.rod.shear_matrix /= softening
-        kind = type("Rods", (elastica.BaseSystemCollection, elastica.Forcing), {})
-        self._system: Any = kind()
+        self._system: Any = type("Rods", (elastica.BaseSystemCollection, elastica.Forcing), {})()
         self._system.append(self.rod)
         self._system.add_forcing_to(self.rod).using(
             elastica.MuscleTorques,
@@ -114,12 +98,8 @@ class ElasticaRod:
             )
         self._system.finalize()
         self._step: Callable[[Any, float, float], float] = elastica.PositionVerlet().step
-        self._moving = (
-            self.rod.position_collection,
-            self.rod.director_collection,
-            self.rod.velocity_collection,
-            self.rod.omega_collection,
-        )
+        names = ("position", "director", "velocity", "omega")
+        self._moving = [getattr(self.rod, f"{name}_collection") for name in names]
         self._start = [array.copy() for array in self._moving]
         self.time = 0.0
 
@@ -169,24 +149,14 @@ def rod_workloads(
     *,
     seconds: float = 0.1,
     duration: float = 0.6,
-    progress: Progress | None = None,
+    progress: Progress = no_progress,
 ) -> dict[str, Workload]:
     """Prepare the rod at its largest stable steps; every call starts it anew.
 
     Softenings that are unstable with steps of 1/4000 of a control interval are left out. PyElastica
-    compiles its functions in the search for the step, before anything is timed.
-
-    Parameters
-    ----------
-    scene, softenings
-        See `ElasticaRod`.
-    seconds : float
-        Simulated time of one call (s).
-    duration : float
-        Simulated time of the runs in the search for the stable step (s). It need not be long: the
-        rod's fastest waves have some thousand periods in it.
-    progress : callable, optional
-        Called with 1 after every softening.
+    compiles its functions in the search for the step, before anything is timed. A call is `seconds`
+    of simulated time, the search runs for `duration` seconds of it, which are some thousand periods
+    of the rod's fastest waves; `progress` is called after every softening.
 
     Returns
     -------
@@ -211,9 +181,7 @@ def rod_workloads(
                 "search_duration": duration,
             }
             call = partial(rod.play, found.time_step, count * found.substeps)
-            workloads[f"elastica_rod/{softening:g}"] = stable_workload(
-                f"PyElastica rod{how}", call, scene, count, found, facts
-            )
-        if progress is not None:
-            progress(1)
+            name = f"elastica_rod/{softening:g}"
+            workloads[name] = found.workload(f"PyElastica rod{how}", call, count, facts)
+        progress(1)
     return workloads

@@ -6,6 +6,7 @@ peers included, are timed round after round by `studies.benchmark.timing.time_in
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -19,18 +20,6 @@ from studies.benchmark.timing import spread_of
 from swim_env.envs.registration import FORWARD_ID
 from swim_env.scene import Scene, load_scene
 from swim_env.sim.simulator import Simulator
-
-__all__ = [
-    "BATCH_MEMBERS",
-    "Workload",
-    "environment_workload",
-    "random_actions",
-    "rollout_workload",
-    "step_loop",
-    "swim_workloads",
-    "throughput",
-    "wave_actions",
-]
 
 #: Members of the batches.
 BATCH_MEMBERS = 64
@@ -83,15 +72,12 @@ def step_loop(
     where its episode ends; a batch must do that by itself.
     """
     env.reset(seed=seed)
-    rows = list(actions)
-    played = 0
+    rows = itertools.cycle(actions)
     restarts_itself = isinstance(env, VectorEnv)
 
     def play() -> None:
-        nonlocal played
-        for _ in range(steps):
-            _, _, terminated, truncated, _ = env.step(rows[played])
-            played = (played + 1) % len(rows)
+        for action in itertools.islice(rows, steps):
+            _, _, terminated, truncated, _ = env.step(action)
             if not restarts_itself and (terminated or truncated):
                 env.reset()
 
@@ -120,14 +106,9 @@ def environment_workload(
         env = gymnasium.make_vec(FORWARD_ID, num_envs=members, scene=scene, num_threads=threads)
     count = max(steps, 1000 if batch is None else 100)
     actions = wave_actions(scene, count) if wave else random_actions(env.action_space, count)
-    total = steps * members
-    return Workload(
-        label,
-        step_loop(env, actions, steps),
-        total,
-        total * scene.episode.control_interval,
-        total * scene.steps_per_action,
-    )
+    play, total = step_loop(env, actions, steps), steps * members
+    seconds = total * scene.episode.control_interval
+    return Workload(label, play, total, seconds, total * scene.steps_per_action)
 
 
 def rollout_workload(label: str, scene: Scene | str, steps: int) -> Workload:
@@ -154,31 +135,26 @@ def swim_workloads(
     motion in the simulator, all steps in one kernel call, which is what chains and rods of other
     packages compare with. ``batch_1_thread`` and ``batch_all_cores`` are batches of `swimmer`.
     """
+    wave = "paper_i, the paper's wave"
     workloads = {
         "swimmer": environment_workload("swimmer, random torques", "swimmer", single_steps),
         "paper_i": environment_workload("paper_i, random torques", "paper_i", single_steps),
-        "paper_i_wave": environment_workload(
-            "paper_i, the paper's wave", "paper_i", single_steps, wave=True
-        ),
-        "paper_i_rollout": rollout_workload(
-            "paper_i, the paper's wave, physics alone", "paper_i", single_steps
-        ),
+        "paper_i_wave": environment_workload(wave, "paper_i", single_steps, wave=True),
+        "paper_i_rollout": rollout_workload(f"{wave}, physics alone", "paper_i", single_steps),
     }
-    for name, threads in {"batch_1_thread": 1, "batch_all_cores": cores}.items():
-        if name == "batch_1_thread" or cores > 1:
-            label = f"swimmer, {members} members, {threads} thread{'s' if threads > 1 else ''}"
-            workloads[name] = environment_workload(
-                label, "swimmer", batch_steps, batch=(members, threads)
-            )
+    for threads in sorted({1, cores}):
+        name = "batch_1_thread" if threads == 1 else "batch_all_cores"
+        label = f"swimmer, {members} members, {threads} thread{'s' if threads > 1 else ''}"
+        batch = (members, threads)
+        workloads[name] = environment_workload(label, "swimmer", batch_steps, batch=batch)
     return workloads
 
 
 def throughput(workload: Workload, times: NDArray[np.float64]) -> dict[str, Any]:
     """Return what the times (s) of a workload's calls mean.
 
-    That is ``label`` and the workload's facts; ``steps`` in a call and ``physics_steps_per_step``;
-    the spreads ``steps_per_second``, ``microseconds_per_step`` and
-    ``simulated_seconds_per_second``.
+    That is its ``label`` and facts; ``steps`` of a call and ``physics_steps_per_step``; the spreads
+    ``steps_per_second``, ``microseconds_per_step`` and ``simulated_seconds_per_second``.
     """
     return {
         "label": workload.label,

@@ -21,10 +21,10 @@ from swim_env.physics.fluid import outline
 from swim_env.physics.runtime.compile import entry_kernel, kernel, vector_kernel
 from swim_env.physics.runtime.dense import add_multiple, copy, invert_in_order, multiply
 from swim_env.physics.runtime.elementary import atan2, log
+from swim_env.physics.runtime.views import LANES, padded
 from swim_env.scene import Scene
-from swim_env.sim.batch import Bodies, aligned_zeros, minimal_start, scene_constants
-
-__all__ = ["FLOOR_WAYS", "FloorArrays", "floor_arrays", "floor_calls", "potentials_of_motions"]
+from swim_env.sim.batch import Bodies, aligned_zeros, minimal_start
+from swim_env.sim.constants import scene_constants
 
 Array = NDArray[np.float64]
 
@@ -39,8 +39,10 @@ class FloorArrays(NamedTuple):
 
     Attributes
     ----------
-    x, y, cx, cy, ct, st, length : (M',) arrays
-        First vertex, collocation point, unit tangent and length of every panel (m).
+    panels : (..., M') array
+        Vertices, collocation points and tangents, in the rows of `swim_env.physics.fluid.outline`.
+    length : (M',) array
+        Length of every panel (m).
     element : (M + 1,) int array
         Element of every panel that is not padding; the last entry is N - 1.
     motions : (M', K') array
@@ -49,12 +51,7 @@ class FloorArrays(NamedTuple):
         Overwritten: source strengths and potentials.
     """
 
-    x: Array
-    y: Array
-    cx: Array
-    cy: Array
-    ct: Array
-    st: Array
+    panels: Array
     length: Array
     element: NDArray[np.int64]
     motions: Array
@@ -68,18 +65,20 @@ class FloorArrays(NamedTuple):
 
 @kernel
 def _assemble_row(i: int, a: FloorArrays, normal: Array) -> None:
-    count = (a.x.size >> 3) << 3
-    cx, cy, half_log = a.cx[i], a.cy[i], a.half_log
-    nx, ny = a.st[i], -a.ct[i]
+    x, y = a.panels[outline.X], a.panels[outline.Y]
+    tangent_x, tangent_y = a.panels[outline.CT], a.panels[outline.ST]
+    count = (x.size >> 3) << 3
+    cx, cy, half_log = a.panels[outline.CX, i], a.panels[outline.CY, i], a.half_log
+    nx, ny = tangent_y[i], -tangent_x[i]
     for j in range(count):
-        dx = cx - a.x[j]
-        dy = cy - a.y[j]
+        dx = cx - x[j]
+        dy = cy - y[j]
         half_log[j] = 0.5 * log(dx * dx + dy * dy)
     half_log[count] = half_log[0]
     for j in range(count):
-        ct, st, length = a.ct[j], a.st[j], a.length[j]
-        dx = cx - a.x[j]
-        dy = cy - a.y[j]
+        ct, st, length = tangent_x[j], tangent_y[j], a.length[j]
+        dx = cx - x[j]
+        dy = cy - y[j]
         along = dx * ct + dy * st
         across = dy * ct - dx * st
         angle = atan2(across * length, across * across + along * (along - length))
@@ -99,7 +98,7 @@ def _solve(matrix: Array, size: int) -> None:
     # alone as factors.
     for first in range(0, size, 4):
         # Columns before this are done with; it is a multiple of the lanes of vector registers.
-        start = first // outline.LANES * outline.LANES
+        start = first // LANES * LANES
         for k in range(first, first + 4):
             reciprocal = 1.0 / matrix[k, k]
             for j in range(first, matrix.shape[1]):
@@ -168,7 +167,7 @@ def potentials_of_motions(times: int, way: int, a: FloorArrays) -> None:
     for _ in range(times):
         for i in range(count):
             _assemble_row(i, a, matrix)
-        for i in range(count, a.x.size):
+        for i in range(count, len(matrix)):
             matrix[i] = 0.0
             matrix[i, i] = 1.0
         if way == _ELIMINATION:
@@ -181,10 +180,7 @@ def potentials_of_motions(times: int, way: int, a: FloorArrays) -> None:
 def floor_arrays(scene: Scene) -> FloorArrays:
     """Return the outline, the motions and work space for the pose that a scene starts from.
 
-    Raises
-    ------
-    SceneError
-        If the scene has no panels.
+    A scene without panels is a SceneError.
     """
     if scene.fluid is None or scene.fluid.model != "panels":
         raise SceneError("the floor is that of fluid.model panels")
@@ -194,18 +190,13 @@ def floor_arrays(scene: Scene) -> FloorArrays:
     elements = scene.beam.elements
     count = int(outline.panel_count(scene_constants(scene)[1].geometry))
     element = given.element[:count]
-    size, wide = given.element.size, outline.padded(2 * elements)
+    size, wide = given.element.size, padded(2 * elements)
     motions = aligned_zeros(size, wide)
     rows = np.arange(count)
     motions[rows, element] = given.panels[outline.LATERAL, :count]
     motions[rows, elements + element] = given.panels[outline.ROTARY, :count]
     return FloorArrays(
-        x=given.panels[outline.X],
-        y=given.panels[outline.Y],
-        cx=given.panels[outline.CX],
-        cy=given.panels[outline.CY],
-        ct=given.panels[outline.CT],
-        st=given.panels[outline.ST],
+        panels=given.panels,
         length=given.panels[outline.LENGTH],
         element=np.append(element, elements - 1),
         motions=motions,
@@ -221,10 +212,7 @@ def floor_arrays(scene: Scene) -> FloorArrays:
 def floor_calls(scene: Scene) -> dict[str, Callable[[int], None]]:
     """Return what evaluates the floor of a scene a given number of times, in both ways.
 
-    Raises
-    ------
-    SceneError
-        If the scene has no panels.
+    A scene without panels is a SceneError.
     """
     arrays = floor_arrays(scene)
 

@@ -7,17 +7,12 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["fit_growth", "growth_of"]
-
 
 def growth_of(cells: Iterable[Mapping[str, Any]], start: int = 1) -> list[dict[str, Any]]:
     """Fit how the time of a step grows, over beams of `start` elements and more.
 
-    Returns
-    -------
-    list of dict
-        For every fluid model and number of panels per element with at least two beams:
-        ``fluid_model``, ``panels_per_element`` and what `fit_growth` returns.
+    Returns for every ``fluid_model`` and ``panels_per_element`` with at least two beams both, and
+    what `fit_growth` returns.
     """
     series: dict[tuple[str, int], dict[int, float]] = {}
     for cell in cells:

@@ -12,8 +12,6 @@ from studies.benchmark.subprocesses import run_python
 from swim_env.envs.vector import SwimVectorEnv
 from swim_env.scene import Scene, load_scene
 
-__all__ = ["measure_memory"]
-
 _MANY_ELEMENTS = 81
 
 
@@ -27,9 +25,10 @@ def measure_memory(
     dict
         ``arrays``: by number of members the ``bytes`` that the batch's arrays hold, the
         ``bytes_per_member`` between the two largest batches, the ``fixed_bytes`` beside them, and
-        ``linearity``, the largest relative deviation from that straight line; ``resident``, see
-        `_resident_growth`; and the ``bytes_per_member`` of the same scene with 81 elements under
-        ``many_elements``.
+        ``linearity``, the largest relative deviation from that straight line; ``resident``, None
+        where the system does not say: the bytes of a ``process`` after a first batch of one member
+        has taken steps, and its ``growth``, by number of members, with every further batch; and
+        the ``bytes_per_member`` of the same scene with 81 elements under ``many_elements``.
     """
     scene = load_scene(scene)
     sizes = {count: _held_bytes(SwimVectorEnv(count, scene)) for count in members}
@@ -48,7 +47,7 @@ def measure_memory(
             "fixed_bytes": fixed,
             "linearity": deviation,
         },
-        "resident": _resident_growth(scene.name, members),
+        "resident": _resident(scene.name, members),
         "many_elements": {"elements": _MANY_ELEMENTS, "bytes_per_member": two - one},
     }
 
@@ -56,20 +55,16 @@ def measure_memory(
 def _held_bytes(envs: SwimVectorEnv) -> int:
     """Return the bytes of all arrays that a batch holds: states, work space, results, constants."""
     found: dict[int, int] = {}
-
-    def add(value: object) -> None:
+    values = [*vars(envs.episodes).values(), *vars(envs.episodes.bodies).values()]
+    while values:
+        value = values.pop()
         if isinstance(value, np.ndarray):
             # Views count as the whole that they are part of, and that once.
             while isinstance(value.base, np.ndarray):
                 value = value.base
             found[id(value)] = value.nbytes
         elif isinstance(value, (list, tuple)):
-            for part in value:
-                add(part)
-
-    for owner in (envs.episodes, envs.episodes.bodies):
-        for value in vars(owner).values():
-            add(value)
+            values += value
     return sum(found.values())
 
 
@@ -85,33 +80,19 @@ def resident():
         return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 scene, *members = json.loads(sys.argv[1])
-held = []
-def play(count):
+held, sizes = [], []
+for count in (1, *members):
     envs = swim_env.SwimVectorEnv(count, scene, num_threads=1)
     envs.reset(seed=0)
     for _ in range(3):
         envs.step(np.zeros(envs.action_space.shape))
     held.append(envs)
-
-play(1)
-start = before = resident()
-growth = {}
-for count in members:
-    play(count)
-    after = resident()
-    growth[str(count)] = after - before
-    before = after
-print(json.dumps({"process": start, "growth": growth}))
+    sizes.append(resident())
+print(json.dumps({"process": sizes[0], "growth": dict(zip(members, np.diff(sizes).tolist()))}))
 """
 
 
-def _resident_growth(scene: str, members: tuple[int, ...]) -> dict[str, Any] | None:
-    """Return what a process holds in memory, and by how much it grows with every further batch.
-
-    ``process`` is the bytes resident after a first batch of one member has taken steps; ``growth``,
-    by number of members, what another batch that takes steps adds. None where the system does not
-    say.
-    """
+def _resident(scene: str, members: tuple[int, ...]) -> dict[str, Any] | None:
     if not Path("/proc/self/statm").exists():
         return None
     found: dict[str, Any] = json.loads(run_python(_RESIDENT_CODE, json.dumps([scene, *members]))[0])

@@ -25,8 +25,6 @@ from studies.benchmark.peer_tools import load_peer, wave_of
 from swim_env.errors import OptionError
 from swim_env.scene import Scene
 
-__all__ = ["CHAIN_VARIANTS", "ChainVariant", "MuJoCoChain", "Way", "chain_xml"]
-
 Array = NDArray[np.float64]
 
 #: MuJoCo's integrators. The explicit springs bound the step of all but `discrete`, which is
@@ -75,12 +73,8 @@ def chain_xml(scene: Scene, variant: ChainVariant, time_step: float) -> str:
     """Write the MJCF of a chain of the scene's links, straight along +x, the head at the origin.
 
     The root has two slides and a hinge, the joints springs of EI/dl (with the scene's Kelvin-Voigt
-    damping, where it has any) and motors of unit gear. Gravity, contacts and constraints are off.
-
-    Raises
-    ------
-    OptionError
-        If the variant needs a fluid that the scene does not have.
+    damping, where it has any) and motors of unit gear. Gravity, contacts and constraints are off. A
+    variant that needs a fluid which the scene does not have is an OptionError.
     """
     beam, fluid = scene.beam, scene.fluid
     density = 0.0
@@ -130,14 +124,7 @@ class MuJoCoChain:
     """A chain of the scene's links in MuJoCo, driven by the scene's wave of torque.
 
     Torques are held over the scene's control interval, in which the chain takes `substeps` steps.
-    `model` and `data` are MuJoCo's own.
-
-    Raises
-    ------
-    PeerMissingError
-        If MuJoCo is not installed.
-    OptionError, SceneError
-        If the scene cannot be built so, or has no wave.
+    `model` and `data` are MuJoCo's own. A scene without a wave is a SceneError.
     """
 
     def __init__(self, scene: Scene, variant: ChainVariant, substeps: int) -> None:

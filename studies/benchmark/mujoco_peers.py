@@ -9,17 +9,9 @@ from gymnasium.vector import SyncVectorEnv
 
 from studies.benchmark.environments import BATCH_MEMBERS, Workload, random_actions, step_loop
 from studies.benchmark.mujoco_chain import CHAIN_VARIANTS, ChainVariant, MuJoCoChain, Way
-from studies.benchmark.peer_tools import (
-    StableStep,
-    intervals_in,
-    largest_stable_step,
-    load_peer,
-    stable_workload,
-)
-from studies.benchmark.timing import Progress
+from studies.benchmark.peer_tools import StableStep, intervals_in, largest_stable_step, load_peer
+from studies.benchmark.timing import Progress, no_progress
 from swim_env.scene import Scene
-
-__all__ = ["chain_step", "chain_workloads", "swimmer_workloads"]
 
 _SWIMMER_ID = "Swimmer-v5"
 
@@ -44,23 +36,13 @@ def chain_workloads(
     ways: tuple[Way, ...] = ("held",),
     seconds: float = 1.0,
     duration: float = 10.0,
-    progress: Progress | None = None,
+    progress: Progress = no_progress,
 ) -> dict[str, Workload]:
     """Prepare the chain at its largest stable steps; every call starts it anew.
 
     Integrators that the installed MuJoCo does not have, and variants without a stable step, are
-    left out.
-
-    Parameters
-    ----------
-    scene, variants, ways
-        See `studies.benchmark.mujoco_chain`.
-    seconds : float
-        Simulated time of one call (s).
-    duration : float
-        Simulated time of the runs in the search for the stable step (s).
-    progress : callable, optional
-        Called with 1 after every variant.
+    left out. A call is `seconds` of simulated time, the search for the step runs for `duration`
+    seconds of it; `progress` is called after every variant.
 
     Returns
     -------
@@ -70,32 +52,29 @@ def chain_workloads(
         and the fields of `StableStep`.
     """
     mujoco: Any = load_peer("mujoco", "MuJoCo")
+    about = {"version": str(mujoco.__version__), "search_duration": duration}
     count = intervals_in(seconds, scene)
     workloads = {}
     for variant in variants:
-        found = None
-        if f"mjINT_{variant.integrator.upper()}" in mujoco.mjtIntegrator.__members__:
-            found = chain_step(scene, variant, duration)
+        known = f"mjINT_{variant.integrator.upper()}" in mujoco.mjtIntegrator.__members__
+        found = chain_step(scene, variant, duration) if known else None
         if found is not None:
             calls = MuJoCoChain(scene, variant, found.substeps).calls(count)
             for way in ways:
-                facts = {
-                    **variant._asdict(),
-                    "way": way,
-                    "version": str(mujoco.__version__),
-                    "search_duration": duration,
-                }
+                facts = {**variant._asdict(), "way": way, **about}
                 label = f"MuJoCo chain, {variant.description}, {way}"
-                workloads[f"mujoco_chain/{variant.name}/{way}"] = stable_workload(
-                    label, calls[way], scene, count, found, facts
-                )
-        if progress is not None:
-            progress(1)
+                name = f"mujoco_chain/{variant.name}/{way}"
+                workloads[name] = found.workload(label, calls[way], count, facts)
+        progress(1)
     return workloads
 
 
 def swimmer_workloads(
-    members: int = BATCH_MEMBERS, *, single_steps: int = 200, batch_steps: int = 10
+    members: int = BATCH_MEMBERS,
+    *,
+    single_steps: int = 200,
+    batch_steps: int = 10,
+    progress: Progress = no_progress,
 ) -> dict[str, Workload]:
     """Prepare Gymnasium's Swimmer-v5, alone and in a synchronous vector environment.
 
@@ -112,29 +91,22 @@ def swimmer_workloads(
     env: gymnasium.Env[Any, Any] = gymnasium.make(_SWIMMER_ID)
     batch = SyncVectorEnv([member] * members)
     inside: Any = env.unwrapped
-    interval, skip = float(inside.dt), int(inside.frame_skip)
     options = inside.model.opt
     facts = {
         "integrator": mujoco.mjtIntegrator(options.integrator).name.removeprefix("mjINT_"),
         "time_step": float(options.timestep),
         "version": str(mujoco.__version__),
     }
-    total = members * batch_steps
+
+    def workload(label: str, play: Any, steps: int, count: int) -> Workload:
+        seconds, physics = steps * float(inside.dt), steps * int(inside.frame_skip)
+        return Workload(label, play, steps, seconds, physics, {"members": count, **facts})
+
+    alone = step_loop(env, random_actions(env.action_space, 1000), single_steps)
+    together = step_loop(batch, random_actions(batch.action_space, 100), batch_steps)
+    label = f"{_SWIMMER_ID}, {members} members, SyncVectorEnv"
+    progress(1)
     return {
-        "swimmer_v5": Workload(
-            _SWIMMER_ID,
-            step_loop(env, random_actions(env.action_space, 1000), single_steps),
-            single_steps,
-            single_steps * interval,
-            single_steps * skip,
-            {"members": 1, **facts},
-        ),
-        "swimmer_v5_sync_vector": Workload(
-            f"{_SWIMMER_ID}, {members} members, SyncVectorEnv",
-            step_loop(batch, random_actions(batch.action_space, 100), batch_steps),
-            total,
-            total * interval,
-            total * skip,
-            {"members": members, **facts},
-        ),
+        "swimmer_v5": workload(_SWIMMER_ID, alone, single_steps, 1),
+        "swimmer_v5_sync_vector": workload(label, together, members * batch_steps, members),
     }

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from studies.benchmark.floor import FLOOR_WAYS, floor_calls
 from studies.benchmark.timing import Spread, ratio, spread_of, time_in_turn
-from swim_env.physics.fluid.added_mass import SMALLEST_PIVOT, added_mass, shape_force
+from swim_env.physics.fluid.models import added_mass, shape_force
 from swim_env.physics.fluid.outline import build_outline, outline_status, panel_count
-from swim_env.physics.fluid.panels import influence, normal_influence
+from swim_env.physics.fluid.panel_mass import SMALLEST_PIVOT
+from swim_env.physics.fluid.sources import influence, normal_influence
 from swim_env.physics.planar.equations import evaluate_held_step, evaluate_step
 from swim_env.physics.planar.layout import ADDED, TOTAL
 from swim_env.physics.planar.matrix import step_jacobian
@@ -26,8 +27,6 @@ from swim_env.physics.solve.state import RECORD_NAMES, member_views
 from swim_env.scene import Scene
 from swim_env.sim.batch import Bodies, minimal_start
 from swim_env.sim.simulator import Simulator
-
-__all__ = ["PARTS", "measure_parts"]
 
 Array = NDArray[np.float64]
 
@@ -43,10 +42,9 @@ PARTS = (
     "rest",
 )
 
-#: What is timed by itself, by name: the codes of `_repeat`. Some are there with panels only.
+#: What is timed by itself, in the order of the codes of `_repeat`; the second with panels only.
 _PIECES = ("pose", "whole step", "jacobian", "held step")
 _PANEL_PIECES = ("outline", "influence", "factorisation", "added mass", "shape force")
-_CODES = {name: code for code, name in enumerate(_PIECES + _PANEL_PIECES)}
 _POSE, _WHOLE_STEP, _JACOBIAN, _HELD_STEP = range(4)
 _OUTLINE, _INFLUENCE, _FACTORISATION, _ADDED_MASS, _SHAPE_FORCE = range(4, 9)
 
@@ -115,6 +113,18 @@ def _calibrated(call: Callable[[int], object]) -> tuple[Callable[[], object], in
     return partial(call, times), times
 
 
+def bent_body(scene: Scene, before: int, count: int) -> tuple[Bodies, Array]:
+    """Return a body after some steps under its prescribed torques, and those of `count` more.
+
+    The torques (N m) are (1, `count`, N - 1), zero where the scene has none.
+    """
+    bodies = Bodies(scene)
+    bodies.start(0, *minimal_start(scene, scene.initial))
+    torques = Simulator(scene).prescribed_torques(before + count)[None]
+    bodies.advance(torques[:, :before], 1, bodies.new_record(before))
+    return bodies, torques[:, before:]
+
+
 def measure_parts(scene: Scene, rounds: int) -> dict[str, Any]:
     """Measure the physics step of a scene, driven by its prescribed torques, by part.
 
@@ -129,17 +139,13 @@ def measure_parts(scene: Scene, rounds: int) -> dict[str, Any]:
         faster of the floor's two ways; ``iterations``: mean ``corrections`` and ``evaluations`` of
         the shape force in a step; ``real_time``: the simulated seconds per wall second.
     """
-    bodies = Bodies(scene)
-    bodies.start(0, *minimal_start(scene, scene.initial))
-    torques = Simulator(scene).prescribed_torques(_STEPS_BEFORE + _MOST_STEPS)
-    bodies.advance(torques[None, :_STEPS_BEFORE], 1, bodies.new_record(_STEPS_BEFORE))
+    bodies, torques = bent_body(scene, _STEPS_BEFORE, _MOST_STEPS)
     begin = bodies.states.copy()
     start = time.perf_counter()
-    bodies.advance(torques[None, -3:], 1, bodies.new_record(3))
+    bodies.advance(torques[:, -3:], 1, bodies.new_record(3))
     once = (time.perf_counter() - start) / 3
     count = int(np.clip(_RUN_SECONDS / once, _FEWEST_STEPS, _MOST_STEPS))
-    run = torques[None, _STEPS_BEFORE : _STEPS_BEFORE + count]
-    record = bodies.new_record(count)
+    run, record = torques[:, :count], bodies.new_record(count)
 
     def steps(times: int) -> None:
         for _ in range(times):
@@ -148,7 +154,7 @@ def measure_parts(scene: Scene, rounds: int) -> dict[str, Any]:
 
     alone = Bodies(scene)
     alone.states[:] = begin
-    given = (alone.states[0], torques[_STEPS_BEFORE], *alone.member(0))
+    given = (alone.states[0], torques[0, 0], *alone.member(0))
 
     def repeat(part: int, times: int) -> None:
         _repeat(part, times, *given)
@@ -157,8 +163,8 @@ def measure_parts(scene: Scene, rounds: int) -> dict[str, Any]:
         repeat(part, 1)
     with_panels = scene.fluid is not None and scene.fluid.model == "panels"
     repeated: dict[str, Callable[[int], object]] = {"step": steps}
-    for name in _PIECES + (_PANEL_PIECES if with_panels else ()):
-        repeated[name] = partial(repeat, _CODES[name])
+    for code, name in enumerate(_PIECES + (_PANEL_PIECES if with_panels else ())):
+        repeated[name] = partial(repeat, code)
     if with_panels:
         repeated |= floor_calls(scene)
     calls = {name: _calibrated(call) for name, call in repeated.items()}
@@ -170,13 +176,8 @@ def measure_parts(scene: Scene, rounds: int) -> dict[str, Any]:
         float(means[RECORD_NAMES.index(name)]) for name in ("iterations", "evaluations", "parts")
     )
     parts = _parts(each, corrections, evaluations, poses)
-    floor: Array | None = None
-    way: str | None = None
-    if with_panels:
-        way = min(FLOOR_WAYS, key=lambda name: float(np.median(each[name])))
-        floor = each[way]
     step = spread_of(each["step"])
-    return {
+    found = {
         "scene": scene.name,
         "elements": scene.beam.elements,
         "panels_per_element": scene.fluid.panels_per_element if with_panels and scene.fluid else 0,
@@ -184,12 +185,15 @@ def measure_parts(scene: Scene, rounds: int) -> dict[str, Any]:
         "time_step": scene.integrator.time_step,
         "parts": {name: spread.as_dict() for name, spread in parts.items()},
         "step": step.as_dict(),
-        "floor": None if floor is None else spread_of(floor).as_dict(),
-        "floor_way": way,
-        "step_to_floor": None if floor is None else ratio(each["step"], floor).as_dict(),
+        **dict.fromkeys(("floor", "floor_way", "step_to_floor")),
         "iterations": {"corrections": corrections, "evaluations": evaluations},
         "real_time": 1e6 * scene.integrator.time_step / step.median,
     }
+    if with_panels:
+        way = min(FLOOR_WAYS, key=lambda name: float(np.median(each[name])))
+        found["floor"], found["floor_way"] = spread_of(each[way]).as_dict(), way
+        found["step_to_floor"] = ratio(each["step"], each[way]).as_dict()
+    return found
 
 
 def _parts(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
 import math
 from collections.abc import Callable, Mapping
@@ -15,16 +16,6 @@ from numpy.typing import NDArray
 from studies.benchmark.environments import Workload
 from swim_env.errors import SceneError, SwimError
 from swim_env.scene import Actuation, Scene
-
-__all__ = [
-    "PeerMissingError",
-    "StableStep",
-    "intervals_in",
-    "largest_stable_step",
-    "load_peer",
-    "stable_workload",
-    "wave_of",
-]
 
 Array = NDArray[np.float64]
 
@@ -41,10 +32,7 @@ class PeerMissingError(SwimError, ImportError):
 def load_peer(module: str, name: str) -> ModuleType:
     """Import a peer's package, called `name` in messages.
 
-    Raises
-    ------
-    PeerMissingError
-        If it is not installed. A package that is there but fails to import raises what it raises.
+    One that is not installed is a PeerMissingError; one that fails to import raises what it raises.
     """
     try:
         return importlib.import_module(module)
@@ -63,48 +51,36 @@ def wave_of(scene: Scene) -> Actuation:
     return scene.actuation
 
 
-@dataclass(frozen=True)
-class StableStep:
-    """The largest stable time step of a peer.
-
-    Attributes
-    ----------
-    substeps, time_step : int, float
-        Steps in one control interval, and the step itself (s).
-    unstable_time_step : float or None
-        The next larger step that was tried, which was unstable (s); None where one step for a
-        whole control interval is stable, as larger ones are not tried.
-    deviation : float
-        Root mean square difference of the joint angles from the run with a quarter of the step,
-        over that of the angles there. Stable is not accurate: an undamped chain that rings drifts
-        out of phase at any step.
-    peak : float
-        Largest joint angle (rad).
-    """
-
-    substeps: int
-    time_step: float
-    unstable_time_step: float | None
-    deviation: float
-    peak: float
-
-
 def intervals_in(seconds: float, scene: Scene) -> int:
     """Return how many control intervals of a scene there are in a time (s), at least one."""
     return max(1, round(seconds / scene.episode.control_interval))
 
 
-def stable_workload(
-    label: str,
-    call: Callable[[], object],
-    scene: Scene,
-    count: int,
-    step: StableStep,
-    facts: Mapping[str, Any],
-) -> Workload:
-    """Return the workload of a call that plays `count` control intervals with stable steps."""
-    seconds = count * scene.episode.control_interval
-    return Workload(label, call, count, seconds, count * step.substeps, {**facts, **asdict(step)})
+@dataclass(frozen=True)
+class StableStep:
+    """The largest stable time step of a peer (s), as `substeps` in one control interval.
+
+    `peak` is the largest joint angle with it (rad).
+    """
+
+    substeps: int
+    time_step: float
+    #: The next larger step that was tried (s); None where one for a whole interval is stable.
+    unstable_time_step: float | None
+    #: Root mean square difference of the joint angles from the run with a quarter of the step, over
+    #: that of the angles there. Stable is not accurate: an undamped chain that rings drifts out of
+    #: phase at any step.
+    deviation: float
+    peak: float
+
+    def workload(
+        self, label: str, call: Callable[[], object], count: int, facts: Mapping[str, Any]
+    ) -> Workload:
+        """Return the workload of a call that plays `count` control intervals with this step."""
+        steps, facts = count * self.substeps, {**facts, **asdict(self)}
+        return Workload(
+            label, call, count, steps * self.time_step, steps, {**facts, **asdict(self)}
+        )
 
 
 def largest_stable_step(
@@ -133,17 +109,17 @@ def largest_stable_step(
     resolution : float
         Relative accuracy of the result; the step is at most this much too small, or one part.
     """
-    angles: dict[int, Array | None] = {}
     limit = _LARGEST_ANGLE
 
-    def peak_of(count: int) -> float:
-        if count not in angles:
-            angles[count] = run(count)
-        found = angles[count]
-        # A NaN is no peak: only angles that compare as small are.
+    @functools.cache
+    def angles_of(count: int) -> Array:
+        found = run(count)
         if found is None or not np.isfinite(found).all():
-            return math.inf
-        return float(np.abs(found).max())
+            return np.array([math.inf])
+        return found
+
+    def peak_of(count: int) -> float:
+        return float(np.abs(angles_of(count)).max())
 
     unstable, stable = 0, 1
     while stable <= most:
@@ -162,7 +138,7 @@ def largest_stable_step(
                     substeps=stable,
                     time_step=interval / stable,
                     unstable_time_step=interval / unstable if unstable else None,
-                    deviation=_deviation(angles[stable], angles[4 * stable]),
+                    deviation=_deviation(angles_of(stable), angles_of(4 * stable)),
                     peak=peak_of(stable),
                 )
             # Slow growth: bounded only for as long as the run lasts. The finer run knows better.
@@ -172,7 +148,6 @@ def largest_stable_step(
     return None
 
 
-def _deviation(coarse: Array | None, fine: Array | None) -> float:
-    assert coarse is not None and fine is not None
+def _deviation(coarse: Array, fine: Array) -> float:
     scale = float(np.sqrt(np.mean(fine**2)))
     return float(np.sqrt(np.mean((coarse - fine) ** 2))) / scale if scale else 0.0

@@ -8,65 +8,44 @@ each does compute.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from studies.benchmark.elastica_peer import SOFTENINGS, rod_workloads
-from studies.benchmark.environments import BATCH_MEMBERS, Workload
+from studies.benchmark.environments import Workload
 from studies.benchmark.mujoco_chain import CHAIN_VARIANTS, ChainVariant, Way
 from studies.benchmark.mujoco_peers import chain_workloads, swimmer_workloads
 from studies.benchmark.peer_tools import PeerMissingError
-from studies.benchmark.timing import Progress
-from swim_env.scene import Scene, load_scene
-
-__all__ = ["peer_workloads"]
+from studies.benchmark.timing import Progress, no_progress
+from swim_env.scene import load_scene
 
 
 def peer_workloads(
-    scene: Scene | str = "paper_i",
     *,
     variants: tuple[ChainVariant, ...] = CHAIN_VARIANTS,
     softenings: tuple[float, ...] = SOFTENINGS,
     ways: tuple[Way, ...] = ("held",),
-    members: int = BATCH_MEMBERS,
     single_steps: int = 200,
     batch_steps: int = 10,
-    progress: Progress = lambda done: None,
+    progress: Progress = no_progress,
 ) -> tuple[dict[str, Workload], dict[str, str]]:
     """Prepare all peers whose packages are installed: what to time, and why others are missing.
 
-    Finding the stable steps takes about half a minute, and PyElastica's first use as long again.
-
-    Parameters
-    ----------
-    scene : Scene or str
-        The beam that chain and rod have, and the wave that drives them.
-    variants, ways, softenings, members, single_steps, batch_steps
-        Of the functions that prepare chain, rod and Swimmer-v5, which name the workloads too.
-    progress : callable, optional
-        Called with the number of preparations made: one, and one for each variant and softening.
+    Chain and rod have the beam of scene `paper_i`, and the wave that drives it. Finding their
+    stable steps takes about half a minute, and PyElastica's first use as long again. `progress` is
+    called with the number of preparations made: one, and one for each variant and softening.
     """
-    scene = load_scene(scene)
+    scene = load_scene("paper_i")
+    swimmer = partial(swimmer_workloads, single_steps=single_steps, batch_steps=batch_steps)
+    preparations: tuple[tuple[str, int, Callable[..., dict[str, Workload]]], ...] = (
+        ("swimmer_v5", 1, swimmer),
+        ("mujoco_chain", len(variants), partial(chain_workloads, scene, variants, ways=ways)),
+        ("elastica_rod", len(softenings), partial(rod_workloads, scene, softenings)),
+    )
     workloads: dict[str, Workload] = {}
     skipped: dict[str, str] = {}
-
-    def swimmer() -> dict[str, Workload]:
-        prepared = swimmer_workloads(members, single_steps=single_steps, batch_steps=batch_steps)
-        progress(1)
-        return prepared
-
-    preparations: dict[str, tuple[int, Callable[[], dict[str, Workload]]]] = {
-        "swimmer_v5": (1, swimmer),
-        "mujoco_chain": (
-            len(variants),
-            lambda: chain_workloads(scene, variants, ways=ways, progress=progress),
-        ),
-        "elastica_rod": (
-            len(softenings),
-            lambda: rod_workloads(scene, softenings, progress=progress),
-        ),
-    }
-    for name, (parts, prepare) in preparations.items():
+    for name, parts, prepare in preparations:
         try:
-            workloads |= prepare()
+            workloads |= prepare(progress=progress)
         except PeerMissingError as error:
             skipped[name] = str(error)
             progress(parts)

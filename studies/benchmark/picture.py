@@ -2,34 +2,32 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from swim_env.plots import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-__all__ = ["draw_benchmark"]
+    from matplotlib.gridspec import SubplotSpec
 
 Record = Mapping[str, Any]
 
 #: Neighbours differ in lightness as well.
 _COLOURS = (
-    style.BLUE,
-    style.SKY,
-    style.GREEN,
-    style.YELLOW,
-    style.AMBER,
-    style.ORANGE,
-    style.PINK,
-    style.SILVER,
+    *(style.BLUE, style.SKY, style.GREEN, style.YELLOW),
+    *(style.AMBER, style.ORANGE, style.PINK, style.SILVER),
 )
 #: What the picture shows of the fluid models and panels, where it was measured.
 _SHOWN = ("panels", 4)
+#: What is written outside the axes.
+_NOTE: dict[str, Any] = {"fontsize": style.SMALL, "color": style.GREY}
 
 
 def draw_benchmark(record: Record) -> Figure:
@@ -37,36 +35,31 @@ def draw_benchmark(record: Record) -> Figure:
 
     Left above, the time of a step over the number of elements with the floor and the fitted growth;
     left below, its parts. Right, simulated seconds per second of wall time of this package and of
-    the peers, each peer in the fastest of the ways to run it.
-
-    Raises
-    ------
-    SwimError
-        If matplotlib is not installed.
+    the peers, each peer in the fastest of the ways to run it. It needs matplotlib.
     """
-    style.require_matplotlib()
     figure = style.new_figure(style.WIDTH, 6.0)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1.0), height_ratios=(1.0, 1.15))
-    cells = _shown_cells(record.get("kernel", []))
-    growth, parts = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
-    if cells:
-        _draw_growth(growth, cells, _fit_of(cells[0], record.get("growth", [])))
-        _draw_parts(parts, cells)
-    else:
-        _say_empty(growth, "the physics step")
-        _say_empty(parts, "the parts of a step")
-    speeds = figure.add_subplot(grid[:, 1])
-    if record.get("speeds"):
-        _draw_speeds(speeds, _shown_speeds(record["speeds"]))
-    else:
-        _say_empty(speeds, "the environments and peers")
+    cells, speeds = _shown_cells(record.get("kernel", [])), _shown_speeds(record.get("speeds", {}))
+    fits = [fit for fit in record.get("growth", []) if cells and _kind(fit) == _kind(cells[0])]
+    panels: tuple[tuple[SubplotSpec, str, Callable[..., None], tuple[Any, ...]], ...] = (
+        (grid[0, 0], "the physics step", _draw_growth, (cells, fits)),
+        (grid[1, 0], "the parts of a step", _draw_parts, (cells,)),
+        (grid[:, 1], "the environments and peers", _draw_speeds, (speeds,)),
+    )
+    for place, what, draw, shown in panels:
+        axes = figure.add_subplot(place)
+        if shown[0]:
+            draw(axes, *shown)
+        else:
+            axes.set_axis_off()
+            where: dict[str, Any] = {"ha": "center", "va": "center", "transform": axes.transAxes}
+            axes.text(0.5, 0.5, f"{what}: not measured", **_NOTE, **where)
     machine = record.get("machine")
     if machine:
         figure.suptitle(
             f"{machine['processor']}, {machine['cores']} cores, commit "
             f"{(record.get('commit') or 'unknown')[:10]}, {record.get('date')}",
-            fontsize=style.SMALL,
-            color=style.GREY,
+            **_NOTE,
         )
     return figure
 
@@ -97,68 +90,35 @@ def _rate(speed: Record) -> float:
     return float(speed["simulated_seconds_per_second"]["median"])
 
 
-def _fit_of(cell: Record, fits: Sequence[Record]) -> Record | None:
-    """Return the fit over the most beams that belongs to a cell."""
-    own = [fit for fit in fits if _kind(fit) == _kind(cell)]
-    return max(own, key=lambda fit: int(fit["points"]), default=None)
-
-
 def _bars(spreads: Sequence[Record]) -> list[list[float]]:
     """Return how far the quartiles are below and above the medians."""
     below = [spread["median"] - spread["low"] for spread in spreads]
     return [below, [spread["high"] - spread["median"] for spread in spreads]]
 
 
-def _say_empty(axes: Axes, what: str) -> None:
-    axes.set_axis_off()
-    axes.text(
-        0.5,
-        0.5,
-        f"{what}: not measured",
-        ha="center",
-        va="center",
-        fontsize=style.SMALL,
-        color=style.GREY,
-        transform=axes.transAxes,
-    )
-
-
-def _draw_growth(axes: Axes, cells: Sequence[Record], fit: Record | None) -> None:
-    """Draw the time of a step with its quartiles, the floor's markers, and the fitted power law."""
+def _draw_growth(axes: Axes, cells: Sequence[Record], fits: Sequence[Record]) -> None:
+    """Draw the time of a step with its quartiles, the floor's markers, and the longest fit."""
     elements = [cell["elements"] for cell in cells]
     steps = [cell["step"] for cell in cells]
     medians = [step["median"] for step in steps]
-    axes.errorbar(
-        elements,
-        medians,
-        yerr=_bars(steps),
-        fmt="o-",
-        color=style.BLUE,
-        markersize=4,
-        linewidth=style.LINE,
-        capsize=2,
-        label="step (median, quartiles)",
-    )
+    line: dict[str, Any] = {"color": style.BLUE, "linewidth": style.LINE, "markersize": 4}
+    label = "step (median, quartiles)"
+    axes.errorbar(elements, medians, _bars(steps), fmt="o-", capsize=2, label=label, **line)
     floor = [(cell["elements"], cell["floor"]["median"]) for cell in cells if cell.get("floor")]
     _mark_floor(axes, floor, style.ORANGE, 4)
-    if fit is not None:
+    if fits:
+        fit = max(fits, key=lambda one: int(one["points"]))
         ends = [fit["elements_from"], fit["elements_to"]]
-        axes.plot(
-            ends,
-            [fit["microseconds_of_one"] * n ** fit["exponent"] for n in ends],
-            ":",
-            color=style.GREY,
-            linewidth=style.LINE,
-            label=f"fit, N to the power {fit['exponent']:.2f}",
-            zorder=1,
-        )
+        values = [fit["microseconds_of_one"] * n ** fit["exponent"] for n in ends]
+        line = {"color": style.GREY, "linewidth": style.LINE, "zorder": 1}
+        axes.plot(ends, values, ":", label=f"fit, N to the power {fit['exponent']:.2f}", **line)
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xticks(elements, [str(n) for n in elements])
     axes.minorticks_off()
     # Room for the legend.
     axes.set_ylim(top=6.0 * max(medians))
-    axes.legend(fontsize=style.SMALLER, frameon=False, loc="upper left")
+    style.add_legend(axes, loc="upper left")
     model, panels = _kind(cells[0])
     style.name_panel(axes, f"a physics step ({model}, {panels} panels per element)")
     style.style_axes(axes, "elements N", "time of a step (\u00b5s)")
@@ -176,23 +136,14 @@ def _draw_parts(axes: Axes, cells: Sequence[Record]) -> None:
     places = range(len(cells))
     # A rest below zero is noise of the other parts, which are then shared out among themselves.
     totals = [sum(max(0.0, part["median"]) for part in cell["parts"].values()) for cell in cells]
-    bottom = [0.0] * len(cells)
-    for index, name in enumerate(names):
+    bottom = np.zeros(len(cells))
+    look: dict[str, Any] = {"width": 0.75, "edgecolor": "white", "linewidth": 0.5}
+    for name, colour in zip(names, itertools.cycle(_COLOURS), strict=False):
         medians = [cell["parts"].get(name, {"median": 0.0})["median"] for cell in cells]
-        heights = [
-            100.0 * max(0.0, median) / total for median, total in zip(medians, totals, strict=True)
-        ]
-        axes.bar(
-            places,
-            heights,
-            bottom=bottom,
-            width=0.75,
-            color=_COLOURS[index % len(_COLOURS)],
-            edgecolor="white",
-            linewidth=0.5,
-            label=name.replace("_", " "),
-        )
-        bottom = [below + height for below, height in zip(bottom, heights, strict=True)]
+        heights = 100.0 * np.maximum(0.0, medians) / totals
+        label = name.replace("_", " ")
+        axes.bar(places, heights, bottom=bottom, color=colour, label=label, **look)
+        bottom += heights
     floor = []
     for place, cell in enumerate(cells):
         step = cell["step"]["median"]
@@ -209,14 +160,7 @@ def _draw_parts(axes: Axes, cells: Sequence[Record]) -> None:
 
 
 def _legend_below(axes: Axes, place: tuple[float, float], **how: Any) -> None:
-    axes.legend(
-        fontsize=style.SMALLER,
-        frameon=False,
-        loc="upper center",
-        bbox_to_anchor=place,
-        handlelength=1.0,
-        **how,
-    )
+    style.add_legend(axes, loc="upper center", bbox_to_anchor=place, handlelength=1.0, **how)
 
 
 def _time(microseconds: float) -> str:
@@ -238,9 +182,8 @@ def _draw_speeds(axes: Axes, speeds: Sequence[Record]) -> None:
         if some:
             lengths = [medians[place] for place in some]
             axes.barh(some, lengths, height=0.6, color=colour, label=label)
-    axes.errorbar(
-        medians, places, xerr=_bars(rates), fmt="none", ecolor=style.BLACK, capsize=2, linewidth=1
-    )
+    look: dict[str, Any] = {"fmt": "none", "ecolor": style.BLACK, "capsize": 2, "linewidth": 1}
+    axes.errorbar(medians, places, xerr=_bars(rates), **look)
     axes.set_xscale("log")
     # Whole decades, so that there are labels at both ends.
     decades = (math.floor(math.log10(0.7 * min(medians))), math.ceil(math.log10(2 * max(medians))))

@@ -11,7 +11,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,16 +21,14 @@ from swim_env.recording.wrappers import RecordEpisodes
 from swim_env.recording.writer import write_recording
 from swim_env.sim.simulator import Simulator
 
-__all__ = ["measure_cost"]
-
 
 def measure_cost(episodes: int = 10, policy: Any = None) -> dict[str, Any]:
     """Play the default episode of 20 s, recorded and not, without flow.
 
     Two environments take every action in turn, one of them recorded, and swap the order after each
-    action. So both find the machine in the same state, and have the policy's work between their
-    steps. All episodes are the same, so that the layout is kept from file to file: a new one takes
-    twice as long. Resets do not count. Actions are those of a `policy`, or random ones.
+    action, so that both find the machine in the same state. All episodes are the same: the first
+    file of a new layout takes twice as long. Resets do not count. Actions are those of a `policy`,
+    or random ones.
 
     Returns
     -------
@@ -53,15 +50,15 @@ def measure_cost(episodes: int = 10, policy: Any = None) -> dict[str, Any]:
                 continue
             whole, added = times[:, 0].sum(), times[:, 1] - times[:, 0]
             shares = added[:-1].sum() / times[:-1, 0].sum(), added.sum() / whole
-            rows.append([whole, *shares, recorded.written[-1].logging_seconds])
-        size = recorded.written[-1].size
-    quartiles = np.quantile(np.array(rows), (0.25, 0.5, 0.75), axis=0).T.round(4).tolist()
+            file = recorded.written[-1]
+            rows.append([whole, *shares, file.logging_seconds])
+    quartiles = np.quantile(rows, (0.25, 0.5, 0.75), axis=0).T.round(4).tolist()
     names = ("bare_seconds", "while_playing", "with_file", "file_seconds")
     figures = {
         name: {"median": middle, "quartiles": [low, high]}
         for name, (low, middle, high) in zip(names, quartiles, strict=True)
     }
-    about = {"bytes": size, "episodes": episodes, **where_and_when()}
+    about = {"bytes": file.size, "episodes": episodes, **where_and_when()}
     return {**figures, **_measure_files(), **about}
 
 
@@ -73,10 +70,8 @@ def _measure_files(repeats: int = 10) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / "cost.rrd"
         for rate in (0.5, 200.0):
-            files = [
-                write_recording(place, [swimmer], flow_rate=None, frame_rate=rate)
-                for _ in range(repeats)
-            ]
+            options: dict[str, Any] = {"flow_rate": None, "frame_rate": rate}
+            files = [write_recording(place, [swimmer], **options) for _ in range(repeats)]
             found.append((files[0].frames, min(file.logging_seconds for file in files)))
     (few, short), (many, long) = found
     frame = (long - short) / (many - few)
@@ -84,10 +79,7 @@ def _measure_files(repeats: int = 10) -> dict[str, float]:
 
 
 def _play(
-    bare: gymnasium.Env[Any, Any],
-    recorded: gymnasium.Env[Any, Any],
-    actions: NDArray[np.float64],
-    policy: Any,
+    bare: SwimEnv, recorded: RecordEpisodes, actions: NDArray[np.float64], policy: Any
 ) -> NDArray[np.float64]:
     """Return the seconds of every action, in the bare environment and in the other, (A, 2)."""
     times = np.empty((len(actions), 2))

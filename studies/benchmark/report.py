@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,12 @@ from swim_env.files.folders import write_folder
 from swim_env.files.tables import markdown_table
 from swim_env.plots import save_figure
 
-__all__ = ["REPORT_FILES", "report_page", "report_tables", "write_report"]
-
 #: What a folder of results holds.
 REPORT_FILES = ("benchmark.json", "benchmark.md", "benchmark.png")
 
 Record = Mapping[str, Any]
+#: The columns of a table: what each shows of a row.
+Columns = Mapping[str, Callable[[Any], str]]
 
 #: The workload that chains and rods of other packages are compared with.
 _OURS = "paper_i_rollout"
@@ -31,14 +32,16 @@ def report_tables(record: Record) -> str:
     They read well as plain text.
     """
     speeds, ratios = record.get("speeds", {}), record.get("ratios", {})
+    coarse = [speed for speed in speeds.values() if "deviation" in speed]
+    growth, stable = "Growth of a step's time with the number of elements N", "Largest stable steps"
     sections = [
         *_kernel_tables(record.get("kernel", [])),
-        _growth_table(record.get("growth", [])),
-        _effects_table(record.get("effects", [])),
-        _speed_table(speeds),
-        _stable_step_table(speeds),
+        _table(growth, _GROWTH, record.get("growth", [])),
+        _table("What effects cost", _EFFECTS, record.get("effects", [])),
+        _table("Environment steps", _SPEEDS, speeds.values()),
+        _table(f"{stable}, which need not be accurate", _STABLE_STEPS, coarse),
         _ahead_and_behind(speeds),
-        _ratio_table(ratios),
+        _table("Beside the peers", _RATIOS, ratios.values()),
         _memory_table(record.get("memory")),
         _startup_table(record.get("startup")),
         _training_table(record.get("training", {})),
@@ -68,13 +71,7 @@ def report_page(record: Record) -> str:
 
 
 def write_report(record: Record, folder: str | os.PathLike[str]) -> None:
-    """Write data, page and picture into a folder, all of them or none.
-
-    Raises
-    ------
-    SwimError
-        If the folder holds other files or cannot be written, or matplotlib is not installed.
-    """
+    """Write data, page and picture into a folder, all of them or none; see `write_folder`."""
 
     def write(ready: Path) -> None:
         data = json.dumps(record, indent=1, allow_nan=False) + "\n"
@@ -88,10 +85,10 @@ def write_report(record: Record, folder: str | os.PathLike[str]) -> None:
 # ---- tables ------------------------------------------------------------------------------------
 
 
-def _table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+def _table(title: str, columns: Columns, items: Iterable[Any]) -> str:
     """Return a table under its heading, nothing without rows."""
-    rows = list(rows)
-    return f"## {title}\n\n{markdown_table(heads, rows, padded=True)}" if rows else ""
+    rows = [[show(item) for show in columns.values()] for item in items]
+    return f"## {title}\n\n{markdown_table(list(columns), rows, padded=True)}" if rows else ""
 
 
 def _number(value: float) -> str:
@@ -99,18 +96,62 @@ def _number(value: float) -> str:
     return f"{value:,.0f}" if 100.0 <= abs(value) < 1e7 else f"{value:.3g}"
 
 
-def _spread(spread: Record) -> str:
-    low, high = _number(spread["low"]), _number(spread["high"])
-    return f"{_number(spread['median'])} ({low} to {high})"
+def _percent(value: float, digits: int = 0) -> str:
+    return f"{100 * value:.{digits}f} %"
 
 
 def _median(spread: Record | None) -> str:
     return "" if spread is None else _number(spread["median"])
 
 
-def _aim(measured: Record, sign: str) -> tuple[str, str]:
-    """Return the aim and whether it was met."""
-    return f"{sign} {measured['aim']:g}", "yes" if measured["met"] else "no"
+def _spread(name: str) -> Callable[[Record], str]:
+    """Return a column of medians with quartiles, or of plain numbers."""
+
+    def show(row: Record) -> str:
+        value = row[name]
+        if not isinstance(value, Mapping):
+            return _number(value)
+        return f"{_median(value)} ({_number(value['low'])} to {_number(value['high'])})"
+
+    return show
+
+
+def _met(row: Record) -> str:
+    return "yes" if row["met"] else "no"
+
+
+_GROWTH: Columns = {
+    "fluid model": lambda fit: (
+        f"{fit['fluid_model']}, {fit['panels_per_element']} panels per element"
+    ),
+    "N": lambda fit: f"{fit['elements_from']} to {fit['elements_to']}",
+    "exponent": lambda fit: f"{fit['exponent']:.2f}",
+    "largest deviation": lambda fit: _percent(fit["largest_deviation"]),
+}
+_EFFECTS: Columns = {
+    "effect": lambda one: str(one["effect"]),
+    "with (us a step)": _spread("with"),
+    "without (us a step)": _spread("without"),
+    "added (us)": _spread("added"),
+    "without / with": _spread("removed"),
+}
+_SPEEDS: Columns = {
+    "environment": lambda one: str(one["label"]),
+    "steps per second": _spread("steps_per_second"),
+    "us per step": _spread("microseconds_per_step"),
+    "simulated s per s": _spread("simulated_seconds_per_second"),
+}
+_STABLE_STEPS: Columns = {
+    "peer": lambda speed: str(speed["label"]),
+    "step (ms)": lambda speed: _number(1e3 * speed["time_step"]),
+    "deviation from a quarter of the step": lambda speed: _percent(speed["deviation"]),
+}
+_RATIOS: Columns = {
+    "steps per second, compared": lambda one: str(one["label"]),
+    "ratio": _spread("ratio"),
+    "aim": lambda one: f"\u2265 {one['aim']:g}",
+    "met": _met,
+}
 
 
 def _kernel_tables(cells: Sequence[Record]) -> list[str]:
@@ -118,73 +159,25 @@ def _kernel_tables(cells: Sequence[Record]) -> list[str]:
     tables = []
     for model in dict.fromkeys(cell["fluid_model"] for cell in cells):
         some = [cell for cell in cells if cell["fluid_model"] == model]
-        parts = list(dict.fromkeys(part for cell in some for part in cell["parts"]))
         rows = [
-            [
-                f"{cell['elements']} x {cell['panels_per_element']}",
-                _spread(cell["step"]),
-                *(_median(cell["parts"].get(part)) for part in parts),
-                _median(cell.get("floor")),
-                _median(cell.get("step_to_floor")),
-            ]
+            {
+                "N x panels per element": f"{cell['elements']} x {cell['panels_per_element']}",
+                "step": _spread("step")(cell),
+                **{part: _median(cell["parts"].get(part)) for one in some for part in one["parts"]},
+                "floor": _median(cell.get("floor")),
+                "step / floor": _median(cell.get("step_to_floor")),
+            }
             for cell in some
         ]
-        heads = ["N x panels per element", "step", *parts, "floor", "step / floor"]
-        tables.append(_table(f"Microseconds of a physics step, fluid model {model}", heads, rows))
+        columns = {head: itemgetter(head) for head in rows[0]}
+        tables.append(_table(f"Microseconds of a physics step, fluid model {model}", columns, rows))
     return tables
-
-
-def _growth_table(fits: Sequence[Record]) -> str:
-    rows = [
-        [
-            f"{fit['fluid_model']}, {fit['panels_per_element']} panels per element",
-            f"{fit['elements_from']} to {fit['elements_to']}",
-            f"{fit['exponent']:.2f}",
-            f"{100 * fit['largest_deviation']:.0f} %",
-        ]
-        for fit in fits
-    ]
-    heads = ["fluid model", "N", "exponent", "largest deviation"]
-    return _table("Growth of a step's time with the number of elements N", heads, rows)
-
-
-def _effects_table(effects: Sequence[Record]) -> str:
-    names = ("with", "without", "added", "removed")
-    rows = [[one["effect"], *(_spread(one[name]) for name in names)] for one in effects]
-    heads = ("effect", "with (us a step)", "without (us a step)", "added (us)", "without / with")
-    return _table("What effects cost", heads, rows)
-
-
-def _speed_table(speeds: Record) -> str:
-    names = ("steps_per_second", "microseconds_per_step", "simulated_seconds_per_second")
-    rows = [[one["label"], *(_spread(one[name]) for name in names)] for one in speeds.values()]
-    heads = ["environment", "steps per second", "us per step", "simulated s per s"]
-    return _table("Environment steps", heads, rows)
-
-
-def _ratio_table(ratios: Record) -> str:
-    rows = [[one["label"], _spread(one["ratio"]), *_aim(one, "\u2265")] for one in ratios.values()]
-    heads = ["steps per second, compared", "ratio", "aim", "met"]
-    return _table("Beside the peers", heads, rows)
-
-
-def _stable_step_table(speeds: Record) -> str:
-    """Return how large the largest stable steps of peers are, and how accurate a run with them."""
-    rows = [
-        [speed["label"], _number(1e3 * speed["time_step"]), f"{100 * speed['deviation']:.0f} %"]
-        for speed in speeds.values()
-        if "deviation" in speed
-    ]
-    heads = ["peer", "step (ms)", "deviation from a quarter of the step"]
-    return _table("Largest stable steps, which need not be accurate", heads, rows)
 
 
 def _ahead_and_behind(speeds: Record) -> str:
     """Say which peers are ahead of this package and which are behind, on the same beam."""
     ours = speeds.get(_OURS)
-    peers = [
-        speed for name, speed in speeds.items() if name.startswith(("mujoco_chain", "elastica_rod"))
-    ]
+    peers = [speeds[name] for name in speeds if name.startswith(("mujoco_chain", "elastica_rod"))]
     if ours is None or not peers:
         return ""
 
@@ -194,20 +187,17 @@ def _ahead_and_behind(speeds: Record) -> str:
     def physics_steps(speed: Record) -> float:
         return float(speed["steps_per_second"]["median"] * speed["physics_steps_per_step"])
 
-    def listed(ahead: bool) -> str:
-        some = [one for one in peers if (simulated(one) > simulated(ours)) is ahead]
-        ranked = sorted(some, key=simulated, reverse=True)
-        lines = [
-            f"- {_number(simulated(one) / simulated(ours))} times: {one['label']}" for one in ranked
-        ]
-        return "\n".join(lines) or "- none"
-
+    lines: dict[bool, list[str]] = {True: [], False: []}
+    for peer in sorted(peers, key=simulated, reverse=True):
+        times = f"- {_number(simulated(peer) / simulated(ours))} times: {peer['label']}"
+        lines[simulated(peer) > simulated(ours)].append(times)
+    ahead, behind = ("\n".join(lines[which] or ["- none"]) for which in (True, False))
     fastest = max(peers, key=physics_steps)
     return (
         f"## Who is ahead, in simulated seconds per wall second on the same beam\n\n"
         f"{ours['label']}: {_number(simulated(ours))} simulated seconds per second. No peer "
         f"computes the added mass of\nthe surrounding flow. Ahead of this package:\n\n"
-        f"{listed(True)}\n\nBehind it:\n\n{listed(False)}\n\n"
+        f"{ahead}\n\nBehind it:\n\n{behind}\n\n"
         f"In plain steps per second peers are ahead: {_number(physics_steps(fastest))} of "
         f"{fastest['label']},\n{_number(physics_steps(ours))} here."
     )
@@ -225,20 +215,22 @@ def _memory_table(memory: Record | None) -> str:
         for members, size in resident["growth"].items():
             sizes[f"it grows by, {members} members more"] = size
     title = f"Memory, scene {memory['scene']} with {memory['elements']} elements"
-    rows = [[name, _number(size / 1e6)] for name, size in sizes.items()]
-    return _table(title, ["of", "MB"], rows)
+    columns: Columns = {"of": itemgetter(0), "MB": lambda row: _number(row[1] / 1e6)}
+    return _table(title, columns, sizes.items())
 
 
 def _startup_table(startup: Record | None) -> str:
     if startup is None:
         return ""
     warm, cold = startup["warm"], startup.get("cold")
-    phases = [phase for phase in PHASES if phase in warm]
-    rows = [["kernels in the cache", *(_spread(warm[phase]) for phase in phases), *_aim(warm, "<")]]
-    if cold is not None:
-        rows.append(["empty cache", *(_number(cold[phase]) for phase in phases), *_aim(cold, "<")])
-    heads = ["start-up (s)", *(phase.replace("_", " ") for phase in phases), "aim of total", "met"]
-    text = _table("Start-up: import, make and first step", heads, rows)
+    columns: Columns = {
+        "start-up (s)": lambda start: "kernels in the cache" if start is warm else "empty cache",
+        **{phase.replace("_", " "): _spread(phase) for phase in PHASES if phase in warm},
+        "aim of total": lambda start: f"< {start['aim']:g}",
+        "met": _met,
+    }
+    starts = [warm] if cold is None else [warm, cold]
+    text = _table("Start-up: import, make and first step", columns, starts)
     if cold is not None and cold["announcement"]:
         said = "\n".join(f"    {line}" for line in cold["announcement"])
         text += f"\n\nSaid on stderr, first after {cold['announced_after']:.1f} s:\n\n{said}"
@@ -248,13 +240,13 @@ def _startup_table(startup: Record | None) -> str:
 def _training_table(training: Record) -> str:
     runs = [run for run in training.values() if run]
     rows = [
-        [
-            f"{run['algorithm']}, {run['members']} members, {run['environment_threads']} threads, "
-            f"PyTorch {run['torch_threads']}",
-            _spread(run["steps_per_second"]),
-            *(f"{100 * share:.1f} %" for share in run["shares"].values()),
-        ]
+        {
+            "training": f"{run['algorithm']}, {run['members']} members, "
+            f"{run['environment_threads']} threads, PyTorch {run['torch_threads']}",
+            "steps per second": _spread("steps_per_second")(run),
+            **{part: _percent(share, 1) for part, share in run["shares"].items()},
+        }
         for run in runs
     ]
-    parts = runs[0]["shares"] if runs else {}
-    return _table("Where training spends its time", ["training", "steps per second", *parts], rows)
+    columns = {head: itemgetter(head) for row in rows for head in row}
+    return _table("Where training spends its time", columns, rows)

@@ -7,10 +7,8 @@ import tempfile
 from typing import Any
 
 from studies.benchmark.subprocesses import Finished, run_python
-from studies.benchmark.timing import Progress, spread_of
+from studies.benchmark.timing import Progress, no_progress, spread_of
 from swim_env.physics.loading import load_kernels
-
-__all__ = ["PHASES", "measure_cold_start", "measure_warm_start"]
 
 #: What a start consists of; ``total`` is their sum and ``process`` all that the process took.
 PHASES = ("import", "make_and_reset", "first_step", "total", "process")
@@ -39,43 +37,33 @@ def _phases(done: Finished) -> dict[str, float]:
     return dict(zip(PHASES, seconds, strict=True))
 
 
-def measure_warm_start(rounds: int, progress: Progress | None = None) -> dict[str, Any]:
+def measure_warm_start(rounds: int, progress: Progress = no_progress) -> dict[str, Any]:
     """Measure starts with the compiled kernels in the cache, each in a process of its own.
 
-    One start more comes before them, fills the disk's cache and does not count.
-
-    Returns
-    -------
-    dict
-        Spreads of PHASES (s), ``aim`` for the total, and ``met``: whether its median is below.
+    One more start comes first, which fills the disk's cache and does not count. Returns spreads of
+    PHASES (s), ``aim`` for the total, and ``met``: whether its median is below.
     """
     load_kernels()
     run_python(_CODE)
     runs = []
     for _ in range(rounds):
         runs.append(_phases(run_python(_CODE)))
-        if progress is not None:
-            progress(1)
-    spreads = {phase: spread_of([run[phase] for run in runs]) for phase in PHASES}
-    return {
-        **{phase: spread.as_dict() for phase, spread in spreads.items()},
-        "aim": _WARM_AIM,
-        "met": spreads["total"].median < _WARM_AIM,
+        progress(1)
+    spreads: dict[str, Any] = {
+        phase: spread_of([run[phase] for run in runs]).as_dict() for phase in PHASES
     }
+    return {**spreads, "aim": _WARM_AIM, "met": spreads["total"]["median"] < _WARM_AIM}
 
 
 def measure_cold_start() -> dict[str, Any]:
     """Measure one start with an empty cache, which compiles the kernels.
 
-    Returns
-    -------
-    dict
-        PHASES (s); ``aim`` and ``met`` as for `measure_warm_start`; ``announcement``: the lines
-        on standard error that say what is happening; ``announced_after``: when the first of them
-        came, from the start of the process (s), None without one.
+    Returns PHASES (s); ``aim`` and ``met`` as for `measure_warm_start`; ``announcement``: the lines
+    on standard error that say what is happening; ``announced_after``: when the first of them came,
+    from the start of the process (s), None without one.
     """
     with tempfile.TemporaryDirectory(prefix="swim_env-", ignore_cleanup_errors=True) as folder:
-        done = run_python(_CODE, environment={"NUMBA_CACHE_DIR": folder})
+        done = run_python(_CODE, variables={"NUMBA_CACHE_DIR": folder})
     said = [(when, line) for when, line in done.messages if line.startswith("swim_env: ")]
     phases = _phases(done)
     return {

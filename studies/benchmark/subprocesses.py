@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 from swim_env.errors import SwimError
 
-__all__ = ["Finished", "run_python"]
+#: The checkout.
+_ROOT = Path(__file__).parents[2]
 
 
 class Finished(NamedTuple):
@@ -27,20 +28,13 @@ class Finished(NamedTuple):
     seconds: float
 
 
-def run_python(
-    code: str, *arguments: str, environment: Mapping[str, str] | None = None
-) -> Finished:
+def run_python(code: str, *arguments: str, variables: Mapping[str, str] | None = None) -> Finished:
     """Run Python code with this interpreter and this package, and some environment variables set.
 
-    Arguments become its ``sys.argv[1:]``.
-
-    Raises
-    ------
-    SwimError
-        If it fails.
+    Arguments become its ``sys.argv[1:]``. A process that fails is a SwimError.
     """
-    paths = [str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])]
-    variables = {**os.environ, **(environment or {}), "PYTHONPATH": os.pathsep.join(paths)}
+    paths = [str(_ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
+    environment = {**os.environ, **(variables or {}), "PYTHONPATH": os.pathsep.join(paths)}
     with tempfile.TemporaryFile("w+", encoding="utf-8") as output:
         start = time.perf_counter()
         with subprocess.Popen(
@@ -49,7 +43,7 @@ def run_python(
             stdout=output,
             stderr=subprocess.PIPE,
             text=True,
-            env=variables,
+            env=environment,
         ) as process:
             assert process.stderr is not None
             messages = [(time.perf_counter() - start, line.rstrip("\n")) for line in process.stderr]

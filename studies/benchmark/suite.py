@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
 from swim_agents.commands.command_line import progress_bar
+from swim_agents.learning.config import load_config
 
 from studies.benchmark.effects import effect_pairs, measure_effects
 from studies.benchmark.elastica_peer import SOFTENINGS
@@ -18,15 +18,13 @@ from studies.benchmark.mujoco_chain import CHAIN_VARIANTS, ChainVariant, Way
 from studies.benchmark.parts import measure_parts
 from studies.benchmark.peers import peer_workloads
 from studies.benchmark.startup import measure_cold_start, measure_warm_start
-from studies.benchmark.timing import Progress, ratio, time_in_turn
+from studies.benchmark.timing import Progress, no_progress, ratio, time_in_turn
 from swim_env.envs.assessment import load_assessment
 from swim_env.errors import SwimError
 from swim_env.physics import FLUID_MODELS
 from swim_env.physics.runtime.threads import usable_threads
 from swim_env.scene import Scene, load_scene
-from swim_env.scene.blocks import MOST_ELEMENTS_OF_EXPANSION
-
-__all__ = ["FULL", "QUICK", "SECTIONS", "Extent", "kernel_scenes", "measure", "measure_speeds"]
+from swim_env.scene.fluid import MOST_ELEMENTS_OF_EXPANSION
 
 #: What can be measured by itself.
 SECTIONS = ("kernel", "effects", "environments", "startup", "training", "peers")
@@ -47,42 +45,28 @@ class Extent(NamedTuple):
     """How much is measured."""
 
     #: Beams and panels per element that the parts of a step are measured for.
-    elements: tuple[int, ...]
-    panels: tuple[int, ...]
+    elements: tuple[int, ...] = (3, 5, 9, 18, 27, 54, 81)
+    panels: tuple[int, ...] = (2, 4, 8, 12)
     #: How often each thing is timed.
-    rounds: int
+    rounds: int = 15
     #: Environment steps in a timed call.
-    single_steps: int
-    batch_steps: int
+    single_steps: int = 200
+    batch_steps: int = 10
     #: Sizes of the batches whose memory is measured.
-    memory_members: tuple[int, ...]
+    memory_members: tuple[int, ...] = (1, 64, 256)
     #: Starts with a filled cache, and whether one with an empty cache is measured.
-    starts: int
-    cold_start: bool
+    starts: int = 5
+    cold_start: bool = True
     #: Length of each training run (s), and changes to the shipped training configurations by name.
-    training_seconds: float
-    training: dict[str, dict[str, Any]]
+    training_seconds: float = 20.0
+    training: Mapping[str, dict[str, Any]] = MappingProxyType({})
     #: What of the peers is prepared, see `studies.benchmark.peers.peer_workloads`.
-    chain_variants: tuple[ChainVariant, ...]
-    chain_ways: tuple[Way, ...]
-    softenings: tuple[float, ...]
+    chain_variants: tuple[ChainVariant, ...] = CHAIN_VARIANTS
+    chain_ways: tuple[Way, ...] = ("held", "single")
+    softenings: tuple[float, ...] = SOFTENINGS
 
 
-FULL = Extent(
-    elements=(3, 5, 9, 18, 27, 54, 81),
-    panels=(2, 4, 8, 12),
-    rounds=15,
-    single_steps=200,
-    batch_steps=10,
-    memory_members=(1, 64, 256),
-    starts=5,
-    cold_start=True,
-    training_seconds=20.0,
-    training={},
-    chain_variants=CHAIN_VARIANTS,
-    chain_ways=("held", "single"),
-    softenings=SOFTENINGS,
-)
+FULL = Extent()
 
 QUICK = Extent(
     elements=(3, 9, 27),
@@ -126,27 +110,12 @@ _RATIOS: dict[str, tuple[str, str, str, float]] = {
 
 
 def measure(sections: Iterable[str], extent: Extent, optional: bool) -> dict[str, Any]:
-    """Measure sections, with progress bars.
+    """Measure sections, with progress bars; peers come with the environments beside them.
 
-    Parameters
-    ----------
-    sections : iterable of str
-        Of SECTIONS; peers come with the environments that they are compared to.
-    extent : Extent
-        How much of them.
-    optional : bool
-        Whether sections whose packages are not installed are left out.
-
-    Returns
-    -------
-    dict
-        Of ``kernel``, ``growth``, ``effects``, ``speeds``, ``ratios``, ``memory``, ``startup`` and
-        ``training`` what the sections give; ``skipped``: why others are missing, by name.
-
-    Raises
-    ------
-    SwimError
-        If nothing can be measured of a section that is not optional.
+    Returns of ``kernel``, ``growth``, ``effects``, ``speeds``, ``ratios``, ``memory``, ``startup``
+    and ``training`` what the sections give; ``skipped``: why others are missing, by name. With
+    `optional`, sections whose packages are not installed are left out; else a section of which
+    nothing can be measured is a SwimError or an ImportError.
     """
     load_assessment()
     record: dict[str, Any] = {}
@@ -159,7 +128,16 @@ def measure(sections: Iterable[str], extent: Extent, optional: bool) -> dict[str
         with progress_bar(len(effect_pairs()), "effect", "effects") as progress:
             record["effects"] = measure_effects(extent.rounds, progress)
     if "peers" in sections:
-        peers, skipped = _prepare_peers(extent)
+        total = 1 + len(extent.chain_variants) + len(extent.softenings)
+        with progress_bar(total, "peer", "preparing the peers") as progress:
+            peers, skipped = peer_workloads(
+                variants=extent.chain_variants,
+                softenings=extent.softenings,
+                ways=extent.chain_ways,
+                single_steps=extent.single_steps,
+                batch_steps=extent.batch_steps,
+                progress=progress,
+            )
         if not peers and not optional:
             raise SwimError("; ".join(skipped.values()))
     if sections & {"environments", "peers"}:
@@ -187,24 +165,20 @@ def measure(sections: Iterable[str], extent: Extent, optional: bool) -> dict[str
     return {**record, "skipped": skipped}
 
 
-def kernel_scenes(elements: Iterable[int], panels: Iterable[int]) -> list[Scene]:
+def kernel_scenes(elements: Sequence[int], panels: Sequence[int]) -> list[Scene]:
     """Return `paper_i` with every fluid model, number of elements and of panels per element.
 
     Without the model for comparison, and beams that are too large for a model.
     """
-    elements, panels = list(elements), list(panels)
-    scenes = []
-    for model in FLUID_MODELS:
-        if model == _NOT_FOR_USE:
-            continue
-        for count in [_USUAL_PANELS] if model in _WITHOUT_PANELS else panels:
-            changes = {"fluid.model": model, "fluid.panels_per_element": count}
-            scenes += [
-                load_scene("paper_i").replace({**changes, "beam.elements": number})
-                for number in elements
-                if model != "expansion" or number <= MOST_ELEMENTS_OF_EXPANSION
-            ]
-    return scenes
+    changes = [
+        {"fluid.model": model, "fluid.panels_per_element": count, "beam.elements": number}
+        for model in FLUID_MODELS
+        if model != _NOT_FOR_USE
+        for count in ([_USUAL_PANELS] if model in _WITHOUT_PANELS else panels)
+        for number in elements
+        if model != "expansion" or number <= MOST_ELEMENTS_OF_EXPANSION
+    ]
+    return [load_scene("paper_i", change) for change in changes]
 
 
 def _measure_kernel(extent: Extent) -> dict[str, Any]:
@@ -221,32 +195,14 @@ def _measure_kernel(extent: Extent) -> dict[str, Any]:
     return {"kernel": cells, "growth": growth_of(cells) + growth_of(cells, _LARGE_BEAMS)}
 
 
-def _prepare_peers(extent: Extent) -> tuple[dict[str, Workload], dict[str, str]]:
-    """Return what is timed of the peers, and why others are missing."""
-    total = 1 + len(extent.chain_variants) + len(extent.softenings)
-    with progress_bar(total, "peer", "preparing the peers") as progress:
-        return peer_workloads(
-            variants=extent.chain_variants,
-            softenings=extent.softenings,
-            ways=extent.chain_ways,
-            single_steps=extent.single_steps,
-            batch_steps=extent.batch_steps,
-            progress=progress,
-        )
-
-
 def measure_speeds(
-    workloads: Mapping[str, Workload], rounds: int, progress: Progress | None = None
+    workloads: Mapping[str, Workload], rounds: int, progress: Progress = no_progress
 ) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, Any]]]:
     """Time workloads in turn and compare them; `progress` is called after every round.
 
-    Returns
-    -------
-    speeds : dict of str to dict
-        By workload what `studies.benchmark.environments.throughput` returns.
-    ratios : dict of str to dict
-        By comparison: ``label``, the spread ``ratio`` over the rounds, ``aim``, and ``met``:
-        whether the median reaches it.
+    Returns by workload what `studies.benchmark.environments.throughput` returns, and by comparison
+    ``label``, the spread ``ratio`` over the rounds, ``aim``, and ``met``: whether the median
+    reaches it.
     """
     calls = {name: workload.call for name, workload in workloads.items()}
     times = time_in_turn(calls, rounds=rounds, after_round=progress)
@@ -254,18 +210,14 @@ def measure_speeds(
     ratios = {}
     for name, (label, above, below, aim) in _RATIOS.items():
         if above in workloads and below in workloads:
-            rates: list[NDArray[np.float64]] = [
-                workloads[one].steps / times[one] for one in (above, below)
-            ]
-            spread = ratio(*rates)
+            spread = ratio(*(workloads[one].steps / times[one] for one in (above, below)))
             met = spread.median >= aim
             ratios[name] = {"label": label, "ratio": spread.as_dict(), "aim": aim, "met": met}
     return speeds, ratios
 
 
 def _measure_training(extent: Extent) -> dict[str, Any]:
-    from swim_agents.learning.config import load_config
-
+    # It needs PyTorch and stable-baselines3.
     from studies.benchmark.training_cost import CONFIGS, measure_training
 
     runs = {}

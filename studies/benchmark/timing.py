@@ -13,10 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["Progress", "Spread", "ratio", "spread_of", "time_in_turn"]
-
 #: Called with the number of things done since the last call.
 Progress = Callable[[int], object]
+
+
+def no_progress(done: int) -> None:
+    """Tell nobody how far the work is."""
 
 
 class Spread(NamedTuple):
@@ -44,10 +46,7 @@ def spread_of(values: ArrayLike) -> Spread:
 
 
 def time_in_turn(
-    calls: Mapping[str, Callable[[], object]],
-    *,
-    rounds: int,
-    after_round: Progress | None = None,
+    calls: Mapping[str, Callable[[], object]], *, rounds: int, after_round: Progress = no_progress
 ) -> dict[str, np.ndarray]:
     """Time callables in turn, each `rounds` times, after one call each to warm up.
 
@@ -64,8 +63,7 @@ def time_in_turn(
             start = time.perf_counter()
             call()
             seconds[name][index] = time.perf_counter() - start
-        if after_round is not None:
-            after_round(1)
+        after_round(1)
     return seconds
 
 

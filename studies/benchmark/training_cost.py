@@ -12,14 +12,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import numpy as np
 from swim_agents.learning.config import TrainingConfig
 from swim_agents.learning.environment import make_training_env
 from swim_agents.learning.models import make_model, torch_threads
 
-from studies.benchmark.timing import Progress, spread_of
+from studies.benchmark.timing import Progress, no_progress, spread_of
 from swim_env.physics.runtime.threads import usable_threads
-
-__all__ = ["CONFIGS", "PARTS", "Timers", "measure_training"]
 
 #: Where the time goes: `Bodies.advance`; the rest of `VecEnv.step`, in Python and the kernels of
 #: observations; actions and values for the rollout; gradient updates; and what is left.
@@ -65,7 +64,7 @@ def measure_training(
     *,
     seconds: float = 15.0,
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress = no_progress,
 ) -> dict[str, Any]:
     """Train for a while, without evaluations and checkpoints, and measure where the time goes.
 
@@ -98,12 +97,9 @@ def measure_training(
             rounds = _play(model, timers, config.round_steps, seconds, progress)
     finally:
         env.close()
-    total = sum(elapsed for elapsed, _ in rounds)
-    shares, spreads = {}, {}
-    for part in PARTS:
-        shares[part] = sum(parts[part] for _, parts in rounds) / total
-        spreads[part] = spread_of([parts[part] / elapsed for elapsed, parts in rounds]).as_dict()
-    rates = [config.round_steps / elapsed for elapsed, _ in rounds]
+    elapsed = np.array([one[0] for one in rounds])
+    parts = {part: np.array([one[1][part] for one in rounds]) for part in PARTS}
+    total = float(elapsed.sum())
     return {
         "algorithm": config.algorithm,
         "config": config.name,
@@ -115,18 +111,20 @@ def measure_training(
         "rounds": len(rounds),
         "steps": len(rounds) * config.round_steps,
         "seconds": total,
-        "shares": shares,
-        "shares_spread": spreads,
-        "steps_per_second": spread_of(rates).as_dict(),
+        "shares": {part: float(values.sum()) / total for part, values in parts.items()},
+        "shares_spread": {
+            part: spread_of(values / elapsed).as_dict() for part, values in parts.items()
+        },
+        "steps_per_second": spread_of(config.round_steps / elapsed).as_dict(),
     }
 
 
 def _play(
-    model: Any, timers: Timers, steps_per_round: int, seconds: float, progress: Progress | None
+    model: Any, timers: Timers, steps_per_round: int, seconds: float, progress: Progress
 ) -> list[tuple[float, dict[str, float]]]:
     """Train round after round; return the seconds of each, and those of its parts."""
     rounds: list[tuple[float, dict[str, float]]] = []
-    begin, reported = time.perf_counter(), 0
+    begin, passed = time.perf_counter(), 0
     while len(rounds) < 2 or time.perf_counter() - begin < seconds:
         timers.seconds = {}
         start = time.perf_counter()
@@ -135,8 +133,6 @@ def _play(
         parts = {part: timers.seconds.get(part, 0.0) for part in PARTS}
         parts["other"] = elapsed - sum(parts.values())
         rounds.append((elapsed, parts))
-        passed = min(int(time.perf_counter() - begin), int(seconds))
-        if progress is not None and passed > reported:
-            progress(passed - reported)
-            reported = passed
+        before, passed = passed, min(int(time.perf_counter() - begin), int(seconds))
+        progress(passed - before)
     return rounds

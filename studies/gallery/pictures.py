@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["draw_learning", "draw_pareto", "pareto_front"]
-
 Curve = Mapping[str, Sequence[float]]
 
 _MARKS = ("o", "s", "^", "D", "v", "P", "X")
@@ -47,14 +45,10 @@ def draw_pareto(
     ----------
     trajectories : mapping of str to sequence of Trajectory
         Of each policy its runs at rising strength; a line joins them. Displacement is that along
-        the scene's heading; runs that got nowhere or backwards, or took no work, are left out.
+        the scene's heading; runs that got nowhere or backwards, or took no work, are left out; if
+        no other is there, it is a SwimError.
     trusted : mapping of str to sequence of bool, optional
         Whether each run passed a check; those that did not are hollow and not on the front.
-
-    Raises
-    ------
-    SwimError
-        If nothing is left to draw.
     """
     looks = style.policy_looks(trajectories)
     figure = style.new_figure(style.WIDTH, 4.6)
@@ -62,57 +56,41 @@ def draw_pareto(
     trusted_points: list[tuple[float, float]] = []
     doubtful = False
     for number, (name, runs) in enumerate(trajectories.items()):
-        passed = [True] * len(runs) if trusted is None else trusted[name]
-        points = [
-            (_point(run), good)
-            for run, good in zip(runs, passed, strict=True)
-            if min(_point(run)) > 0.0
-        ]
-        if not points:
+        points = np.array([_point(run) for run in runs])
+        passed = np.array([True] * len(runs) if trusted is None else trusted[name])
+        ahead = points.min(axis=1) > 0.0
+        if not ahead.any():
             continue
         colour, mark = looks[name]["color"], _MARKS[number % len(_MARKS)]
         line: dict[str, Any] = {"color": colour, "linewidth": style.LINE}
         marks: dict[str, Any] = {"color": colour, "marker": mark, "markersize": 5}
-        axes.plot(*zip(*(point for point, _ in points), strict=True), **line)
+        axes.plot(*points[ahead].T, **line)
         axes.plot([], [], **(marks | line), label=name)
-        for wanted, fill in ((True, colour), (False, "white")):
-            some = [point for point, good in points if good == wanted]
-            shown = np.array(some).reshape(-1, 2).T
-            axes.plot(*shown, **marks, linestyle="", markerfacecolor=fill, zorder=4)
-            if wanted:
-                trusted_points += some
-            else:
-                doubtful = doubtful or bool(some)
+        for some, fill in ((ahead & passed, colour), (ahead & ~passed, "white")):
+            axes.plot(*points[some].T, **marks, linestyle="", markerfacecolor=fill, zorder=4)
+        trusted_points += [(work, gain) for work, gain in points[ahead & passed].tolist()]
+        doubtful = doubtful or bool((ahead & ~passed).any())
     if not trusted_points:
         raise SwimError("there is nothing to draw: no run got anywhere along the scene's heading")
     if doubtful:
         label = "hollow: a finer computation disagrees"
         axes.plot([], [], "o", color=style.GREY, markerfacecolor="white", markersize=5, label=label)
     works, reached = zip(*trusted_points, strict=True)
-    front = pareto_front(works, reached)
-    axes.step(
-        [works[i] for i in front],
-        [reached[i] for i in front],
-        where="post",
-        color=style.FRONT,
-        linewidth=style.THIN,
-        label="front: no run goes as far for less",
-        zorder=2,
-    )
+    front = np.array(trusted_points)[pareto_front(works, reached)].T
+    label = "front: no run goes as far for less"
+    line = {"color": style.FRONT, "linewidth": style.THIN, "zorder": 2}
+    axes.step(*front, where="post", label=label, **line)
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.margins(0.08)
     _draw_equal_costs(axes)
     axes.xaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_major_formatter("{x:g}")
-    axes.legend(fontsize=style.SMALL, frameon=False, loc="upper left")
+    style.add_legend(axes, fontsize=style.SMALL, loc="upper left")
     first = next(run for runs in trajectories.values() for run in runs)
-    style.style_axes(
-        axes,
-        "positive work of the torques (J)",
-        "net displacement (body lengths)",
-        f"{first.scene.name}, {first.duration:g} s: each policy's torques at rising strength",
-    )
+    title = f"{first.scene.name}, {first.duration:g} s: each policy's torques at rising strength"
+    work, reach = "positive work of the torques (J)", "net displacement (body lengths)"
+    style.style_axes(axes, work, reach, title)
     return figure
 
 
@@ -128,23 +106,14 @@ def _draw_equal_costs(axes: Axes) -> None:
     low, high = axes.get_ylim()
     decades = range(math.floor(math.log10(left / high)), math.ceil(math.log10(right / low)) + 1)
     for cost in (10.0**decade for decade in decades):
-        axes.plot(
-            [cost * low, cost * high],
-            [low, high],
-            color=style.GREY,
-            linewidth=style.THIN,
-            linestyle=":",
-        )
+        line: dict[str, Any] = {"color": style.GREY, "linewidth": style.THIN, "linestyle": ":"}
+        axes.plot([cost * low, cost * high], [low, high], **line)
         # Under the line where it comes in, if there is room.
         if left < cost * low < right * (right / left) ** -0.15:
-            axes.annotate(
-                f"{cost:,.0f} J/BL" if cost >= 1.0 else f"{cost:g} J/BL",
-                (cost * low, low),
-                xytext=(17, 2),
-                textcoords="offset points",
-                fontsize=style.SMALLER,
-                color=style.GREY,
-            )
+            text = f"{cost:,.0f} J/BL" if cost >= 1.0 else f"{cost:g} J/BL"
+            look: dict[str, Any] = {"fontsize": style.SMALLER, "color": style.GREY}
+            place: dict[str, Any] = {"xytext": (17, 2), "textcoords": "offset points"}
+            axes.annotate(text, (cost * low, low), **place, **look)
     axes.set_xlim(left, right)
     axes.set_ylim(low, high)
 
@@ -200,9 +169,8 @@ def _draw_spread(
     at: NDArray[np.float64] = steps[0][steps[0] <= min(one[-1] for one in steps)]
     table = np.stack([np.interp(at, x, y) for x, y in zip(steps, values, strict=True)])
     count = f"{len(runs)} seeds" if len(runs) > 1 else "1 seed"
-    axes.plot(
-        at, np.median(table, axis=0), color=colour, linewidth=style.THICK, label=f"{name}, {count}"
-    )
+    label, median = f"{name}, {count}", np.median(table, axis=0)
+    axes.plot(at, median, color=colour, linewidth=style.THICK, label=label)
     if len(runs) > 1:
         low, high = table.min(axis=0), table.max(axis=0)
         axes.fill_between(at, low, high, color=colour, alpha=0.2, linewidth=0)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +25,6 @@ from swim_env.physics.runtime.threads import usable_threads
 from swim_env.scene import Scene, load_scene
 from swim_env.sim.replay import replay
 from swim_env.sim.trajectory import Trajectory
-
-__all__ = ["FULL", "QUICK", "Episode", "Plan", "Runs", "play_all", "stored_curves"]
 
 Curve = dict[str, list[float]]
 #: Called with the simulated seconds since the last call.
@@ -47,9 +46,8 @@ class Plan:
 
     #: Of the start's noise and of the target.
     seed: int = FIRST_SEED
-    #: Of an episode (s); the scene's own where it is None.
+    #: Of an episode (s), the scene's own where it is None, and of the paper's scenes (s).
     duration: float | None = None
-    #: Of the paper's scenes (s).
     paper_duration: float = 100.0
     #: Factors on the torques of the runs of rising strength, the last of them 1.
     strengths: tuple[float, ...] = (0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
@@ -77,29 +75,29 @@ FULL = Plan()
 QUICK = Plan(duration=1.2, paper_duration=4.0, strengths=(0.5, 1.0))
 
 
-@dataclass(frozen=True, eq=False)
-class Episode:
-    """A policy's episode."""
+class Episode(NamedTuple):
+    """A policy's episode, and the same motion with energy and work.
+
+    Its net displacement computed finer (BL), see `swim_agents.verify_rollout`, and whether the two
+    agree, are None if unchecked.
+    """
 
     rollout: Rollout
-    #: The same motion, with energy and work.
     trajectory: Trajectory
-    #: Its net displacement computed finer (BL), see `swim_agents.verify_rollout`, and whether the
-    #: two agree; None if unchecked.
     fine_displacement: float | None = None
     verified: bool | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Runs:
-    """Everything that was played."""
+class Runs(NamedTuple):
+    """Everything that was played.
+
+    The paper's scenes; of each policy that swims forward an episode for each strength of the plan;
+    and the episode of the agent that swims to a target.
+    """
 
     plan: Plan
-    #: The paper's scenes.
     paper: dict[str, Trajectory]
-    #: Of each policy that swims forward an episode for each strength of the plan.
     strengths: dict[str, list[Episode]]
-    #: Of the agent that swims to a target.
     target: Episode
 
     @property
@@ -114,59 +112,52 @@ class _Weaker:
     def __init__(self, policy: Policy, share: float) -> None:
         self._policy, self._share = policy, share
 
-    def predict(
-        self,
-        observation: Any,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = False,
-    ) -> tuple[NDArray[Any], Any]:
+    def predict(self, *arguments: Any, **named: Any) -> tuple[NDArray[Any], Any]:
         """Return the share of the other's actions, and its state."""
-        actions, state = self._policy.predict(observation, state, episode_start, deterministic)
+        actions, state = self._policy.predict(*arguments, **named)
         return self._share * np.asarray(actions), state
 
 
 def play_all(plan: Plan, progress: Progress) -> Runs:
     """Play everything that the gallery shows; progress is in simulated seconds."""
+    lock = threading.Lock()
+
+    def every(seconds: float) -> Callable[[int], None]:
+        """Return the progress of steps that take so long."""
+
+        def advance(steps: int) -> None:
+            with lock:
+                progress(steps * seconds)
+
+        return advance
+
+    def play(env: SwimEnv, policy: Policy) -> Rollout:
+        with closing(env):
+            interval = env.scene.episode.control_interval
+            return play_episode(env, policy, plan.seed, progress=every(interval))
+
+    def check(rollout: Rollout) -> Episode:
+        step = fine_scene(rollout.scene).integrator.time_step
+        found = verify_rollout(rollout, progress=every(step))
+        return Episode(rollout, rollout.simulate(), found.fine_displacement, found.verified)
+
     paper = {}
     for name in PAPER_SCENES:
-        step = load_scene(name).integrator.time_step
-        paper[name], _ = replay(
-            load_scene(name),
-            plan.paper_duration,
-            lambda steps, step=step: progress(steps * step),  # type: ignore[misc]
-        )
+        driven = load_scene(name)
+        paper[name], _ = replay(driven, plan.paper_duration, every(driven.integrator.time_step))
     scene = plan.scene()
     rollouts: dict[str, list[Rollout]] = {}
     for name in FORWARD:
         policy = load_policy(name, scene, plan.seed, "forward")
-        rollouts[name] = [
-            _play(SwimEnv(scene), _Weaker(policy, share), plan.seed, progress)
-            for share in plan.strengths
-        ]
+        shares = [_Weaker(policy, share) for share in plan.strengths]
+        rollouts[name] = [play(SwimEnv(scene), weaker) for weaker in shares]
     aiming = load_policy(TARGET, scene, plan.seed, "target")
-    target = _play(SwimTargetEnv(scene), aiming, plan.seed, progress)
-    step, lock = fine_scene(scene).integrator.time_step, threading.Lock()
-
-    def checked(steps: int) -> None:
-        with lock:
-            progress(steps * step)
-
-    def check(rollout: Rollout) -> Episode:
-        found = verify_rollout(rollout, progress=checked)
-        return Episode(rollout, rollout.simulate(), found.fine_displacement, found.verified)
+    target = play(SwimTargetEnv(scene), aiming)
 
     # The kernels release the interpreter's lock.
     with ThreadPoolExecutor(usable_threads()) as pool:
         strengths = {name: list(pool.map(check, some)) for name, some in rollouts.items()}
     return Runs(plan, paper, strengths, Episode(target, target.simulate()))
-
-
-def _play(env: SwimEnv, policy: Policy, seed: int, progress: Progress) -> Rollout:
-    interval = env.scene.episode.control_interval
-    rollout = play_episode(env, policy, seed, progress=lambda actions: progress(actions * interval))
-    env.close()
-    return rollout
 
 
 def stored_curves() -> tuple[dict[str, list[Curve]], dict[str, list[Curve]]]:
@@ -175,14 +166,13 @@ def stored_curves() -> tuple[dict[str, list[Curve]], dict[str, list[Curve]]]:
     For each agent, forward and with a target, that is the columns of its runs'
     ``evaluations.csv``; the other seeds are there only in a checkout.
     """
-    forward = {name: _curves(name) for name in FORWARD if name not in REFERENCES}
-    return forward, {TARGET: _curves(TARGET)}
 
+    def curves(name: str) -> list[Curve]:
+        others = sorted(_TRIED.glob(f"{name}_seed_*/evaluations.csv"))
+        return [read_log(path) for path in (PRETRAINED_FOLDER / name / "evaluations.csv", *others)]
 
-def _curves(name: str) -> list[Curve]:
-    own = PRETRAINED_FOLDER / name / "evaluations.csv"
-    others = sorted(_TRIED.glob(f"{name}_seed_*/evaluations.csv"))
-    return [read_log(path) for path in (own, *others)]
+    forward = {name: curves(name) for name in FORWARD if name not in REFERENCES}
+    return forward, {TARGET: curves(TARGET)}
 
 
 def table(runs: Runs) -> Mapping[str, Sequence[dict[str, Any]]]:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
+from itertools import product
+from typing import Any
 
 import numpy as np
 
 from studies.stability.runs import HardRun, Torques
 from studies.stability.torques import Ramp, SquareWave, WhiteNoise
-from swim_env.physics.fluid.fluid_terms import plate_added_mass
+from swim_env.physics.fluid.strip import plate_added_mass
 from swim_env.scene import load_scene
-
-__all__ = ["CASES", "hard_runs"]
 
 Runs = Iterator[HardRun]
 
@@ -43,36 +43,40 @@ def _damped_and_not(bodies: Iterable[tuple[str, dict[str, object], bool]]) -> Ru
     bodies = list(bodies)
     for how, damping in _DAMPING.items():
         for label, changes, flagged in bodies:
-            yield HardRun(
-                f"{label}, {how}",
-                load_scene("swimmer", {**changes, "damping": damping}),
-                20.0,
-                must_last=damping is not None,
-                compared=True,
-                flagged=flagged,
-            )
+            options = {"must_last": damping is not None, "compared": True, "flagged": flagged}
+            yield _swim(f"{label}, {how}", {**changes, "damping": damping}, 20.0, **options)
+
+
+def _swim(label: str, changes: Mapping[str, object], duration: float, **how: Any) -> HardRun:
+    """Return a run of scene swimmer with changes."""
+    return HardRun(label, load_scene("swimmer", changes), duration, **how)
+
+
+def _fluid(elements: int, model: str, panels: int) -> dict[str, object]:
+    """Return the changes of a scene to so many elements, a fluid model and panels per element."""
+    beam: dict[str, object] = {"beam.elements": elements}
+    return {**beam, "fluid.model": model, "fluid.panels_per_element": panels}
 
 
 @_case("resonance")
 def _resonance() -> Runs:
     """Drive paper_i through its first bending mode."""
-    for step in (0.01, 0.005):
-        for how, damping in _DAMPING.items():
-            for frequency in np.arange(3.0, 8.01, 0.25).tolist():
-                changes = {
-                    "actuation.frequency": 2.0 * math.pi * frequency,
-                    "integrator.time_step": step,
-                    "damping": damping,
-                }
-                yield HardRun(
-                    f"{frequency:.2f} Hz, {1e3 * step:g} ms, {how}",
-                    load_scene("paper_i", changes),
-                    60.0,
-                    must_last=damping is not None,
-                    compared=True,
-                    # Next to the resonance itself, and the finer the step the closer to it.
-                    flagged=abs(frequency - 5.0) < (0.3 if step > 0.005 else 0.26),
-                )
+    frequencies = np.arange(3.0, 8.01, 0.25).tolist()
+    for step, (how, damping), frequency in product((0.01, 0.005), _DAMPING.items(), frequencies):
+        changes = {
+            "actuation.frequency": 2.0 * math.pi * frequency,
+            "integrator.time_step": step,
+            "damping": damping,
+        }
+        yield HardRun(
+            f"{frequency:.2f} Hz, {1e3 * step:g} ms, {how}",
+            load_scene("paper_i", changes),
+            60.0,
+            must_last=damping is not None,
+            compared=True,
+            # Next to the resonance itself, and the finer the step the closer to it.
+            flagged=abs(frequency - 5.0) < (0.3 if step > 0.005 else 0.26),
+        )
 
 
 @_case("violent torques")
@@ -92,25 +96,14 @@ def _violent() -> Runs:
                 label = f"{name}, {factor:g} times the limit, {how}"
                 yield HardRun(label, scene, 10.0, drive, compared=True)
     # Where a solution takes long, one that fails may take too long.
-    for elements, model, panels in (
-        (27, "panels", 4),
-        (27, "expansion", 4),
-        (81, "panels", 4),
-        (81, "panels", 12),
-        (161, "panels", 4),
-        (161, "frozen", 4),
-        (161, "none", 4),
-    ):
-        for scheme in ("paper", "composed"):
-            changes = {
-                "beam.elements": elements,
-                "fluid.model": model,
-                "fluid.panels_per_element": panels,
-                "integrator.scheme": scheme,
-            }
-            label = f"white noise, 60 times the limit, N = {elements}, {model} {panels}, {scheme}"
-            scene = load_scene("swimmer", changes)
-            yield HardRun(label, scene, 0.05, WhiteNoise(60.0, 1, 0.005))
+    fluids = (
+        *((27, "panels", 4), (27, "expansion", 4), (81, "panels", 4), (81, "panels", 12)),
+        *((161, "panels", 4), (161, "frozen", 4), (161, "none", 4)),
+    )
+    for (elements, model, panels), scheme in product(fluids, ("paper", "composed")):
+        label = f"white noise, 60 times the limit, N = {elements}, {model} {panels}, {scheme}"
+        changes = {**_fluid(elements, model, panels), "integrator.scheme": scheme}
+        yield _swim(label, changes, 0.05, torques=WhiteNoise(60.0, 1, 0.005))
 
 
 @_case("stiff")
@@ -123,12 +116,9 @@ def _stiff() -> Runs:
         label = f"EI {low:g} and {1e6 * low:g} in turn"
         bodies.append((label, [low, 1e6 * low] * 4, low))
     # A torque that a body so limp can withstand.
+    stiff, driven = "beam.bending_stiffness", "actuation.amplitude"
     return _damped_and_not(
-        (
-            label,
-            {"beam.bending_stiffness": stiffness, "actuation.amplitude": min(1.0, lowest / 5.0)},
-            False,
-        )
+        (label, {stiff: stiffness, driven: min(1.0, lowest / 5.0)}, False)
         for label, stiffness, lowest in bodies
     )
 
@@ -136,16 +126,15 @@ def _stiff() -> Runs:
 @_case("time step")
 def _time_steps() -> Runs:
     """Take steps from 0.1 ms to a fifth of a period."""
-    for name in ("swimmer", "paper_i"):
-        for scheme in ("paper", "composed"):
-            for step in (1e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2):
-                changes = {
-                    "integrator.time_step": step,
-                    "integrator.scheme": scheme,
-                    "episode.control_interval": max(step, 0.02),
-                }
-                label = f"{name}, {scheme}, {1e3 * step:g} ms"
-                yield HardRun(label, load_scene(name, changes), 10.0, compared=True)
+    steps = (1e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2)
+    for name, scheme, step in product(("swimmer", "paper_i"), ("paper", "composed"), steps):
+        changes = {
+            "integrator.time_step": step,
+            "integrator.scheme": scheme,
+            "episode.control_interval": max(step, 0.02),
+        }
+        label = f"{name}, {scheme}, {1e3 * step:g} ms"
+        yield HardRun(label, load_scene(name, changes), 10.0, compared=True)
 
 
 @_case("body mass")
@@ -156,12 +145,10 @@ def _body_mass() -> Runs:
         density = 10.0**power * plate_added_mass(10.0, 1.0)
         # As slender as the default: its radius of gyration.
         inertia = density * 7.8e-6 / 0.31
-        changes: dict[str, object] = {
-            "beam.line_density": density,
-            "beam.rotary_inertia": inertia,
-        }
         # Of the lightest, next to no inertia is along the body.
-        bodies.append((f"1e{power} times the fluid's", changes, power <= -5))
+        label, flagged = f"1e{power} times the fluid's", power <= -5
+        changes = {"beam.line_density": density, "beam.rotary_inertia": inertia}
+        bodies.append((label, {**changes}, flagged))
     return _damped_and_not(bodies)
 
 
@@ -178,102 +165,79 @@ def _thickness() -> Runs:
 def _resolution() -> Runs:
     """Take two elements and 161, two panels an element and 24."""
     for elements, model, panels, duration in (
-        (2, "panels", 4, 20.0),
-        (2, "panels", 24, 20.0),
-        (3, "panels", 2, 20.0),
-        (3, "panels", 4, 20.0),
-        (3, "panels", 24, 20.0),
-        (9, "panels", 2, 20.0),
-        (9, "panels", 8, 20.0),
-        (9, "panels", 24, 5.0),
+        *((2, "panels", 4, 20.0), (2, "panels", 24, 20.0)),
+        *((3, "panels", 2, 20.0), (3, "panels", 4, 20.0), (3, "panels", 24, 20.0)),
+        *((9, "panels", 2, 20.0), (9, "panels", 8, 20.0), (9, "panels", 24, 5.0)),
         (27, "panels", 24, 0.1),
-        (81, "panels", 2, 1.0),
-        (81, "panels", 4, 0.5),
-        (81, "panels", 12, 0.03),
-        (161, "panels", 2, 0.3),
-        (161, "panels", 4, 0.1),
-        (81, "frozen", 2, 2.0),
-        (161, "frozen", 2, 2.0),
+        *((81, "panels", 2, 1.0), (81, "panels", 4, 0.5), (81, "panels", 12, 0.03)),
+        *((161, "panels", 2, 0.3), (161, "panels", 4, 0.1)),
+        *((81, "frozen", 2, 2.0), (161, "frozen", 2, 2.0)),
     ):
-        changes = {
-            "beam.elements": elements,
-            "fluid.model": model,
-            "fluid.panels_per_element": panels,
-            # As many torques per length as nine elements have.
-            "actuation.amplitude": min(1.0, 8.0 / (elements - 1)),
-        }
+        # As many torques per length as nine elements have.
+        amplitude = min(1.0, 8.0 / (elements - 1))
+        changes = {**_fluid(elements, model, panels), "actuation.amplitude": amplitude}
         how = f"{panels} panels" if model == "panels" else model
-        scene = load_scene("swimmer", changes)
-        yield HardRun(f"N = {elements}, {how}", scene, duration, must_last=True)
+        yield _swim(f"N = {elements}, {how}", changes, duration, must_last=True)
 
 
 @_case("curling")
 def _curling() -> Runs:
     """Bring the head to the tail, and joints towards half a turn, by torques."""
-    for strain in ("averaged_directors", "mean_angles", "joint_angle"):
-        for model in ("panels", "frozen", "none"):
-            for name, elements, torque, contact in (
-                ("head to tail", 9, Ramp(9.0), False),
-                ("head to tail, watched", 9, Ramp(9.0), True),
-                ("one joint", 9, Ramp(30.0, 4), False),
-                ("folding rule", 2, Ramp(5.0), False),
-                ("held beyond 90 degrees", 3, Ramp(30.0, 0, most=27.0), False),
-            ):
-                changes: dict[str, object] = {
-                    "beam.elements": elements,
-                    "fluid.model": model,
-                    "integrator.strain": strain,
-                    "damping.retardation_time": 0.02,
-                }
-                if contact:
-                    changes["self_contact"] = {}
-                scene = load_scene("swimmer", changes)
-                yield HardRun(f"{name}, {model}, {strain}", scene, 6.0, torque)
+    shapes: tuple[tuple[str, int, Ramp, dict[str, object]], ...] = (
+        ("head to tail", 9, Ramp(9.0), {}),
+        ("head to tail, watched", 9, Ramp(9.0), {"self_contact": {}}),
+        ("one joint", 9, Ramp(30.0, 4), {}),
+        ("folding rule", 2, Ramp(5.0), {}),
+        ("held beyond 90 degrees", 3, Ramp(30.0, 0, most=27.0), {}),
+    )
+    strains = ("averaged_directors", "mean_angles", "joint_angle")
+    for strain, model, shape in product(strains, ("panels", "frozen", "none"), shapes):
+        name, elements, torque, contact = shape
+        changes: dict[str, object] = {
+            "beam.elements": elements,
+            "fluid.model": model,
+            "integrator.strain": strain,
+            "damping.retardation_time": 0.02,
+            **contact,
+        }
+        yield _swim(f"{name}, {model}, {strain}", changes, 6.0, torques=torque)
 
 
 @_case("long")
 def _long_runs() -> Runs:
     """Take a million steps, passive and driven."""
     # It rings, and drifts.
-    passive = {
-        "actuation": None,
-        "initial.joint_angles": 0.02,
-        "initial.velocity": [0.0, 0.01],
-    }
-    for how, damping in _DAMPING.items():
-        for drive, changes in (("passive", passive), ("driven", {})):
-            scene = load_scene("swimmer", {**changes, "damping": damping})
-            yield HardRun(
-                f"1e6 steps {drive}, {how}",
-                scene,
-                1e6 * scene.integrator.time_step,
-                must_last=damping is not None,
-                steady=damping is None and drive == "passive",
-            )
+    start = {"initial.joint_angles": 0.02, "initial.velocity": [0.0, 0.01]}
+    drives = {"passive": {"actuation": None, **start}, "driven": {}}
+    for (how, damping), (drive, changes) in product(_DAMPING.items(), drives.items()):
+        scene = load_scene("swimmer", {**changes, "damping": damping})
+        yield HardRun(
+            f"1e6 steps {drive}, {how}",
+            scene,
+            1e6 * scene.integrator.time_step,
+            must_last=damping is not None,
+            steady=damping is None and drive == "passive",
+        )
 
 
 @_case("fast")
 def _fast() -> Runs:
     """Throw bodies at up to a thousand lengths a second, and spin them at up to 1000 rad/s."""
     directions = {"ahead": (1.0, 0.0), "askew": (0.8, 0.6), "across": (0.0, 1.0)}
-    for power in range(-1, 4):
+    for power, (name, (x, y)) in product(range(-1, 4), directions.items()):
         speed = 10.0**power
-        for name, (x, y) in directions.items():
-            changes = {"actuation": None, "initial.velocity": [speed * x, speed * y]}
-            label = f"{speed:g} lengths a second {name}"
-            yield HardRun(label, load_scene("swimmer", changes), 2.0, compared=True)
-    scene = load_scene("swimmer", {"actuation": None})
+        changes = {"actuation": None, "initial.velocity": [speed * x, speed * y]}
+        yield _swim(f"{speed:g} lengths a second {name}", changes, 2.0, compared=True)
     for rate in (1.0, 10.0, 50.0, 100.0, 200.0, 1000.0):
-        spin = np.concatenate([[0.0, 0.0], np.full(scene.beam.elements, rate)])
-        yield HardRun(f"spinning at {rate:g} rad/s", scene, 2.0, velocity=spin, compared=True)
+        how = {"velocity": np.array([0.0, 0.0] + [rate] * 9), "compared": True}
+        yield _swim(f"spinning at {rate:g} rad/s", {"actuation": None}, 2.0, **how)
 
 
 @_case("straight ahead")
 def _straight() -> Runs:
     """Send a straight body ahead, unstable by Kirchhoff's equations, and leave it to itself."""
-    for elements in (3, 9, 27):
-        for lateral in (0.0, 1e-16, 1e-4):
-            changes = {"beam.elements": elements, "initial.velocity": [0.1, lateral]}
-            label = f"N = {elements}, [0.1, {lateral:g}] m/s"
-            duration = 20.0 if elements == 27 else 60.0
-            yield HardRun(label, load_scene("paper_x", changes), duration, must_last=True)
+    for elements, lateral in product((3, 9, 27), (0.0, 1e-16, 1e-4)):
+        changes = {"beam.elements": elements, "initial.velocity": [0.1, lateral]}
+        label = f"N = {elements}, [0.1, {lateral:g}] m/s"
+        duration = 20.0 if elements == 27 else 60.0
+        yield HardRun(label, load_scene("paper_x", changes), duration, must_last=True)

@@ -10,10 +10,8 @@ import numpy as np
 from studies.stability.runs import HardRun
 from studies.stability.torques import SquareWave, WhiteNoise
 from swim_env.errors import SceneError
-from swim_env.scene import Scene
-from swim_env.scene.blocks import CENTRELINE_VARIANTS, ENERGY_EXCESSES, SCHEME_NAMES, STRAIN_NAMES
-
-__all__ = ["draw_run"]
+from swim_env.scene import ENERGY_EXCESSES, SCHEME_NAMES, STRAIN_NAMES, Scene
+from swim_env.scene.fluid import CENTRELINE_VARIANTS
 
 _MOST_STEPS = 25
 _MODELS = ("none", "strip", "frozen", "expansion", "panels", "panels", "panels", "centreline")

@@ -13,8 +13,7 @@ from scipy.optimize import least_squares
 from swim_env.analysis.kirchhoff import growth_rate, mass_matrix, rigid_mass
 from swim_env.scene import load_scene
 from swim_env.sim.simulator import Simulator
-
-__all__ = ["measure_onset"]
+from swim_env.sim.trajectory import Trajectory
 
 _SPEED = 0.1
 #: Lateral velocity (m/s) small enough for the linear equations over the time (s) that is watched.
@@ -34,12 +33,23 @@ def measure_onset(elements: int, stiffness: float) -> dict[str, float]:
         ``tiny``, the largest angle of an element after 60 s (rad) without any perturbation but the
         solver's own, and with one of 1e-16 m/s.
     """
-    simulator = _simulator(elements, stiffness, _LATERAL)
-    mass = rigid_mass(mass_matrix(simulator))
+
+    def drift(lateral: float, seconds: float) -> Trajectory:
+        """Return how the body moves that sets out with some lateral velocity (m/s)."""
+        simulator = Simulator(scene.replace("initial.velocity", [_SPEED, lateral]))
+        steps = round(seconds / simulator.time_step)
+        return simulator.rollout(np.zeros((steps, elements - 1)))
+
+    changes = {
+        "beam.elements": elements,
+        "beam.bending_stiffness": stiffness,
+        "fluid.panels_per_element": _PANELS.get(elements, 4),
+    }
+    scene = load_scene("paper_x", changes)
+    mass = rigid_mass(mass_matrix(Simulator(scene)))
     rate = growth_rate(mass, _SPEED)
     amplitude = mass.across * _LATERAL / (mass.along * _SPEED)
-    steps = round(_WATCHED / simulator.time_step)
-    trajectory = simulator.rollout(np.zeros((steps, elements - 1)))
+    trajectory = drift(_LATERAL, _WATCHED)
     angle = trajectory.angles.mean(axis=1)
 
     def misfit(x: np.ndarray) -> np.ndarray:
@@ -48,26 +58,12 @@ def measure_onset(elements: int, stiffness: float) -> dict[str, float]:
         return gap
 
     fit = least_squares(misfit, [1.0, 1.0], xtol=1e-14, ftol=1e-14, gtol=1e-14)
-    left = []
-    for lateral in (0.0, 1e-16):
-        other = _simulator(elements, stiffness, lateral)
-        run = other.rollout(np.zeros((round(60.0 / other.time_step), elements - 1)))
-        left.append(float(np.abs(run.angles[-1]).max()))
+    alone, tiny = (np.abs(drift(lateral, 60.0).angles[-1]).max() for lateral in (0.0, 1e-16))
     return {
         "elements": elements,
         "stiffness": stiffness,
         "rate": float(fit.x[0]),
         "kirchhoff": rate,
-        "alone": left[0],
-        "tiny": left[1],
+        "alone": float(alone),
+        "tiny": float(tiny),
     }
-
-
-def _simulator(elements: int, stiffness: float, lateral: float) -> Simulator:
-    changes = {
-        "beam.elements": elements,
-        "beam.bending_stiffness": stiffness,
-        "fluid.panels_per_element": _PANELS.get(elements, 4),
-        "initial.velocity": [_SPEED, lateral],
-    }
-    return Simulator(load_scene("paper_x", changes))

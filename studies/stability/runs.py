@@ -22,9 +22,8 @@ from swim_env.physics.solve.outer_step import LARGEST_TURN
 from swim_env.physics.solve.state import RECORD_NAMES, energy_drift_of
 from swim_env.physics.status import TERMINATION_REASONS
 from swim_env.scene import Scene
-from swim_env.sim.batch import Bodies, minimal_start, scene_constants
-
-__all__ = ["LONGEST_STEP", "HardRun", "Torques", "Verdict", "play"]
+from swim_env.sim.batch import Bodies, minimal_start
+from swim_env.sim.constants import scene_constants
 
 Array = NDArray[np.float64]
 #: Torques (T, N - 1) in N m of steps that begin at these times (s).
@@ -53,12 +52,14 @@ def wave(scene: Scene, times: Array) -> Array:
 
 @dataclass(frozen=True)
 class HardRun:
-    """A run of a hard case."""
+    """A run of a hard case.
 
-    #: What it varies.
+    `label` is what it varies; `duration`, simulated time (s), is rounded to whole steps; `velocity`
+    is that of the mean centre (m/s) and the turning rates (rad/s), (N + 2,), if not the scene's.
+    """
+
     label: str
     scene: Scene
-    #: Simulated time (s), rounded to whole steps.
     duration: float
     torques: Torques = wave
     #: Whether a solution exists to the end, so that an early end is a failure, and so is energy
@@ -70,22 +71,21 @@ class HardRun:
     #: Whether the mean energy of the last quarter has to be that of the first within 3 %
     #: (docs/physics.md), for passive bodies without losses.
     steady: bool = False
-    #: Velocity of the mean centre (m/s) and turning rates (rad/s), (N + 2,), if not the scene's.
     velocity: Array | None = None
-    #: The case that it belongs to.
     case: str = ""
 
 
 @dataclass
 class Verdict:
-    """What a run came to."""
+    """What a run of a case came to.
 
-    #: Those of the run.
+    It took `steps` of those `wanted` in `seconds` of wall time. `reason` is why it ended early,
+    `failures` what is not right; both are empty for a run that lasted and is right.
+    """
+
     case: str
     label: str
-    #: Why it ended early, empty where it did not.
     reason: str = ""
-    #: Steps asked for and taken.
     wanted: int = 0
     steps: int = 0
     #: Largest scaled residual of steps that rounding did not stop; how many steps it did stop above
@@ -106,14 +106,11 @@ class Verdict:
     most_parts: int = 1
     #: Processor time of the slowest outer step (s), of long runs the mean of the slowest block.
     slowest: float = 0.0
-    #: Wall time of all (s).
     seconds: float = 0.0
-    #: Of the mean centre (m).
+    #: Of the mean centre (m), and how far a run at half the step is away, as a share of it or of a
+    #: tenth of a body length; None where there was none.
     displacement: list[float] = field(default_factory=lambda: [0.0, 0.0])
-    #: How far a run at half the step is away, as a share of its displacement or of a tenth of a
-    #: body length; None where there was none.
     agreement: float | None = None
-    #: What is not right, empty for a run that is.
     failures: list[str] = field(default_factory=list)
 
     @property
@@ -156,10 +153,9 @@ def play(run: HardRun) -> Verdict:
 
 def _play(run: HardRun) -> Verdict:
     scene = run.scene
-    step = scene.integrator.time_step
-    total = max(1, round(run.duration / step))
-    verdict = Verdict(run.case, run.label, wanted=total)
-    verdict.energy_tolerance = scene.integrator.energy_tolerance
+    total = max(1, round(run.duration / scene.integrator.time_step))
+    tolerance = scene.integrator.energy_tolerance
+    verdict = Verdict(run.case, run.label, wanted=total, energy_tolerance=tolerance)
     bodies = Bodies(scene)
     coordinates, velocity = minimal_start(scene, scene.initial)
     begin = time.perf_counter()
@@ -167,9 +163,17 @@ def _play(run: HardRun) -> Verdict:
         bodies.start(0, coordinates, velocity if run.velocity is None else run.velocity)
     except SimulationEndedError as error:
         verdict.reason = error.reason
-        verdict.seconds = time.perf_counter() - begin
-        _check_reason(verdict)
-        return verdict
+    else:
+        _follow(run, bodies, verdict)
+    verdict.seconds = time.perf_counter() - begin
+    if verdict.reason and verdict.reason not in TERMINATION_REASONS.values():
+        verdict.failures.append(f"unknown reason {verdict.reason!r}")
+    return verdict
+
+
+def _follow(run: HardRun, bodies: Bodies, verdict: Verdict) -> None:
+    """Take the steps of a run that has started, and judge them."""
+    scene, total, step = run.scene, verdict.wanted, run.scene.integrator.time_step
     watch = _Watch(bodies, verdict)
     block = 1 if total <= _MANY else _BLOCK
     into = 0.5 if scene.integrator.scheme == "composed" else 0.0
@@ -187,14 +191,7 @@ def _play(run: HardRun) -> Verdict:
         watch.look(trace[0, :taken], record[0, :taken], torques[:taken])
         if status:
             verdict.reason = TERMINATION_REASONS.get(status, f"code {status}")
-    verdict.seconds = time.perf_counter() - begin
     watch.close()
-    return verdict
-
-
-def _check_reason(verdict: Verdict) -> None:
-    if verdict.reason and verdict.reason not in TERMINATION_REASONS.values():
-        verdict.failures.append(f"unknown reason {verdict.reason!r}")
 
 
 class _Watch:
@@ -233,13 +230,12 @@ class _Watch:
         self._look_for_wrong_roots(q, before, column["parts"])
         residual, rounded = column["residual"], column["at_round_off"] > 0.0
         verdict.at_round_off += int(rounded.sum())
-        verdict.residual = max(verdict.residual, float(residual[~rounded].max(initial=0.0)))
-        verdict.rounded = max(verdict.rounded, float(residual[rounded].max(initial=0.0)))
+        verdict.residual = float(residual[~rounded].max(initial=verdict.residual))
+        verdict.rounded = float(residual[rounded].max(initial=verdict.rounded))
         verdict.cut_steps += int((column["parts"] > 1.0).sum())
         verdict.most_parts = max(verdict.most_parts, int(column["parts"].max()))
         self._look_at_energy(column)
-        impulses = np.stack([column[k] for k in ("impulse_x", "impulse_y", "angular_impulse")], 1)
-        self._look_at_momentum(q, p, impulses, self._impulses(q, before, torques), column["parts"])
+        self._look_at_momentum(q, p, self._impulses(q, before, torques), column)
         verdict.steps += len(states)
         self._last = q[-1].copy()
         verdict.displacement = (q[-1, :2] - self._start[:2]).tolist()
@@ -271,16 +267,17 @@ class _Watch:
         last.append(float(energy[count > verdict.wanted - verdict.wanted // 4].sum()))
 
     def _look_at_momentum(
-        self, q: Array, p: Array, impulses: Array, moments: Array, parts: Array
+        self, q: Array, p: Array, moments: Array, column: dict[str, Array]
     ) -> None:
         """Compare the momentum with the impulses from outside, by the size of its terms."""
+        impulses = np.stack([column[k] for k in ("impulse_x", "impulse_y", "angular_impulse")], 1)
         outside = self._outside + np.cumsum(impulses, axis=0)
         self._outside = outside[-1]
         drift = np.linalg.norm(momentum_map(q, p) - self._momentum - outside, axis=1)
         terms = np.abs(p).sum(axis=1) + np.abs(q[:, 0] * p[:, 1]) + np.abs(q[:, 1] * p[:, 0])
         terms += np.abs(impulses).sum(axis=1) + moments
         self._terms = max(self._terms, float(terms.max()))
-        self._solved += np.maximum(parts, 1.0).sum() * self._halves
+        self._solved += np.maximum(column["parts"], 1.0).sum() * self._halves
         # Momentum is as exact as its terms, the impulses of a step among them; what the tolerance
         # leaves of it counts by them too, and rounding adds up over all parts that are solved.
         bound = (10.0 * self._integrator.tolerance + _ROUND_OFF * self._solved) * self._terms
@@ -302,30 +299,26 @@ class _Watch:
             verdict.energy_drift = self._unexplained / self._largest
         first, last = (math.fsum(one) for one in self._quarters)
         verdict.energy_ratio = last / first if first > 0.0 else 1.0
-        if self._not_finite:
-            verdict.failures.append(self._not_finite)
-        if not verdict.residual <= tolerance:
-            verdict.failures.append(f"a residual of {verdict.residual:.1e} was accepted")
-        if not verdict.rounded <= max(tolerance, _LARGEST_ROUND_OFF):
-            text = f"a residual of {verdict.rounded:.1e} was taken for round-off"
-            verdict.failures.append(text)
-        if not verdict.momentum <= 1.0:
-            verdict.failures.append(f"momentum off by {verdict.momentum:.2g} times its bound")
-        _check_reason(verdict)
-        self._check_budget()
+        # The kernels' own budget, and the end that they make of it.
+        kept = energy_drift_of(self._bodies.states[0], self._bodies.scene.beam.elements)
+        own, allowed = verdict.energy_drift, max(tolerance, _LARGEST_ROUND_OFF)
+        ends = self._integrator.energy_excess == "end" and not verdict.trusted
         # The state that is left is one to continue from, or at least to look at.
         left, velocity, status = self._bodies.energy_and_velocity(0)
-        if status or not (math.isfinite(left) and np.isfinite(velocity).all()):
-            verdict.failures.append("the last state has no finite energy and velocity")
-
-    def _check_budget(self) -> None:
-        """Compare the kernels' own budget, and the end that they make of it, with this one."""
-        verdict = self._verdict
-        kept = energy_drift_of(self._bodies.states[0], self._bodies.scene.beam.elements)
-        if not abs(kept - verdict.energy_drift) <= 1e-6 * verdict.energy_drift + 1e-12:
-            verdict.failures.append(
-                f"the budget was kept at {kept:.3e}, and is {verdict.energy_drift:.3e}"
-            )
-        ends = self._integrator.energy_excess == "end" and not verdict.trusted
-        if ends != (verdict.reason == "energy_unexplained"):
-            verdict.failures.append(f"energy off by {kept:.2g} and the end {verdict.reason!r}")
+        finite = not status and math.isfinite(left) and bool(np.isfinite(velocity).all())
+        checks = {
+            self._not_finite: not self._not_finite,
+            f"a residual of {verdict.residual:.1e} was accepted": verdict.residual <= tolerance,
+            f"a residual of {verdict.rounded:.1e} was taken for round-off": (
+                verdict.rounded <= allowed
+            ),
+            f"momentum off by {verdict.momentum:.2g} times its bound": verdict.momentum <= 1.0,
+            f"the budget was kept at {kept:.3e}, and is {own:.3e}": (
+                abs(kept - own) <= 1e-6 * own + 1e-12
+            ),
+            f"energy off by {kept:.2g} and the end {verdict.reason!r}": (
+                ends == (verdict.reason == "energy_unexplained")
+            ),
+            "the last state has no finite energy and velocity": finite,
+        }
+        verdict.failures += [text for text, right in checks.items() if not right]

@@ -18,8 +18,6 @@ from studies.stability.runs import HardRun, Verdict, play
 from swim_env.files.provenance import where_and_when
 from swim_env.physics.loading import load_kernels
 
-__all__ = ["ONSETS", "drawn_runs", "measure_stability", "work_of"]
-
 #: Elements and stiffness (N m^2) of the straight bodies that are watched.
 ONSETS = tuple(itertools.product((2, 3, 5, 9, 18, 27), (5.0, 1e4)))
 #: Random runs that are played in one go.
@@ -44,10 +42,8 @@ def measure_stability(
     ----------
     names : tuple of str, optional
         Only these cases; all of them, and the onset of the instability, unless given.
-    draws : int
-        Number of random runs.
-    workers : int, optional
-        Processes side by side, as many as there are processors unless given.
+    draws, workers : int
+        Number of random runs, and of processes side by side (one for each processor unless given).
     progress : callable, optional
         Called with 1 after every run and every few hundred random ones.
 
@@ -67,46 +63,38 @@ def measure_stability(
     calls: list[Call] = [(play, (runs[i],)) for i in order]
     calls += [(measure_onset, key) for key in onsets]
     calls += [(drawn_runs, part) for part in parts]
-    found: list[Any] = [None] * len(calls)
+    found: dict[int, Any] = {}
     with closing(in_fresh_processes(calls, workers, load_kernels)) as results:
         for index, result in results:
             found[index] = result
             progress(1)
-    verdicts: dict[int, Verdict] = dict(zip(order, found, strict=False))
-    last = len(runs) + len(onsets)
+    verdicts: list[Verdict] = [found[order.index(i)] for i in range(len(runs))]
+    others = [found[i] for i in range(len(runs), len(calls))]
     return {
         **where_and_when(),
         "kernels": kernel_digest(),
         "runs": [
-            {**asdict(one), "trusted": one.trusted, "claimed": one.claimed}
-            for _, one in sorted(verdicts.items())
+            {**asdict(one), "trusted": one.trusted, "claimed": one.claimed} for one in verdicts
         ],
-        "onsets": found[len(runs) : last],
-        "drawn": _together(found[last:]),
+        "onsets": others[: len(onsets)],
+        "drawn": _together(others[len(onsets) :]),
     }
 
 
 def drawn_runs(first: int, last: int) -> dict[str, Any]:
     """Play the random runs of some seeds; returns what `measure_stability` says of them."""
-    parts = []
-    for seed in range(first, last):
-        verdict = play(draw_run(seed))
-        parts.append(
-            {
-                "count": 1,
-                "ends": {verdict.reason: 1},
-                "failures": [f"seed {seed}: {text}" for text in verdict.failures],
-                "untrusted": int(not verdict.trusted),
-                "slowest": verdict.slowest,
-            }
-        )
-    return _together(parts)
+    verdicts = [play(draw_run(seed)) for seed in range(first, last)]
+    return {
+        "count": len(verdicts),
+        "ends": dict(sorted(Counter(one.reason for one in verdicts).items())),
+        "failures": [f"{one.label}: {text}" for one in verdicts for text in one.failures],
+        "untrusted": sum(not one.trusted for one in verdicts),
+        "slowest": max((one.slowest for one in verdicts), default=0.0),
+    }
 
 
 def _together(parts: list[dict[str, Any]]) -> dict[str, Any]:
-    ends: Counter[str] = Counter()
-    for part in parts:
-        ends.update(part["ends"])
+    ends = sum((Counter(part["ends"]) for part in parts), Counter[str]())
     return {
         "count": sum(part["count"] for part in parts),
         "ends": dict(sorted(ends.items())),

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from swim_env.scene import Scene
 
-__all__ = ["Ramp", "SquareWave", "WhiteNoise"]
-
 Array = NDArray[np.float64]
 
 

@@ -23,11 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import SimulationEndedError, SwimError
-from swim_env.physics.fluid.added_mass import NO_FLUID, motion_count, shape_force
+from swim_env.physics.fluid.layout import motion_count
+from swim_env.physics.fluid.models import shape_force
 from swim_env.physics.planar.chain import chain_levers
 from swim_env.physics.status import TERMINATION_REASONS, describe
 from swim_env.scene import Scene
-from swim_env.sim.batch import Bodies, minimal_start, scene_constants
+from swim_env.sim.batch import Bodies, minimal_start
+from swim_env.sim.constants import scene_constants
 from swim_env.sim.replay import steps_of
 
 __all__ = ["METHODS", "ContinuousRun", "integrate"]
@@ -121,7 +123,7 @@ class _Equations:
         moving = centre + self._levers @ (turning[:, None] * normal)
         push = beam.element_mass * moving
         rates = np.zeros_like(p)
-        if fluid.model != NO_FLUID:
+        if fluid.present:
             elements = beam.elements
             motion = self._views.body.inc.motion
             motion[:elements] = (normal * moving).sum(axis=1)

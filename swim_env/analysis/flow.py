@@ -16,7 +16,7 @@ they take in on the other, although the outline keeps its area. Far away the pot
 :math:`Q / (2 \pi) \ln(r / L)` with the beam's length L, and the pressure is not zero but
 :math:`-\rho \dot Q / (2 \pi) \ln(r / L)`: its level depends on L. It is left in, since the added
 mass that moves the body is made of the same sources. A rigid body has no such sum. Influences are
-those of `swim_env.physics.fluid.panels`, shapes those of `swim_env.physics.fluid.outline`.
+those of `swim_env.physics.fluid.sources`, shapes those of `swim_env.physics.fluid.outline`.
 """
 
 from __future__ import annotations
@@ -27,16 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import OptionError
-from swim_env.physics.fluid.added_mass import (
-    FLUID_MODELS,
-    FluidConstants,
-    added_mass,
-    carve_fluid_work,
-    fluid_work_sizes,
-    motion_count,
-)
-from swim_env.physics.fluid.outline import CT, CX, CY, LANES, X, Y, padded, panel_count
-from swim_env.physics.fluid.panels import (
+from swim_env.physics.fluid.layout import fluid_views, fluid_work_sizes, motion_count
+from swim_env.physics.fluid.models import added_mass, fluid_constants
+from swim_env.physics.fluid.outline import CT, CX, CY, X, Y, panel_count
+from swim_env.physics.fluid.sources import (
     LAYERS,
     POTENTIAL,
     VELOCITY_X,
@@ -45,9 +39,10 @@ from swim_env.physics.fluid.panels import (
 )
 from swim_env.physics.loading import load_kernels
 from swim_env.physics.runtime.compile import entry_kernel, kernel, vector_kernel
+from swim_env.physics.runtime.views import LANES, padded
 from swim_env.physics.status import FINE
 from swim_env.scene import Scene
-from swim_env.sim.batch import scene_constants
+from swim_env.sim.constants import scene_constants
 from swim_env.sim.trajectory import Trajectory
 
 __all__ = ["BodyFlow", "Flow", "flow_of_sources", "pressure_between"]
@@ -133,12 +128,12 @@ def flow_of_sources(
     Parameters
     ----------
     panels : (7 or more, M') array
-        Rows of an outline, as `swim_env.physics.fluid.panels.influence` takes them.
+        Rows of an outline, as `swim_env.physics.fluid.sources.influence` takes them.
     count : int
         Number M of panels in it.
     strengths : (M,) array
         Source strengths G^-1 v_n (m/s), where G keeps the factor 2 pi of the influences of
-        `swim_env.physics.fluid.panels`.
+        `swim_env.physics.fluid.sources`.
     points : (P, 2) array
         Positions (m), none of them a corner of the outline.
     reference_length : float
@@ -211,11 +206,9 @@ class BodyFlow:
         self.density = float(fluid.density)
         beam, constants, _ = scene_constants(scene)
         geometry = constants.geometry._replace(side_panels=max(1, fluid.panels_per_element // 2))
-        self._fluid = FluidConstants(
-            FLUID_MODELS["panels"], geometry, self.density, constants.axial, np.zeros(0)
-        )
+        self._fluid = fluid_constants("panels", geometry, self.density, axial=constants.axial)
         floats, integers = fluid_work_sizes(self._fluid)
-        self._work = carve_fluid_work(
+        self._work, _ = fluid_views(
             np.zeros(floats), np.zeros(integers, dtype=np.int64), self._fluid
         )
         size = padded(motion_count(self._fluid))

@@ -1,8 +1,8 @@
 """The kernels between actions and rewards: torques, observations, figures and ends of episodes.
 
-The single and the batched environment call these same two kernels, so a formula stands here once
-and both give the same bits. They work on rows of a batch, as
-`swim_env.physics.solve.advance.advance` does, and share no code with it.
+The single and the batched environment call the same kernels, so each formula is written once and
+both give the same bits. They work on rows of a batch, as `swim_env.physics.solve.advance.advance`
+does, and share no code with it.
 """
 
 from __future__ import annotations
@@ -24,29 +24,10 @@ from swim_env.physics.solve.state import (
     unexplained_share,
 )
 
-__all__ = [
-    "ACTIONS_TAKEN",
-    "ANGLE_SCALE",
-    "END_CODE",
-    "FIGURES",
-    "OBSERVATION_LAYOUT",
-    "OBSERVATION_LIMIT",
-    "RATE_SCALE",
-    "REACHED",
-    "TIME_IS_UP",
-    "TURNING_SCALE",
-    "VELOCITY_SCALE",
-    "assess",
-    "collect",
-    "load_assessment",
-    "observation_size",
-    "torques_of_actions",
-]
-
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: What an observation of 1 stands for: joint angles (rad), joint rates (rad/s), velocity (body
+#: What an observation of 1 means: joint angles (rad), joint rates (rad/s), velocity (body
 #: lengths per second), turning rate (rad/s). Random actions on scene swimmer give root mean squares
 #: of 0.23, 1.0, 0.3 and 0.8; the tuned wave, at the first resonance, 1.3, 0.9, 2.1 and 0.5.
 ANGLE_SCALE, RATE_SCALE, VELOCITY_SCALE, TURNING_SCALE = 0.1, 5.0, 0.1, 1.0
@@ -56,48 +37,39 @@ OBSERVATION_LAYOUT = 1
 #: Observations are clipped to this, so that the space is finite; sine and cosine have their own.
 OBSERVATION_LIMIT = 100.0
 
-#: Columns of the figures that `assess` keeps for every member. The coordinate counts the progress:
-#: along the heading, or minus the distance (BL).
-FIGURES = (
-    "reward",
-    "reward_progress",
-    "reward_effort",
-    "reward_heading",
-    "progress",
-    "x",
-    "y",
-    "heading_error",
-    "distance",
-    "work",
-    "positive_work",
-    "time",
-    "coordinate",
-    "coordinate_at_start",
-    "energy_drift",
+#: The figures that `assess` keeps of every member, all of them floats. The coordinate counts the
+#: progress: along the heading, or minus the distance (BL).
+FIGURES = np.dtype(
+    [
+        (name, np.float64)
+        for name in (
+            *("reward", "reward_progress", "reward_effort", "reward_heading"),
+            *("progress", "x", "y", "heading_error", "distance", "work", "positive_work"),
+            *("time", "coordinate", "coordinate_at_start", "energy_drift"),
+        )
+    ]
 )
-(
-    _REWARD,
-    _REWARD_PROGRESS,
-    _REWARD_EFFORT,
-    _REWARD_HEADING,
-    _PROGRESS,
-    _X,
-    _Y,
-    _HEADING_ERROR,
-    _DISTANCE,
-    _WORK,
-    _POSITIVE_WORK,
-    _TIME,
-    _COORDINATE,
-    _COORDINATE_AT_START,
-    _ENERGY_DRIFT,
-) = range(15)
+
+#: What `assess` knows of a task: body length and radius of the point (m), time step (s), weight of
+#: the effort and of the heading (BL/s).
+TASK_SETTINGS = np.dtype(
+    [
+        ("body_length", np.float64),
+        ("time_step", np.float64),
+        ("goal_is_point", np.bool_),
+        ("radius", np.float64),
+        ("effort_weight", np.float64),
+        ("heading_weight", np.float64),
+        ("actions_per_episode", np.int64),
+    ],
+    align=True,
+)
 
 #: Columns of the counters: actions since the start, the code of the reason for an end or 0, and 1
 #: once the time is up.
 ACTIONS_TAKEN, END_CODE, TIME_IS_UP = range(3)
 
-#: Code of the end that a task brings about itself, beside those of the physics.
+#: Code of the end that a task has of its own, besides those of the physics.
 REACHED = 9
 
 
@@ -119,7 +91,7 @@ def torques_of_actions(
     actions : (M, N - 1) array
         Actions.
     torque_of_one : (N - 1,) array
-        Torque at each joint that an action of 1 stands for (N m); 0 where nothing drives it.
+        Torque of an action of 1 at each joint (N m); 0 where nothing drives it.
     torques : (M, 1, N - 1) array
         Overwritten for these members, unless one of the actions is not finite.
 
@@ -156,19 +128,19 @@ def assess(
     record: Array,
     outcome: Indices,
     goals: Array,
-    settings: Array,
+    settings: NDArray[np.void],
     observations: NDArray[np.float32],
-    figures: Array,
+    figures: NDArray[np.void],
     counters: Indices,
 ) -> None:
-    """Look at members after a start or an action: what they observe, gain and whether they end.
+    """Evaluate members after a start or an action: what they observe, gain and whether they end.
 
     Parameters
     ----------
     members : (K,) array
         The rows to look at.
     start : bool
-        Whether they were just put at a start: then nothing has been gained.
+        Whether they are at their start: then nothing has been gained.
     states, velocities : (M, S), (M, N + 2) arrays
         As `swim_env.physics.solve.advance.advance` leaves them.
     torques : (M, 1, N - 1) array
@@ -179,14 +151,18 @@ def assess(
         As `advance` leaves them.
     goals : (M, 2) array
         A unit vector, or a point (m).
-    settings : (7,) array
-        Body length (m), time step (s), 1 where the goal is a point, its radius (m), weight of the
-        effort and of the heading (1/s), actions in an episode.
-    observations, figures, counters : (M, ...) arrays
-        Overwritten for these members: observations, FIGURES, and the counters.
+    settings : (1,) array of TASK_SETTINGS
+        The task.
+    observations : (M, n) array of float32
+        Overwritten for these members.
+    figures : (M,) array of FIGURES
+        Overwritten for these members.
+    counters : (M, 3) array of int
+        Overwritten for these members.
     """
-    length, time_step, radius = settings[0], settings[1], settings[3]
-    to_point = settings[2] == 1.0
+    task = settings[0]
+    length, time_step = task["body_length"], task["time_step"]
+    to_point = task["goal_is_point"]
     for member in members:
         unknowns = velocities.shape[1]
         joints = unknowns - 3
@@ -239,25 +215,23 @@ def assess(
             seen[at + 5] = _observed(distance / length)
 
         budget = state_views(q, unknowns - 2)[0].counters
-        figure[_TIME] = time_step * budget[STEPS]
-        figure[_X] = q[0]
-        figure[_Y] = q[1]
-        figure[_HEADING_ERROR] = np.arctan2(sine, cosine)
-        figure[_DISTANCE] = distance / length
-        figure[_WORK] = 0.0
-        figure[_POSITIVE_WORK] = 0.0
-        figure[_ENERGY_DRIFT] = unexplained_share(budget)
+        figure["time"] = time_step * budget[STEPS]
+        figure["x"] = q[0]
+        figure["y"] = q[1]
+        figure["heading_error"] = np.arctan2(sine, cosine)
+        figure["distance"] = distance / length
+        figure["work"] = 0.0
+        figure["positive_work"] = 0.0
+        figure["energy_drift"] = unexplained_share(budget)
         if start:
-            figure[_COORDINATE] = coordinate
-            figure[_COORDINATE_AT_START] = coordinate
-            figure[_PROGRESS] = 0.0
-            figure[_REWARD] = 0.0
-            figure[_REWARD_PROGRESS] = 0.0
-            figure[_REWARD_EFFORT] = 0.0
-            figure[_REWARD_HEADING] = 0.0
-            counters[member, ACTIONS_TAKEN] = 0
-            counters[member, END_CODE] = 0
-            counters[member, TIME_IS_UP] = 0
+            figure["coordinate"] = coordinate
+            figure["coordinate_at_start"] = coordinate
+            figure["progress"] = 0.0
+            figure["reward"] = 0.0
+            figure["reward_progress"] = 0.0
+            figure["reward_effort"] = 0.0
+            figure["reward_heading"] = 0.0
+            counters[member] = 0
             continue
 
         taken = outcome[member, 0]
@@ -267,22 +241,23 @@ def assess(
                 part = torques[member, 0, k] / torque_of_one[k]
                 effort += part * part
         for step in range(taken):
-            figure[_WORK] += record[member, step, WORK]
-            figure[_POSITIVE_WORK] += record[member, step, POSITIVE_WORK]
-        gained = coordinate - figure[_COORDINATE]
+            figure["work"] += record[member, step, WORK]
+            figure["positive_work"] += record[member, step, POSITIVE_WORK]
+        gained = coordinate - figure["coordinate"]
         seconds = taken * time_step
-        figure[_COORDINATE] = coordinate
-        figure[_PROGRESS] = coordinate - figure[_COORDINATE_AT_START]
-        figure[_REWARD_PROGRESS] = gained
-        figure[_REWARD_EFFORT] = 0.0 - settings[4] * effort / joints * seconds
-        figure[_REWARD_HEADING] = 0.0 - settings[5] * max(0.0, 1.0 - cosine) * seconds
-        figure[_REWARD] = gained + figure[_REWARD_EFFORT] + figure[_REWARD_HEADING]
+        figure["coordinate"] = coordinate
+        figure["progress"] = coordinate - figure["coordinate_at_start"]
+        figure["reward_progress"] = gained
+        figure["reward_effort"] = 0.0 - task["effort_weight"] * effort / joints * seconds
+        figure["reward_heading"] = 0.0 - task["heading_weight"] * max(0.0, 1.0 - cosine) * seconds
+        figure["reward"] = gained + figure["reward_effort"] + figure["reward_heading"]
         code = outcome[member, 1]
-        if code == 0 and to_point and distance <= radius:
+        if code == 0 and to_point and distance <= task["radius"]:
             code = REACHED
         counters[member, ACTIONS_TAKEN] += 1
         counters[member, END_CODE] = code
-        counters[member, TIME_IS_UP] = int(counters[member, ACTIONS_TAKEN] >= settings[6])
+        taken_all = counters[member, ACTIONS_TAKEN] >= task["actions_per_episode"]
+        counters[member, TIME_IS_UP] = int(taken_all)
 
 
 @entry_kernel
@@ -296,20 +271,21 @@ def collect(
 ) -> int:
     """Copy what a batched step returns into new arrays, and count the members at their end.
 
-    One call for everything: with many members, a step has driven Python and NumPy out of the
-    processor's caches, and every function that is called for the first time after it takes tens of
-    microseconds.
+    One call for everything: a step of many members drives Python and NumPy out of the processor's
+    caches, and then the first call of any other function takes tens of microseconds.
 
     Parameters
     ----------
-    observations, figures, counters : arrays
+    observations, counters : (M, n), (M, 3) arrays
         As `assess` leaves them.
+    figures : (M, F) array
+        The same numbers as those of `assess`, by column.
     seen : (M, n) array of float32
         Overwritten with the observations.
     columns : (F, M) array
         Overwritten with the figures, one row each.
     flags : (2, M) array of bool
-        Overwritten: who was terminated, whose time is up.
+        Overwritten: which members were terminated, and whose time is up.
     """
     ended = 0
     for member in range(figures.shape[0]):
@@ -326,12 +302,12 @@ def collect(
 
 @functools.cache
 def load_assessment() -> None:
-    """Load the physics' kernels and these; whoever calls one of them calls this before."""
+    """Load the physics' kernels and these, which must be done before any of them is called."""
     load_kernels()
     one = np.zeros(1, dtype=np.int64)
     torques = np.zeros((1, 1, 1))
     observations = np.zeros((1, 8), dtype=np.float32)
-    figures = np.zeros((1, len(FIGURES)))
+    figures = np.zeros((1, len(FIGURES.names or ())))
     counters = np.zeros((1, 3), dtype=np.int64)
     torques_of_actions(one, np.zeros((1, 1)), np.zeros(1), torques)
     assess(
@@ -344,9 +320,9 @@ def load_assessment() -> None:
         np.zeros((1, 1, len(RECORD_NAMES))),
         np.zeros((1, 2), dtype=np.int64),
         np.array([[1.0, 0.0]]),
-        np.ones(7),
+        np.ones(1, dtype=TASK_SETTINGS),
         observations,
-        figures,
+        figures.view(FIGURES)[:, 0],
         counters,
     )
     flags = np.zeros((2, 1), dtype=np.bool_)

@@ -29,8 +29,6 @@ from swim_env.sim.batch import Bodies
 from swim_env.sim.recorder import needs_recording
 from swim_env.sim.trajectory import Trajectory
 
-__all__ = ["TERMINATION_REASONS", "Episodes", "EpisodesSnapshot", "reason_of", "whole_number"]
-
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
@@ -48,30 +46,25 @@ TERMINATION_REASONS: dict[str, str] = {
 #: A start that cannot be simulated is drawn again with less noise, down to this share and then 0.
 _SMALLEST_SHARE = 1e-3
 
-#: What `info` holds of the figures, for every task and for some.
+_COLUMNS = {name: column for column, name in enumerate(FIGURES.names or ())}
+#: What `info` holds of the figures, for every task and for targets.
 _FORWARD_INFO = (
-    "progress",
-    "reward_progress",
-    "reward_effort",
-    "reward_heading",
-    "heading_error",
-    "work",
-    "positive_work",
-    "energy_drift",
+    *("progress", "reward_progress", "reward_effort", "reward_heading"),
+    *("heading_error", "work", "positive_work", "energy_drift"),
 )
 _TARGET_INFO = (*_FORWARD_INFO, "distance")
-_TIME = FIGURES.index("time")
-_POSITION = slice(FIGURES.index("x"), FIGURES.index("y") + 1)
+_TIME, _REWARD = _COLUMNS["time"], _COLUMNS["reward"]
+_POSITION = slice(_COLUMNS["x"], _COLUMNS["y"] + 1)
 
 
 @dataclass(frozen=True)
 class EpisodesSnapshot:
-    """Everything that decides how episodes go on.
+    """Everything that decides how episodes continue.
 
     Attributes
     ----------
     task : tuple
-        What the episodes are of, to compare with.
+        Identity of the task, see `Task.identity`.
     arrays : dict of str to numpy.ndarray
         Copies of the state.
     randoms : list of dict
@@ -83,7 +76,7 @@ class EpisodesSnapshot:
     randoms: list[dict[str, Any]]
 
     def member(self, index: int) -> EpisodesSnapshot:
-        """Return the snapshot of one member, which a single environment can take over."""
+        """Return the snapshot of one member, which a single environment can restore."""
         return EpisodesSnapshot(
             self.task,
             {name: array[index : index + 1].copy() for name, array in self.arrays.items()},
@@ -101,10 +94,10 @@ class BatchResults(NamedTuple):
     rewards : (M,) array
         Rewards.
     terminated, truncated : (M,) arrays of bool
-        Whose episode ended before its time, and whose time is up.
+        Which episodes ended before their time, and whose time is up.
     infos : dict
-        Arrays, each with its mask. What is the same in every step, the masks and the reasons where
-        nobody ended, is shared between steps and cannot be written to.
+        Arrays, each with its mask. The masks, and the reasons where no episode ended, are the same
+        arrays in every step and cannot be written to.
     """
 
     observations: NDArray[np.float32]
@@ -120,7 +113,7 @@ class Episodes:
     Parameters
     ----------
     task : Task
-        What they are about.
+        The task of all of them.
     count : int
         Their number M.
     max_episode_steps : int, optional
@@ -132,14 +125,16 @@ class Episodes:
         What each member observes now.
     actions : (M, N - 1) array
         The actions that `play` takes.
+    all_members : (M,) array of int
+        The indices of all members.
     torques : (M, 1, N - 1) array
-        Those of the last actions (N m).
+        Torques of the last actions (N m).
     goals : (M, 2) array
         Directions (unit vectors) or targets (m).
     counters : (M, 3) array of int
         Actions taken, code of the reason for an end, and whether the time is up.
     someone_ended : bool
-        Whether any member was at its end when `results` was last asked for.
+        Whether any member was at its end at the last call of `results`.
 
     Raises
     ------
@@ -160,7 +155,7 @@ class Episodes:
             self.limit = min(self.limit, whole_number(max_episode_steps, "max_episode_steps"))
         load_assessment()
         self.bodies = Bodies(scene, count)
-        self.everyone = self.bodies.everyone
+        self.all_members = self.bodies.all_members
         joints = scene.beam.elements - 1
         self.actions = np.zeros((count, joints))
         until = scene.actuation.active_until if scene.actuation else 1.0
@@ -172,29 +167,24 @@ class Episodes:
         self._settings = task.settings(self.limit)
         self.someone_ended = False
         self.observations = np.zeros((count, task.observation_size), dtype=np.float32)
-        self._figures = np.zeros((count, len(FIGURES)))
+        self._figures = np.zeros((count, len(_COLUMNS)))
         self.counters = np.zeros((count, 3), dtype=np.int64)
         start = task.draw_start(np.random.default_rng(0), task.plan_start({"noise": 0.0}))
         self.bodies.start(0, start.coordinates, start.velocity)
         if self.bodies.recorder is not None:
             self.bodies.recorder.forget()
         names = _TARGET_INFO if task.goal_is_point else _FORWARD_INFO
-        self._info_columns = [(name, FIGURES.index(name)) for name in names]
-        self._everyone_there = np.ones(count, dtype=np.bool_)
+        self._info_columns = [(name, _COLUMNS[name]) for name in names]
+        self._all_there = np.ones(count, dtype=np.bool_)
         self._no_reasons = np.full(count, "", dtype=object)
-        for constant in (self._everyone_there, self._no_reasons):
+        for constant in (self._all_there, self._no_reasons):
             constant.flags.writeable = False
         self._masks = [f"_{name}" for name in self.info(0)]
 
     # ---- running -------------------------------------------------------------------------------
 
-    def start(
-        self,
-        member: int,
-        random: np.random.Generator,
-        plan: StartPlan,
-    ) -> None:
-        """Put a member at a start, which `Task.plan_start` has made of a reset's options.
+    def start(self, member: int, random: np.random.Generator, plan: StartPlan) -> None:
+        """Put a member at a start, as `Task.plan_start` has planned it.
 
         Raises
         ------
@@ -208,26 +198,26 @@ class Episodes:
                 self.bodies.start(member, start.coordinates, start.velocity)
                 break
             except SimulationEndedError:
-                # Large noise may bend the body beyond what its outline bears. What the scene
-                # itself gives was tried when the environment was made.
+                # Large noise may bend the body beyond what its outline allows. The start without
+                # noise was tried when the environment was made.
                 if share == 0.0:
                     raise
                 share = 0.8 * share if share > _SMALLEST_SHARE else 0.0
         self.goals[member] = start.goal
         self.torques[member] = 0.0
-        self._assess(self.everyone[member : member + 1], True)
+        self._assess(self.all_members[member : member + 1], True)
 
     def take(self, actions: object, single: bool, members: Indices) -> None:
-        """Check actions and keep their torques for `play`; nothing is changed by bad ones.
+        """Check actions and keep their torques for `play`; bad ones change no torques.
 
         Parameters
         ----------
         actions : array_like
             Of shape (N - 1,) for a single member, (M, N - 1) otherwise.
         single : bool
-            Which of the two is meant.
+            Whether they are of a single environment.
         members : (K,) array of int
-            Whose actions count; the others' are not looked at.
+            Which members act; the others' actions are ignored.
 
         Raises
         ------
@@ -274,16 +264,16 @@ class Episodes:
             self.goals,
             self._settings,
             self.observations,
-            self._figures,
+            self._figures.view(FIGURES)[:, 0],
             self.counters,
         )
 
-    # ---- what came of it -----------------------------------------------------------------------
+    # ---- results -------------------------------------------------------------------------------
 
     @property
     def rewards(self) -> Array:
         """Rewards of the last action, (M,), a view."""
-        return self._figures[:, 0]
+        return self._figures[:, _REWARD]
 
     @property
     def terminated(self) -> NDArray[np.bool_]:
@@ -302,45 +292,40 @@ class Episodes:
 
     def info(self, member: int) -> dict[str, Any]:
         """Return the info of one member."""
-        figures = self._figures[member].tolist()
         code = int(self.counters[member, END_CODE])
-        info: dict[str, Any] = {
-            "time": figures[_TIME],
-            "position": self._figures[member, _POSITION].copy(),
-            "termination_reason": _REASON_BY_CODE[code],
-        }
-        for name, column in self._info_columns:
-            info[name] = figures[column]
+        position = self._figures[member, _POSITION].copy()
+        info = self._info(self._figures[member].tolist(), position, _REASON_BY_CODE[code])
         if self.task.goal_is_point:
             info["target"] = self.goals[member].copy()
             info["success"] = info["is_success"] = code == REACHED
         return info
 
+    def _info(self, figures: Any, position: Array, reason: Any) -> dict[str, Any]:
+        """Return what all tasks tell, of one member or of all: figures are by column."""
+        info = {"time": figures[_TIME], "position": position, "termination_reason": reason}
+        for name, column in self._info_columns:
+            info[name] = figures[column]
+        return info
+
     def results(self) -> BatchResults:
-        """Return new arrays with what all members observe and gain, and whether they ended."""
-        count = len(self.everyone)
+        """Return new arrays of all members' observations, rewards, ends and infos."""
+        count = len(self.all_members)
         observations = np.empty(self.observations.shape, dtype=np.float32)
-        columns = np.empty((len(FIGURES), count))
+        columns = np.empty((len(_COLUMNS), count))
         flags = np.empty((2, count), dtype=np.bool_)
         ended = collect(
             self.observations, self._figures, self.counters, observations, columns, flags
         )
         self.someone_ended = ended > 0
         reasons = _REASONS[self.counters[:, END_CODE]] if ended else self._no_reasons
-        infos: dict[str, Any] = {
-            "time": columns[_TIME],
-            "position": columns[_POSITION].T,
-            "termination_reason": reasons,
-        }
-        for name, column in self._info_columns:
-            infos[name] = columns[column]
+        infos = self._info(columns, columns[_POSITION].T, reasons)
         if self.task.goal_is_point:
             infos["target"] = self.goals.copy()
             infos["success"] = self.counters[:, END_CODE] == REACHED
             infos["is_success"] = infos["success"].copy()
         for name in self._masks:
-            infos[name] = self._everyone_there
-        return BatchResults(observations, columns[0], flags[0], flags[1], infos)
+            infos[name] = self._all_there
+        return BatchResults(observations, columns[_REWARD], flags[0], flags[1], infos)
 
     def recorded(self, member: int) -> Trajectory:
         """Return a member's trajectory since its start, of a scene with the effect recording.
@@ -371,7 +356,7 @@ class Episodes:
         }
 
     def snapshot(self, randoms: list[np.random.Generator]) -> EpisodesSnapshot:
-        """Return a copy of everything that decides how the episodes go on."""
+        """Return a copy of everything that decides how the episodes continue."""
         return EpisodesSnapshot(
             self.task.identity,
             {name: array.copy() for name, array in self._arrays().items()},
@@ -384,7 +369,7 @@ class Episodes:
         Raises
         ------
         SwimError
-            If the snapshot is of another task, scene, or number of members.
+            If the snapshot is of another task, scene or number of members.
         """
         same = snapshot.task == self.task.identity
         if not same or len(snapshot.randoms) != len(randoms):
@@ -401,26 +386,15 @@ class Episodes:
                 )
         for name, array in arrays.items():
             array[:] = snapshot.arrays[name]
-        for member in self.everyone:
+        for member in self.all_members:
             self.bodies.begin_recording(int(member))
         self.someone_ended = bool(self.counters[:, END_CODE:].any())
         for random, state in zip(randoms, snapshot.randoms, strict=True):
             random.bit_generator.state = deepcopy(state)
 
 
-def reason_of(code: int) -> str:
-    """Return the reason of an end by its code, an empty text for 0."""
-    return _REASON_BY_CODE[code]
-
-
 def whole_number(value: object, name: str, at_most: int | None = None) -> int:
-    """Return a whole number of at least 1, and of no more than a bound.
-
-    Raises
-    ------
-    OptionError
-        If it is anything else.
-    """
+    """Return a whole number of at least 1 and at most a bound, or raise OptionError."""
     try:
         if isinstance(value, bool):
             raise TypeError

@@ -1,4 +1,4 @@
-"""What the single and the batched environment have in common on Gymnasium's side."""
+"""What the single and the batched environments share: spaces, seeds, snapshots, rendering."""
 
 from __future__ import annotations
 
@@ -19,22 +19,6 @@ from swim_env.errors import OptionError, SwimError
 from swim_env.scene import Scene
 from swim_env.scene.checks import nearest
 
-__all__ = [
-    "RENDER_MODES",
-    "EnvSnapshot",
-    "Observation",
-    "Overrides",
-    "SceneLike",
-    "action_space_of",
-    "checked_render_mode",
-    "checked_seed",
-    "checked_snapshot",
-    "metadata_of",
-    "new_viewer",
-    "observation_space_of",
-    "warn_of_no_render_mode",
-]
-
 Observation = NDArray[np.float32]
 RENDER_MODES = ("rgb_array", "human")
 
@@ -51,7 +35,7 @@ class EnvSnapshot:
     episodes : EpisodesSnapshot
         The episode and the random numbers to come.
     is_reset : bool
-        Whether there was an episode.
+        Whether an episode had begun.
     """
 
     episodes: EpisodesSnapshot
@@ -76,13 +60,7 @@ def observation_space_of(task: Task) -> gymnasium.spaces.Box:
 
 
 def checked_render_mode(mode: str | None) -> str | None:
-    """Return a render mode that there is.
-
-    Raises
-    ------
-    OptionError
-        If there is no such mode.
-    """
+    """Return a render mode, or raise OptionError if there is no such mode."""
     if mode is not None and mode not in RENDER_MODES:
         hint = nearest(str(mode), RENDER_MODES)
         raise OptionError(
@@ -92,34 +70,10 @@ def checked_render_mode(mode: str | None) -> str | None:
 
 
 def checked_snapshot(snapshot: object) -> EnvSnapshot:
-    """Return what was made by `snapshot`.
-
-    Raises
-    ------
-    SwimError
-        If it is anything else.
-    """
+    """Return an environment's snapshot, or raise SwimError if it is anything else."""
     if not isinstance(snapshot, EnvSnapshot):
         raise SwimError(f"restore needs what snapshot returned, got {type(snapshot).__name__}")
     return snapshot
-
-
-def new_viewer(episodes: Episodes, metadata: Mapping[str, Any]) -> Any:
-    """Return what shows episodes; imported here, since most environments are never rendered."""
-    from swim_env.envs.render.live import EpisodesViewer
-
-    return EpisodesViewer(episodes, metadata["render_fps"])
-
-
-def warn_of_no_render_mode(
-    env: gymnasium.Env[Any, Any] | gymnasium.vector.VectorEnv[Any, Any, Any],
-) -> None:
-    """Warn as Gymnasium's own environments do of `render` without a mode."""
-    how = f"{type(env).__name__}(render_mode='rgb_array')"
-    if env.spec is not None:
-        make = "make" if isinstance(env, gymnasium.Env) else "make_vec"
-        how = f"gymnasium.{make}({env.spec.id!r}, render_mode='rgb_array')"
-    gymnasium.logger.warn(f"render was called without a render mode; give one, as in {how}")
 
 
 def checked_seed(seed: int | None, where: str = "") -> int | None:
@@ -140,7 +94,93 @@ def checked_seed(seed: int | None, where: str = "") -> int | None:
     return seed
 
 
-def metadata_of(task: Task) -> dict[str, Any]:
-    """Return an environment's metadata; a frame stands for one control interval."""
-    interval = task.scene.episode.control_interval
-    return {"render_modes": list(RENDER_MODES), "render_fps": max(1, round(1.0 / interval))}
+class SharedInterface:
+    """What `SwimEnv` and `SwimVectorEnv` have in common.
+
+    Attributes
+    ----------
+    task : Task
+        What the episodes are about.
+    episodes : Episodes
+        The episodes and the bodies in them.
+    render_mode : str or None
+        See `SwimEnv`.
+    metadata : dict
+        Render modes, and frames per second: a frame lasts one control interval.
+    """
+
+    metadata: dict[str, Any]
+    render_mode: str | None
+
+    def _set_up_episodes(
+        self, task: Task, render_mode: str | None, *, count: int = 1, limit: int | None = None
+    ) -> None:
+        self.render_mode = checked_render_mode(render_mode)
+        self.task = task
+        self.episodes = Episodes(task, count, limit)
+        rate = max(1, round(1.0 / task.scene.episode.control_interval))
+        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": rate}
+        self._is_reset = False
+        self._viewer: Any = None
+
+    @property
+    def scene(self) -> Scene:
+        """The scene."""
+        return self.task.scene
+
+    def render(self) -> Any:
+        """Return a frame, (height, width, 3) uint8, or a batch's tuple of them, or show a window.
+
+        The camera and the trail follow what was rendered since the last reset, and rendering
+        changes nothing of the episode. In "human" mode `reset` and `step` render by themselves,
+        the window keeps to real time, and nothing is shown where there is no display or once the
+        window was closed. Of a batch the window shows member 0; for all members in one window,
+        wrap an "rgb_array" environment in `gymnasium.wrappers.vector.HumanRendering`, which needs
+        opencv.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            Before the first reset.
+        SwimError
+            If a package that drawing needs is not installed.
+        """
+        if self.render_mode is None:
+            _warn_of_no_render_mode(self)
+            return None
+        self._need_reset("render")
+        if self._viewer is None:
+            # Most environments are never rendered.
+            from swim_env.envs.render.live import EpisodesViewer
+
+            self._viewer = EpisodesViewer(self.episodes, self.metadata["render_fps"])
+        if self.render_mode == "human":
+            return self._viewer.show()
+        frames = self._viewer.frames()
+        return frames if isinstance(self, gymnasium.vector.VectorEnv) else frames[0]
+
+    def _need_reset(self, before: str) -> None:
+        if not self._is_reset:
+            raise gymnasium.error.ResetNeeded(f"call reset before {before}")
+
+    def _show(self) -> None:
+        if self.render_mode == "human":
+            self.render()
+
+    def _forget_frames(self, member: int | None = None) -> None:
+        if self._viewer is not None:
+            self._viewer.forget(member)
+
+    def _close_viewer(self) -> None:
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
+
+
+def _warn_of_no_render_mode(env: Any) -> None:
+    """Warn as Gymnasium's own environments do of `render` without a mode."""
+    how = f"{type(env).__name__}(render_mode='rgb_array')"
+    if env.spec is not None:
+        make = "make" if isinstance(env, gymnasium.Env) else "make_vec"
+        how = f"gymnasium.{make}({env.spec.id!r}, render_mode='rgb_array')"
+    gymnasium.logger.warn(f"render was called without a render mode; give one, as in {how}")

@@ -10,21 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.envs.assessment import END_CODE
-from swim_env.envs.episodes import TERMINATION_REASONS, Episodes, reason_of
+from swim_env.envs.episodes import TERMINATION_REASONS
 from swim_env.envs.interface import (
     RENDER_MODES,
     EnvSnapshot,
     Observation,
     Overrides,
     SceneLike,
+    SharedInterface,
     action_space_of,
-    checked_render_mode,
     checked_seed,
     checked_snapshot,
-    metadata_of,
-    new_viewer,
     observation_space_of,
-    warn_of_no_render_mode,
 )
 from swim_env.envs.task import (
     TARGET_BEARING,
@@ -35,14 +32,12 @@ from swim_env.envs.task import (
     Task,
 )
 from swim_env.errors import SimulationEndedError
-from swim_env.scene import Scene, load_scene
+from swim_env.scene import load_scene
 from swim_env.sim.trajectory import Trajectory
 
-__all__ = ["SwimEnv", "SwimTargetEnv"]
 
-
-class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
-    r"""An elastic beam in an ideal fluid learns to swim with its joint torques.
+class SwimEnv(SharedInterface, gymnasium.Env[Observation, NDArray[Any]]):
+    r"""An elastic beam in an ideal fluid swims by its joint torques.
 
     ``gymnasium.make("swim_env/KirchhoffSwimmer-v0", scene="swimmer")``
 
@@ -56,7 +51,7 @@ class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
 
     ## Observations
     ``Box((2 (N - 1) + 5,), float32)``. Nothing depends on where the body is. Values are scaled to
-    order one and, but for sine and cosine, clipped to ±100.
+    order one and, except sine and cosine, clipped to ±100.
 
     | index        | quantity                                               | unit of 1 |
     |--------------|--------------------------------------------------------|-----------|
@@ -87,9 +82,9 @@ class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
     ``heading``, ``velocity``, ``turning_rate``, ``position`` ...), which are then exact.
 
     ## End
-    Truncated when the scene's ``episode.duration`` is over. Terminated when the physics cannot go
-    on; ``info["termination_reason"]`` is then one of ``swim_env.TERMINATION_REASONS``, and empty
-    otherwise.
+    Truncated when the scene's ``episode.duration`` is over. Terminated when the physics cannot
+    continue; ``info["termination_reason"]`` is then one of ``swim_env.TERMINATION_REASONS``, and
+    empty otherwise.
 
     ## Info
     The same keys from ``reset`` and ``step``: ``time`` (s), ``position`` of the mean centre (m),
@@ -134,19 +129,9 @@ class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         self._set_up(task, render_mode)
 
     def _set_up(self, task: Task, render_mode: str | None) -> None:
-        self.render_mode = checked_render_mode(render_mode)
-        self.task = task
-        self.episodes = Episodes(task)
-        self.metadata = metadata_of(task)
+        self._set_up_episodes(task, render_mode)
         self.action_space = action_space_of(task)
         self.observation_space = observation_space_of(task)  # type: ignore[assignment]
-        self._is_reset = False
-        self._viewer: Any = None
-
-    @property
-    def scene(self) -> Scene:
-        """The scene."""
-        return self.task.scene
 
     @property
     def coordinates(self) -> NDArray[np.float64]:
@@ -193,7 +178,7 @@ class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         Parameters
         ----------
         seed : int, optional
-            Seed of the start's noise; without one the present generator goes on.
+            Seed of the start's noise; without one the present generator continues.
         options : mapping, optional
             See `SwimEnv`.
 
@@ -204,8 +189,8 @@ class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         OptionError
             If an option cannot be used.
         SimulationEndedError
-            If the start cannot be simulated. The episode that was running can go on after any of
-            these errors, as if nothing had been asked.
+            If the start cannot be simulated. After any of these errors the running episode can
+            be continued as if `reset` had not been called.
         """
         plan = self.task.plan_start(options)
         seed = checked_seed(seed)
@@ -220,10 +205,8 @@ class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
                 random.bit_generator.state = numbers  # type: ignore[assignment]
             raise
         self._is_reset = True
-        if self._viewer is not None:
-            self._viewer.forget()
-        if self.render_mode == "human":
-            self.render()
+        self._forget_frames()
+        self._show()
         return self.episodes.observations[0].copy(), self.episodes.info(0)
 
     def step(self, action: NDArray[Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -238,16 +221,15 @@ class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         SimulationEndedError
             If the episode was terminated before.
         """
+        self._need_reset("step")
         episodes = self.episodes
-        if not self._is_reset:
-            raise gymnasium.error.ResetNeeded("call reset before step")
-        code = episodes.counters[0, END_CODE]
-        if code:
-            self._refuse(int(code))
-        episodes.take(action, True, episodes.everyone)
-        episodes.play(episodes.everyone)
-        if self.render_mode == "human":
-            self.render()
+        if episodes.counters[0, END_CODE]:
+            reason = episodes.info(0)["termination_reason"]
+            meaning = f"{TERMINATION_REASONS[reason]}; call reset to start again"
+            raise SimulationEndedError(reason, float(episodes.times[0]), meaning)
+        episodes.take(action, True, episodes.all_members)
+        episodes.play(episodes.all_members)
+        self._show()
         _, code, time_is_up = episodes.counters[0].tolist()
         return (
             episodes.observations[0].copy(),
@@ -257,41 +239,9 @@ class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
             episodes.info(0),
         )
 
-    def _refuse(self, code: int) -> None:
-        reason = reason_of(code)
-        time = float(self.episodes.times[0])
-        meaning = TERMINATION_REASONS[reason]
-        raise SimulationEndedError(reason, time, f"{meaning}; call reset to start again")
-
-    def render(self) -> Any:
-        """Return a frame, (height, width, 3) uint8, or show it in a window.
-
-        The camera and the trail follow what was rendered since the last reset, and rendering
-        changes nothing of the episode. In "human" mode `reset` and `step` render by themselves,
-        the window keeps to real time, and nothing is shown where there is no display or once the
-        window was closed.
-
-        Raises
-        ------
-        gymnasium.error.ResetNeeded
-            Before the first reset.
-        SwimError
-            If what it takes to draw is not installed.
-        """
-        if self.render_mode is None:
-            warn_of_no_render_mode(self)
-            return None
-        if not self._is_reset:
-            raise gymnasium.error.ResetNeeded("call reset before render")
-        if self._viewer is None:
-            self._viewer = new_viewer(self.episodes, self.metadata)
-        return self._viewer.show() if self.render_mode == "human" else self._viewer.frames()[0]
-
     def close(self) -> None:
         """Close the window, if there is one. Closing twice does no harm."""
-        if self._viewer is not None:
-            self._viewer.close()
-            self._viewer = None
+        self._close_viewer()
 
     # ---- snapshots -----------------------------------------------------------------------------
 
@@ -314,8 +264,7 @@ class SwimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         """
         self.episodes.restore(checked_snapshot(snapshot).episodes, [self.np_random])
         self._is_reset = snapshot.is_reset
-        if self._viewer is not None:
-            self._viewer.forget()
+        self._forget_frames()
         observation: Observation = self.episodes.observations[0].copy()
         return observation
 
@@ -325,10 +274,10 @@ class SwimTargetEnv(SwimEnv):
 
     ``gymnasium.make("swim_env/KirchhoffSwimmerTarget-v0")``
 
-    As `SwimEnv`, but for these:
+    As `SwimEnv`, with these differences:
 
-    - The goal's direction in the observation is that to the point, and one more number at the end
-      is its distance from the mean centre in body lengths.
+    - The goal's direction in the observation is the direction to the point, and one more number at
+      the end is the point's distance from the mean centre in body lengths.
     - The reward is the distance by which the mean centre came closer, in body lengths.
     - Reaching the point ends the episode: terminated, ``termination_reason`` is
       ``target_reached``, ``success`` and ``is_success`` are true.

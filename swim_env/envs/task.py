@@ -1,7 +1,6 @@
-"""What an episode is about: where it starts, what it aims at, and what pays.
+"""Tasks: where an episode starts, what its goal is, and what is rewarded.
 
-Two tasks share one way of counting. Both reward progress, in body lengths: along a direction, or
-towards a point.
+Both tasks reward progress in body lengths: along a direction, or towards a point.
 """
 
 from __future__ import annotations
@@ -15,17 +14,15 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.envs.assessment import observation_size
+from swim_env.envs.assessment import TASK_SETTINGS, observation_size
 from swim_env.errors import OptionError, SceneError
 from swim_env.scene import Initial, Scene
 from swim_env.scene.checks import check_pair, check_real, check_reals, got, nearest
 from swim_env.sim.batch import minimal_start
 
-__all__ = ["TASKS", "ForwardTask", "Start", "StartPlan", "TargetTask", "Task", "check_task"]
-
 Array = NDArray[np.float64]
 
-#: Where a target is drawn unless told otherwise: distance (BL), bearing (rad), radius (BL).
+#: Where a target is drawn by default: distance (BL), bearing (rad), radius (BL).
 TARGET_DISTANCE, TARGET_BEARING, TARGET_RADIUS = (0.5, 1.5), 0.5 * math.pi, 0.1
 
 _START_FIELDS = tuple(spec.name for spec in fields(Initial))
@@ -50,7 +47,7 @@ class Start(NamedTuple):
 
 
 class StartPlan(NamedTuple):
-    """A start but for its noise: the options of a reset, all checked.
+    """A start without its noise, made of the checked options of a reset.
 
     Attributes
     ----------
@@ -107,7 +104,7 @@ class Task(ABC):
 
     @property
     def identity(self) -> tuple[object, ...]:
-        """What tells this task from others, to compare snapshots by."""
+        """What distinguishes this task from others, for comparing snapshots."""
         return (type(self).__name__, self.scene, self.effort_weight, self.heading_weight)
 
     @property
@@ -115,18 +112,22 @@ class Task(ABC):
         """Number of observed quantities."""
         return observation_size(self.scene.beam.elements, self.goal_is_point)
 
-    def settings(self, actions_per_episode: int) -> Array:
+    def settings(self, actions_per_episode: int) -> NDArray[np.void]:
         """Return what `swim_env.envs.assessment.assess` needs to know of the task."""
+        beam = self.scene.beam
         return np.array(
             [
-                self.scene.beam.length,
-                self.scene.integrator.time_step,
-                float(self.goal_is_point),
-                self.radius * self.scene.beam.length,
-                self.effort_weight,
-                self.heading_weight,
-                actions_per_episode,
-            ]
+                (
+                    beam.length,
+                    self.scene.integrator.time_step,
+                    self.goal_is_point,
+                    self.radius * beam.length,
+                    self.effort_weight,
+                    self.heading_weight,
+                    actions_per_episode,
+                )
+            ],
+            dtype=TASK_SETTINGS,
         )
 
     def plan_start(self, options: Mapping[str, Any] | None = None) -> StartPlan:
@@ -231,7 +232,7 @@ class ForwardTask(Task):
 
 
 class TargetTask(Task):
-    """Reach a point; the reward is by how much the mean centre came closer, in body lengths.
+    """Reach a point; the reward is the decrease of the mean centre's distance, in body lengths.
 
     Parameters
     ----------
@@ -280,7 +281,7 @@ class TargetTask(Task):
 
     @property
     def identity(self) -> tuple[object, ...]:
-        """What tells this task from others, to compare snapshots by."""
+        """What distinguishes this task from others, for comparing snapshots."""
         return (*super().identity, self.distance, self.bearing, self.radius)
 
     def _given_goal(self, options: Mapping[str, Any]) -> Array | None:
@@ -302,13 +303,7 @@ TASKS: dict[str, type[Task]] = {"forward": ForwardTask, "target": TargetTask}
 
 
 def check_task(name: str) -> str:
-    """Return the name of a task that there is.
-
-    Raises
-    ------
-    OptionError
-        If there is no such task.
-    """
+    """Return the name of a task, or raise OptionError if there is no such task."""
     if name not in TASKS:
         hint = nearest(str(name), TASKS)
         raise OptionError(f"unknown task {name!r}{hint}; tasks: {', '.join(TASKS)}")

@@ -12,20 +12,17 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from swim_env.envs.episodes import Episodes, whole_number
+from swim_env.envs.episodes import whole_number
 from swim_env.envs.interface import (
     EnvSnapshot,
     Observation,
     Overrides,
     SceneLike,
+    SharedInterface,
     action_space_of,
-    checked_render_mode,
     checked_seed,
     checked_snapshot,
-    metadata_of,
-    new_viewer,
     observation_space_of,
-    warn_of_no_render_mode,
 )
 from swim_env.envs.task import (
     TARGET_BEARING,
@@ -38,11 +35,9 @@ from swim_env.envs.task import (
 )
 from swim_env.errors import OptionError, SimulationEndedError, SwimError
 from swim_env.physics.runtime.threads import usable_threads
-from swim_env.scene import Scene, load_scene
+from swim_env.scene import load_scene
 from swim_env.scene.checks import got
 from swim_env.sim.trajectory import Trajectory
-
-__all__ = ["VECTOR_ENVIRONMENTS", "SwimTargetVectorEnv", "SwimVectorEnv"]
 
 Booleans = NDArray[np.bool_]
 
@@ -51,6 +46,7 @@ MOST_MEMBERS, MOST_THREADS = 1_000_000, 1_000
 
 
 class SwimVectorEnv(
+    SharedInterface,
     gymnasium.vector.VectorEnv[Observation, NDArray[Any], NDArray[Any]],
 ):
     """Many `SwimEnv` in one, each member bit for bit what it would be alone.
@@ -58,10 +54,10 @@ class SwimVectorEnv(
     ``gymnasium.make_vec("swim_env/KirchhoffSwimmer-v0", num_envs=64)``
 
     Actions, observations, rewards and infos are those of `SwimEnv` in Gymnasium's batched form:
-    arrays whose first axis is the member, and infos with a mask ``_key`` for every key. All modes
-    of starting members anew are there: in the step after their end, whose action they ignore
-    (NEXT_STEP, the default); in the same step, with ``final_obs`` and ``final_info`` in the infos
-    (SAME_STEP); or by ``reset(options={"reset_mask": ...})`` alone (DISABLED).
+    arrays whose first axis is the member, and infos with a mask ``_key`` for every key. Members
+    that have ended start again in the next step, whose action they ignore (NEXT_STEP, the default);
+    in the same step, with ``final_obs`` and ``final_info`` in the infos (SAME_STEP); or only by
+    ``reset(options={"reset_mask": ...})`` (DISABLED).
 
     Parameters
     ----------
@@ -72,9 +68,9 @@ class SwimVectorEnv(
     autoreset_mode : gymnasium.vector.AutoresetMode or str
         ``NextStep``, ``SameStep`` or ``Disabled``.
     max_episode_steps : int, optional
-        Actions in an episode, if that is less than the scene's duration gives.
+        Largest number of actions in an episode, if the scene's duration has more.
     num_threads : int, optional
-        Largest number of threads; as many as numba is told to use at this moment unless given.
+        Largest number of threads; by default as many as numba uses at this moment.
 
     Raises
     ------
@@ -109,33 +105,24 @@ class SwimVectorEnv(
         num_threads: int | None,
     ) -> None:
         self.num_envs = whole_number(num_envs, "num_envs", MOST_MEMBERS)
-        self.render_mode = checked_render_mode(render_mode)
         self.autoreset_mode = _checked_mode(autoreset_mode)
         self.num_threads = (
             None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
         )
-        self.task = task
         try:
-            self.episodes = Episodes(task, self.num_envs, max_episode_steps)
+            self._set_up_episodes(task, render_mode, count=self.num_envs, limit=max_episode_steps)
         except MemoryError:
             raise OptionError(
                 f"{self.num_envs} members of scene {task.scene.name} do not fit into memory; "
                 "num_envs must be smaller"
             ) from None
-        self.metadata = {**metadata_of(task), "autoreset_mode": self.autoreset_mode}
+        self.metadata["autoreset_mode"] = self.autoreset_mode
         self.single_action_space = action_space_of(task)
         self.single_observation_space = observation_space_of(task)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self._randoms: list[np.random.Generator | None] = [None] * self.num_envs
-        self._is_reset = False
         self._threads = self.num_threads or usable_threads()
-        self._viewer: Any = None
-
-    @property
-    def scene(self) -> Scene:
-        """The scene."""
-        return self.task.scene
 
     def recorded(self, member: int) -> Trajectory:
         """Return a member's trajectory since its last reset, of a scene with the effect recording.
@@ -165,7 +152,7 @@ class SwimVectorEnv(
         ----------
         seed : int or sequence of int, optional
             Member i is seeded with seed + i, or with the i-th of a sequence. Without a seed the
-            members' generators go on.
+            members' generators continue.
         options : mapping, optional
             As for `SwimEnv`, for all members; and ``reset_mask``, an (M,) array of bool that says
             which members to start.
@@ -204,8 +191,7 @@ class SwimVectorEnv(
         results = self.episodes.results()
         if isinstance(seed, int):
             super().reset(seed=seed)
-        if self.render_mode == "human":
-            self.render()
+        self._show()
         infos = results.infos if mask.all() else self._masked_infos(mask)
         return results.observations, infos
 
@@ -226,10 +212,9 @@ class SwimVectorEnv(
         gymnasium.error.ResetNeeded
             Before the first reset, or where a member has ended and the mode is DISABLED.
         """
+        self._need_reset("step")
         episodes = self.episodes
-        if not self._is_reset:
-            raise gymnasium.error.ResetNeeded("call reset before step")
-        moving = episodes.everyone
+        moving = episodes.all_members
         if episodes.someone_ended:
             ended = episodes.terminated | episodes.truncated
             if self.autoreset_mode is AutoresetMode.DISABLED:
@@ -253,63 +238,36 @@ class SwimVectorEnv(
                 self._start(member, self.task.plan_start())
             observations, _, _, _, infos = episodes.results()
             infos.update(last)
-        if self.render_mode == "human":
-            self.render()
+        self._show()
         return observations, rewards, terminated, truncated, infos
-
-    def render(self) -> Any:
-        """Return a frame of every member, (height, width, 3) uint8 each, or show member 0.
-
-        In "human" mode `reset` and `step` show member 0 by themselves; for all members in one
-        window, wrap an "rgb_array" environment in `gymnasium.wrappers.vector.HumanRendering`, which
-        needs opencv. See `SwimEnv.render`.
-
-        Raises
-        ------
-        gymnasium.error.ResetNeeded
-            Before the first reset.
-        SwimError
-            If what it takes to draw is not installed.
-        """
-        if self.render_mode is None:
-            warn_of_no_render_mode(self)
-            return None
-        if not self._is_reset:
-            raise gymnasium.error.ResetNeeded("call reset before render")
-        if self._viewer is None:
-            self._viewer = new_viewer(self.episodes, self.metadata)
-        return self._viewer.show() if self.render_mode == "human" else self._viewer.frames()
 
     def close_extras(self, **kwargs: Any) -> None:
         """Close the window, if there is one."""
-        if self._viewer is not None:
-            self._viewer.close()
-            self._viewer = None
+        self._close_viewer()
 
     def _start(self, member: int, plan: StartPlan) -> None:
         random = self._randoms[member]
         if random is None:
             random = self._randoms[member] = seeding.np_random()[0]
         self.episodes.start(member, random, plan)
-        if self._viewer is not None:
-            self._viewer.forget(member)
+        self._forget_frames(member)
 
     def _masked_infos(self, mask: Booleans) -> dict[str, Any]:
-        """Return infos in which only the members of a mask stand, as Gymnasium's own do."""
+        """Return infos of the members of a mask only, in the form of Gymnasium's own."""
         infos: dict[str, Any] = {}
         for member in np.flatnonzero(mask):
             infos = self._add_info(infos, self.episodes.info(int(member)), int(member))
         return infos
 
     def _plan_and_mask(self, options: Mapping[str, Any] | None) -> tuple[StartPlan, Booleans]:
-        everyone = np.ones(self.num_envs, dtype=np.bool_)
+        all_members = np.ones(self.num_envs, dtype=np.bool_)
         if not isinstance(options, Mapping) or "reset_mask" not in options:
-            return self.task.plan_start(options), everyone
+            return self.task.plan_start(options), all_members
         mask = options["reset_mask"]
         if (
             not isinstance(mask, np.ndarray)
             or mask.dtype != np.bool_
-            or mask.shape != everyone.shape
+            or mask.shape != all_members.shape
             or not mask.any()
         ):
             raise OptionError(
@@ -369,8 +327,7 @@ class SwimVectorEnv(
             If the snapshot belongs to another environment, or before the first reset.
         """
         self.episodes.restore(checked_snapshot(snapshot).episodes, self._known_randoms())
-        if self._viewer is not None:
-            self._viewer.forget()
+        self._forget_frames()
         return self.episodes.observations.copy()
 
     def _known_randoms(self) -> list[np.random.Generator]:

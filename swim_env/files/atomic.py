@@ -8,8 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO
 
-__all__ = ["write_atomically"]
-
 
 def write_atomically(path: str | os.PathLike[str], write: Callable[[IO[bytes]], object]) -> None:
     """Write a file through a temporary one beside it, which then takes its name.
@@ -36,7 +34,7 @@ def write_atomically(path: str | os.PathLike[str], write: Callable[[IO[bytes]], 
             os.fsync(file.fileno())
         os.replace(scratch, target)
     except OSError as error:
-        # Not the temporary file, which nobody knows of, or none at all.
+        # The error shall name the file and not the temporary one.
         raise OSError(error.errno, error.strerror or str(error), os.fspath(path)) from error
     finally:
         scratch.unlink(missing_ok=True)

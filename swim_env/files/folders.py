@@ -1,4 +1,4 @@
-"""Result folders: several files that belong together, written all of them or none."""
+"""Result folders: files that belong together, written all of them or none."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 
 from swim_env.errors import SwimError
-
-__all__ = ["check_folder", "page_of", "write_folder"]
 
 
 def write_folder(
@@ -53,7 +51,7 @@ def write_folder(
 
 
 def page_of(folder: str | os.PathLike[str]) -> Path:
-    """Return where the page about a folder of results stands: beside it, with its name."""
+    """Return the file of the page on a folder of results: beside it, with its name."""
     place = Path(os.path.realpath(folder))
     return place.with_name(f"{place.name}.md")
 
@@ -61,17 +59,10 @@ def page_of(folder: str | os.PathLike[str]) -> Path:
 def check_folder(folder: str | os.PathLike[str], names: Collection[str]) -> None:
     """Refuse a result folder that exists and holds anything but earlier results.
 
-    Parameters
-    ----------
-    folder : str or os.PathLike
-        The folder.
-    names : collection of str
-        The files that a folder of earlier results may hold.
-
     Raises
     ------
     SwimError
-        If it holds others, or if the path is a file.
+        If it holds other files than `names`, or if the path is a file.
     """
     name = os.fspath(folder)
     target = Path(folder)
@@ -91,7 +82,7 @@ def check_folder(folder: str | os.PathLike[str], names: Collection[str]) -> None
 
 
 def _fill(ready: Path, write: Callable[[Path], object]) -> None:
-    """Write into a folder; what the machine refuses is told without the folder's passing name."""
+    """Write into a temporary folder; errors of the system are raised bare, without its name."""
     try:
         write(ready)
     except SwimError as error:

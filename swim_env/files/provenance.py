@@ -10,22 +10,14 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-__all__ = ["where_and_when"]
-
 _PACKAGES = (
-    "numpy",
-    "numba",
-    "scipy",
-    "gymnasium",
-    "stable-baselines3",
-    "torch",
-    "mujoco",
-    "pyelastica",
+    *("numpy", "numba", "scipy", "gymnasium"),
+    *("stable-baselines3", "torch", "mujoco", "pyelastica"),
 )
 
 
 def where_and_when() -> dict[str, Any]:
-    """Return what should stand beside every measured number.
+    """Return the origin that is stored with every measured number.
 
     Returns
     -------

@@ -21,25 +21,19 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.added_mass import FLUID_MODELS, FluidConstants
-from swim_env.physics.fluid.outline import LANES, FluidGeometry
-from swim_env.physics.fluid.panels import LAYERS, influence, normal_influence
+from swim_env.physics.fluid.layout import FluidConstants
+from swim_env.physics.fluid.models import fluid_constants
+from swim_env.physics.fluid.outline import FluidGeometry
+from swim_env.physics.fluid.sources import LAYERS, influence, normal_influence
 from swim_env.physics.planar.chain import BeamConstants, centres, centres_of_trajectory
 from swim_env.physics.planar.equations import evaluate_held_step, evaluate_step
 from swim_env.physics.planar.matrix import step_jacobian
 from swim_env.physics.runtime.compile import cache_folder
+from swim_env.physics.runtime.views import LANES
 from swim_env.physics.solve.advance import advance, energy_and_velocity, momentum_of_velocity
 from swim_env.physics.solve.constants import Constants, SolverConstants, pack_constants
 from swim_env.physics.solve.prepare import prepare
-from swim_env.physics.solve.state import (
-    RECORD_NAMES,
-    Member,
-    member_views,
-    state_size,
-    work_sizes,
-)
-
-__all__ = ["load_kernels"]
+from swim_env.physics.solve.state import RECORD_NAMES, Member, member_views, state_size, work_sizes
 
 Array = NDArray[np.float64]
 
@@ -48,7 +42,7 @@ Array = NDArray[np.float64]
 def load_kernels() -> None:
     """Load every kernel that is called from Python; compile them first where that is needed.
 
-    Whoever calls a kernel from Python calls this before. It takes a fraction of a second where
+    Call this before calling a kernel from Python. It takes a fraction of a second where
     the cache is filled, and announces on stderr when it is not.
     """
     marker = cache_folder() / "compiled"
@@ -72,7 +66,7 @@ def _say(message: str) -> None:
 
 
 def _compile_in_own_processes() -> bool:
-    """Fill the cache; tells whether that went well.
+    """Fill the cache; return whether that went well.
 
     Where no process can be started, this one compiles as it calls.
 
@@ -120,7 +114,7 @@ def _sample() -> _Sample:
     elements = 2
     beam = BeamConstants(elements, 0.5, 0.1, 1e-3, np.ones(1), np.zeros(1))
     geometry = FluidGeometry(elements, 0.5, 0.01, 1, 1)
-    fluid = FluidConstants(FLUID_MODELS["panels"], geometry, 1.0, False, np.zeros(0))
+    fluid = fluid_constants("panels", geometry, 1.0)
     solver = SolverConstants(0.01, 1e-10)
     constants = pack_constants(beam, fluid, solver)
     floats, integers = work_sizes(beam, fluid)

@@ -108,7 +108,7 @@ class Tape:
         #: and the file of this episode.
         self.running: dict[int, tuple[str, str]] = {}
         self._always = episodes.task.scene.recording is not None
-        self._recorder = _ChosenRecorder(episodes.task.scene, len(episodes.everyone))
+        self._recorder = _ChosenRecorder(episodes.task.scene, len(episodes.all_members))
         self._rewards: dict[int, list[float]] = {}
         self._goals: dict[int, NDArray[np.float64]] = {}
         self._velocities: dict[int, NDArray[np.float64]] = {}

@@ -1,7 +1,6 @@
 """A scene: everything that decides a run, checked as a whole, to and from YAML.
 
-Other rooms take a `Scene` and never read files of their own. The shipped scenes are the YAML
-files in ``configs/scenes``.
+Other rooms take a `Scene` and never read files of their own.
 """
 
 from __future__ import annotations
@@ -9,94 +8,39 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
-from pathlib import Path
 from typing import Any
 
 from swim_env.errors import SceneError
-from swim_env.scene.blocks import (
-    ENERGY_EXCESSES,
-    FLUID_MODEL_NAMES,
-    MOST_ELEMENTS_OF_EXPANSION,
-    MOST_PANELS_IN_ALL,
-    SCHEME_NAMES,
-    TOLERANCE_RANGE,
-    Actuation,
+from swim_env.scene.block import Block, build_block, plain
+from swim_env.scene.body import Beam
+from swim_env.scene.checks import check_fields, check_text, nearest
+from swim_env.scene.drive import Actuation
+from swim_env.scene.effects import (
+    EFFECT_BLOCKS,
     AxialAddedMass,
-    Beam,
     CrossFlowDrag,
     Damping,
-    Episode,
-    Fluid,
-    Initial,
-    Integrator,
     InternalForces,
-    LinearStiffness,
-    PiecewiseStiffness,
     Recording,
     SelfContact,
-    StiffnessPiece,
     Stream,
-    build_block,
-    plain,
 )
-from swim_env.scene.checks import check_fields, check_text, nearest
-from swim_env.scene.yaml import dump_yaml, parse_overrides, parse_yaml, read_text, write_text
+from swim_env.scene.fluid import Fluid
+from swim_env.scene.initial import Initial
+from swim_env.scene.library import find_scene_file, read_scene_file
+from swim_env.scene.run import Episode, Integrator
+from swim_env.scene.yaml import dump_yaml, parse_overrides, write_text
 
-__all__ = [
-    "EFFECT_NAMES",
-    "ENERGY_EXCESSES",
-    "FLUID_MODEL_NAMES",
-    "SCHEME_NAMES",
-    "TOLERANCE_RANGE",
-    "Actuation",
-    "AxialAddedMass",
-    "Beam",
-    "CrossFlowDrag",
-    "Damping",
-    "Episode",
-    "Fluid",
-    "Initial",
-    "Integrator",
-    "InternalForces",
-    "LinearStiffness",
-    "PiecewiseStiffness",
-    "Recording",
-    "Scene",
-    "SelfContact",
-    "StiffnessPiece",
-    "Stream",
-    "load_scene",
-    "scene_names",
-]
-
-EFFECT_NAMES: tuple[str, ...] = (
-    "bending_stiffness",
-    "axial_added_mass",
-    "damping",
-    "cross_flow_drag",
-    "stream",
-    "self_contact",
-    "internal_forces",
-    "recording",
-)
-"""Names of the effects; each is also the name of its block in a scene, the first one in `beam`."""
-
-_BLOCKS: dict[str, type] = {
+_BLOCKS: dict[str, type[Block]] = {
     "beam": Beam,
     "fluid": Fluid,
-    "axial_added_mass": AxialAddedMass,
-    "damping": Damping,
-    "cross_flow_drag": CrossFlowDrag,
-    "stream": Stream,
-    "self_contact": SelfContact,
-    "internal_forces": InternalForces,
-    "recording": Recording,
+    **EFFECT_BLOCKS,
     "actuation": Actuation,
     "initial": Initial,
     "integrator": Integrator,
     "episode": Episode,
 }
-_OPTIONAL = ("fluid", *EFFECT_NAMES[1:], "actuation")
+_OPTIONAL = ("fluid", *EFFECT_BLOCKS, "actuation")
 #: Blocks without fields, which are there or not.
 _BARE = tuple(name for name, cls in _BLOCKS.items() if not fields(cls))
 _NOTHING: Any = object()
@@ -120,20 +64,11 @@ class Scene:
         The body.
     fluid : Fluid or None
         The fluid; None for none.
-    axial_added_mass : AxialAddedMass or None
-        Effect, present or not; needs a fluid of panels.
-    damping : Damping or None
-        Effect, present or not; needs a beam with stiffness.
-    cross_flow_drag : CrossFlowDrag or None
-        Effect, present or not; needs a fluid.
-    stream : Stream or None
-        Effect, present or not; needs a fluid.
-    self_contact : SelfContact or None
-        Effect, present or not; needs a thickness.
-    internal_forces : InternalForces or None
-        Effect, present or not.
-    recording : Recording or None
-        Effect, present or not.
+    axial_added_mass, damping, cross_flow_drag, stream : blocks or None
+        Effects, present or not. The axial added mass needs a fluid of panels, damping a beam with
+        stiffness, drag and stream a fluid.
+    self_contact, internal_forces, recording : blocks or None
+        Effects, present or not. Self-contact needs a thickness.
     actuation : Actuation or None
         The prescribed torque; None for a passive body.
     initial : Initial
@@ -171,64 +106,19 @@ class Scene:
                 raise SceneError(
                     f"{block} must be of type {cls.__name__}, got {type(value).__name__}"
                 )
-        self._check_fluid()
-        if self.damping is not None and not self.beam.stiffness_at_joints().any():
-            raise SceneError(
-                "damping has no meaning where beam.bending_stiffness is zero everywhere, as its "
-                "moment is proportional to it; leave damping out or give some stiffness"
-            )
-        self.initial.check_sizes(self.beam)
-        self.initial.check_inextensible(self.beam)
-
-    def _check_fluid(self) -> None:
-        """Check what depends on the fluid being there or not."""
-        beam = self.beam
         if self.fluid is not None and self.fluid.present:
-            limit = 0.25 * beam.length
-            if self.fluid.has_outline and not 0.0 < beam.half_thickness < limit:
-                raise SceneError(
-                    f"beam.half_thickness must be above 0 and below a quarter of the length, "
-                    f"{limit:.6g} m, for an outline of panels, got {beam.half_thickness!r}"
-                )
-            panels = beam.elements * self.fluid.panels_per_element + 2 * self.fluid.panels_per_end(
-                beam
-            )
-            if self.fluid.model != "strip" and panels > MOST_PANELS_IN_ALL:
-                raise SceneError(
-                    f"beam.elements times fluid.panels_per_element and the ends' panels must be "
-                    f"at most {MOST_PANELS_IN_ALL} panels, got {panels}"
-                )
-        elif beam.rotary_inertia == 0.0:
+            self.fluid.check_body(self.beam)
+        elif self.beam.rotary_inertia == 0.0:
             raise SceneError(
                 "beam.rotary_inertia must be above 0 kg m without a fluid, as the mass matrix is "
                 "singular otherwise, got 0.0"
             )
-        if self.axial_added_mass is not None and (
-            self.fluid is None or self.fluid.model != "panels"
-        ):
-            model = "none" if self.fluid is None else self.fluid.model
-            raise SceneError(
-                "axial_added_mass has no meaning without fluid.model panels, as it is that of the "
-                f"end panels; leave it out or change the model, got {model}"
-            )
-        for name in ("cross_flow_drag", "stream"):
-            if getattr(self, name) is not None and not (self.fluid and self.fluid.present):
-                raise SceneError(
-                    f"{name} has no meaning without a fluid; leave it out or give the scene a fluid"
-                )
-        if self.self_contact is not None and beam.half_thickness == 0.0:
-            raise SceneError(
-                "self_contact needs beam.half_thickness, a number above 0 in m, got 0.0"
-            )
-        if (
-            self.fluid is not None
-            and self.fluid.model == "expansion"
-            and beam.elements > MOST_ELEMENTS_OF_EXPANSION
-        ):
-            raise SceneError(
-                f"fluid.model expansion takes at most {MOST_ELEMENTS_OF_EXPANSION} elements, as "
-                f"its tensor grows with their fourth power, got {beam.elements}; take panels"
-            )
+        for name in EFFECT_BLOCKS:
+            effect = getattr(self, name)
+            if effect is not None:
+                effect.check_scene(self.beam, self.fluid)
+        self.initial.check_sizes(self.beam)
+        self.initial.check_inextensible(self.beam)
 
     # ---- views ---------------------------------------------------------------------------------
 
@@ -236,11 +126,8 @@ class Scene:
     def effects(self) -> tuple[str, ...]:
         """Names of the effects that are present, in the order of `EFFECT_NAMES`."""
         stiff = bool(self.beam.stiffness_at_joints().any())
-        return tuple(
-            name
-            for name in EFFECT_NAMES
-            if (stiff if name == "bending_stiffness" else getattr(self, name) is not None)
-        )
+        there = tuple(name for name in EFFECT_BLOCKS if getattr(self, name) is not None)
+        return ("bending_stiffness", *there) if stiff else there
 
     @property
     def steps_per_action(self) -> int:
@@ -269,7 +156,7 @@ class Scene:
 
     @property
     def torque_limit(self) -> float:
-        """Torque that an environment's action of 1 stands for [N m].
+        """Torque of an environment's action of 1 [N m].
 
         A scene without a prescribed torque has the default limit.
         """
@@ -361,10 +248,11 @@ class Scene:
         SceneError
             If the file cannot be read or does not hold a valid scene.
         """
-        return _read(Path(path), os.fspath(path))
+        source = os.fspath(path)
+        return cls.from_dict(read_scene_file(source, source), source)
 
     def replace(self, path: str | Mapping[str, object], value: object = _NOTHING) -> Scene:
-        """Return a scene with one or several fields changed, checked once all are in.
+        """Return a scene with one or several fields changed; it is checked with all changes.
 
         Parameters
         ----------
@@ -420,8 +308,8 @@ class Scene:
         """Return the scene with the cheapest settings that compute it to a tolerance.
 
         Fluid model, panels, elements, time step and scheme are chosen from the measured front of
-        accuracy against cost (docs/accuracy.md), by playing the scene with its prescribed torque: a
-        matter of seconds. Body, drive and effects stay as they are; what was chosen and why is
+        accuracy against cost (docs/accuracy.md), by playing the scene with its prescribed torque,
+        which takes seconds. Body, drive and effects stay as they are; what was chosen and why is
         appended to the description. `swim_env.accuracy.choose` returns more about it.
 
         Parameters
@@ -433,7 +321,8 @@ class Scene:
             Whether to keep the number of elements, as an agent for so many joints needs it. The
             error is then that of a body of so many elements.
         duration : float, optional
-            Simulated time on which it is judged (s), the scene's own unless given; 20 s at most.
+            Simulated time over which the error is taken (s), by default the scene's own; at most
+            20 s.
 
         Raises
         ------
@@ -449,7 +338,7 @@ _choose_settings: Callable[[Scene, float, bool, float | None], Scene] | None = N
 
 
 def register_choice(choose: Callable[[Scene, float, bool, float | None], Scene]) -> None:
-    """Name the function behind `Scene.for_accuracy`, which plays scenes: a room above this one."""
+    """Set the function behind `Scene.for_accuracy`: it plays scenes, so it is in a higher room."""
     global _choose_settings
     _choose_settings = choose
 
@@ -470,8 +359,8 @@ def _known_path(path: object) -> str:
     return str(path)
 
 
-def _build(name: str, cls: type, value: object) -> object:
-    """Make one block of a scene from what a file has for it."""
+def _build(name: str, cls: type[Block], value: object) -> object:
+    """Make one block of a scene from its form in a file."""
     if name in _BARE:
         if value is True:
             return cls()
@@ -483,41 +372,6 @@ def _build(name: str, cls: type, value: object) -> object:
     if value is None and name in _OPTIONAL:
         return None
     return build_block(cls, value, name)
-
-
-# ---- finding scenes ----------------------------------------------------------------------------
-
-
-def _scene_folder() -> Path | None:
-    """Return the folder of the shipped scenes: in the wheel, or beside the package."""
-    here = Path(__file__).parents[1]
-    for base in (here, here.parent):
-        folder = base / "configs" / "scenes"
-        if folder.is_dir():
-            return folder
-    return None
-
-
-def scene_names() -> tuple[str, ...]:
-    """Return the names of the shipped scenes, sorted."""
-    folder = _scene_folder()
-    return () if folder is None else tuple(sorted(path.stem for path in folder.glob("*.yaml")))
-
-
-def _read(path: Path, source: str) -> Scene:
-    """Read a scene file, naming it `source` in messages."""
-    if not os.path.exists(path):
-        folder = path.parent
-        there = [entry.name for entry in folder.glob("*.y*ml")] if folder.is_dir() else []
-        hint = nearest(path.name, there) or nearest(path.stem, scene_names())
-        shipped = ", ".join(scene_names())
-        raise SceneError(f"no such scene file: {source}{hint}; shipped scenes: {shipped}")
-    data: Any = parse_yaml(read_text(path, source), source)
-    if isinstance(data, dict):
-        data = {"name": path.stem, **data}
-    elif data is None:
-        raise SceneError("the file is empty, must hold the fields of a scene", source)
-    return Scene.from_dict(data, source)
 
 
 def load_scene(
@@ -549,34 +403,14 @@ def load_scene(
     >>> load_scene("paper_i", ["beam.elements=27"]).beam.elements
     27
     """
-    found, source = _find(scene)
-    if overrides is None:
-        return found
-    changes = parse_overrides(overrides)
+    source = None
+    if not isinstance(scene, Scene):
+        path, source = find_scene_file(scene)
+        scene = Scene.from_dict(read_scene_file(path, source), source)
+    changes = {} if overrides is None else parse_overrides(overrides)
     if not changes:
-        return found
+        return scene
     try:
-        return found.replace(changes)
+        return scene.replace(changes)
     except SceneError as error:
         raise error.located(source and f"{source} with overrides") from None
-
-
-def _find(scene: str | os.PathLike[str] | Scene) -> tuple[Scene, str | None]:
-    """Return a scene and what to call its file in messages."""
-    if isinstance(scene, Scene):
-        return scene, None
-    if not isinstance(scene, (str, os.PathLike)):
-        raise SceneError(
-            f"a scene must be given as a name, a path or a Scene, got {type(scene).__name__}"
-        )
-    given = os.fspath(scene)
-    folder = _scene_folder()
-    if isinstance(scene, str) and folder is not None and scene in scene_names():
-        source = f"configs/scenes/{scene}.yaml"
-        return _read(folder / f"{scene}.yaml", source), source
-    looks_like_path = Path(given).suffix in (".yaml", ".yml") or len(Path(given).parts) > 1
-    if not isinstance(scene, str) or looks_like_path or os.path.isfile(given):
-        return _read(Path(given), given), given
-    names = scene_names()
-    shipped = f"; shipped scenes: {', '.join(names)}" if names else "; no scenes are shipped"
-    raise SceneError(f"unknown scene {scene!r}{nearest(scene, names)}{shipped}")

@@ -90,24 +90,12 @@ def _one_line(error: yaml.YAMLError) -> str:
 
 
 def parse_yaml(text: str, source: str | None = None) -> object:
-    """Read one YAML document.
-
-    Parameters
-    ----------
-    text : str
-        The document.
-    source : str, optional
-        The name of its file, for messages.
-
-    Returns
-    -------
-    object
-        Mappings, lists, numbers, text, booleans and None.
+    """Read one YAML document into mappings, lists, numbers, text, booleans and None.
 
     Raises
     ------
     SceneError
-        If the text is not valid YAML or gives a key twice; the message has the line.
+        If the text is not valid YAML or gives a key twice; the message has the line and the source.
     """
     try:
         return yaml.load(text, Loader=_Loader)  # a subclass of SafeLoader
@@ -133,14 +121,7 @@ def dump_yaml(data: Mapping[str, object]) -> str:
 
 
 def read_text(path: str | os.PathLike[str], source: str) -> str:
-    """Read a UTF-8 text file.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        The file.
-    source : str
-        Its name in messages.
+    """Read a UTF-8 text file, which messages call `source`.
 
     Raises
     ------
@@ -160,19 +141,12 @@ def read_text(path: str | os.PathLike[str], source: str) -> str:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write a UTF-8 text file whole or not at all.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        The file; its folder must exist. An existing file is replaced.
-    text : str
-        The content.
+    """Write a UTF-8 text file whole or not at all; an existing file is replaced.
 
     Raises
     ------
     SceneError
-        If the file cannot be written; what was there before is untouched.
+        If the file cannot be written; an existing one is untouched.
     """
     try:
         write_atomically(path, lambda file: file.write(text.encode("utf-8")))
@@ -188,17 +162,9 @@ def parse_overrides(
 ) -> dict[str, object]:
     """Turn ``block.field=value`` texts into a mapping from dotted path to value.
 
-    Parameters
-    ----------
-    overrides : str, iterable of str, or mapping
-        One text, several, or a mapping that is copied as it is. Each value is read as YAML, so
-        ``1e-3``, ``[1, 2]``, ``null`` and ``{until: 0.5, value: 1}`` mean what they mean in a
-        file. Of two texts for the same path the later holds.
-
-    Returns
-    -------
-    dict
-        Value by dotted path, in the order given.
+    Each value is read as YAML, so ``1e-3``, ``[1, 2]``, ``null`` and ``{until: 0.5, value: 1}``
+    mean what they mean in a file. The last of several texts for the same path counts. A mapping is
+    copied as it is.
 
     Raises
     ------

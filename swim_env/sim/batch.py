@@ -1,7 +1,7 @@
 """The state of one or many bodies of one scene, and the kernel calls that move them.
 
 The simulator, the single environment and the batched one all step bodies through this class and
-so through the same compiled code: a body's motion is the same to the bit whoever steps it.
+so through the same compiled code: a body moves the same to the bit whichever of them steps it.
 """
 
 from __future__ import annotations
@@ -10,24 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import SimulationEndedError
-from swim_env.physics.fluid.added_mass import FLUID_MODELS, FluidConstants
-from swim_env.physics.fluid.centreline import VARIANTS
-from swim_env.physics.fluid.fluid_terms import (
-    expansion_terms,
-    frozen_terms,
-    plate_added_mass,
-    strip_terms,
-)
-from swim_env.physics.fluid.outline import FluidGeometry
 from swim_env.physics.loading import load_kernels
-from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.runtime.threads import share
 from swim_env.physics.solve.advance import advance, energy_and_velocity, momentum_of_velocity
-from swim_env.physics.solve.constants import (
-    SolverConstants,
-    pack_constants,
-    unpack_constants,
-)
+from swim_env.physics.solve.constants import pack_constants, unpack_constants
 from swim_env.physics.solve.state import (
     RECORD_NAMES,
     Member,
@@ -37,19 +23,15 @@ from swim_env.physics.solve.state import (
     work_sizes,
 )
 from swim_env.physics.status import STATE_NOT_FINITE, TERMINATION_REASONS, describe
-from swim_env.scene import Fluid, Initial, Scene
+from swim_env.scene import Initial, Scene
+from swim_env.sim.constants import scene_constants
 from swim_env.sim.recorder import Recorder, trace_columns
-
-__all__ = ["Bodies", "aligned_zeros", "minimal_start", "scene_constants"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 #: Bytes.
 _CACHE_LINE = 64
-#: Time that an outer step may take before it ends unsolved (s), by rough figures of the costs: a
-#: core that is shared takes twice as long, and has to be done within a second.
-_LONGEST_STEP = 0.4
 
 
 class Bodies:
@@ -71,7 +53,7 @@ class Bodies:
         of every element (rad/s).
     outcome : (M, 2) array of int
         Steps taken by the last advance, and 0 or the code of the reason for an early end.
-    everyone : (M,) array of int
+    all_members : (M,) array of int
         The indices of all members.
     trace_columns : int
         Columns of a trace, see `swim_env.sim.recorder.trace_columns`.
@@ -91,7 +73,7 @@ class Bodies:
         self.states: Array = np.zeros((count, state_size(scene.beam.elements)))
         self.velocities: Array = np.zeros((count, self.unknowns))
         self.outcome = np.zeros((count, 2), dtype=np.int64)
-        self.everyone = np.arange(count)
+        self.all_members = np.arange(count)
         self._steps_column = steps_column(scene.beam.elements)
         self.recorder = Recorder(scene, count) if scene.recording is not None else None
         self.trace_columns = trace_columns(scene)
@@ -218,7 +200,7 @@ class Bodies:
                 self.outcome,
             )
 
-        chosen = self.everyone if members is None else members
+        chosen = self.all_members if members is None else members
         share(run, chosen, threads)
         if self.recorder is not None:
             self.recorder.add(chosen, self.outcome[:, 0], traced, torques, hold, record)
@@ -261,112 +243,3 @@ def minimal_start(scene: Scene, initial: Initial) -> tuple[Array, Array]:
     coordinates[2] = angles[0]
     coordinates[3:] = initial.joint_angles
     return coordinates, np.concatenate([moving.mean(axis=0), turning])
-
-
-def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, SolverConstants]:
-    """Return what the kernels need to know of a scene."""
-    beam = scene.beam
-    dl = beam.element_length
-    stiffness = beam.stiffness_at_joints() / dl
-    retardation = scene.damping.retardation_time if scene.damping else 0.0
-    fluid = scene.fluid
-    model = FLUID_MODELS[fluid.model] if fluid else FLUID_MODELS["none"]
-    panels = fluid.panels_per_element if fluid else 2
-    caps = fluid.panels_per_end(beam) if fluid else 1
-    density = fluid.density if fluid and fluid.density is not None else 0.0
-    # On the centre line there is one side.
-    on_a_side = panels if fluid and fluid.model == "centreline" else panels // 2
-    geometry = FluidGeometry(beam.elements, dl, beam.half_thickness, on_a_side, caps)
-    drag, stream = scene.cross_flow_drag, scene.stream
-    return (
-        BeamConstants(
-            beam.elements,
-            dl,
-            dl * beam.line_density,
-            dl * beam.rotary_inertia,
-            stiffness,
-            stiffness * retardation,
-            bool(stiffness.any()),
-            scene.integrator.strain != "averaged_directors",
-            scene.integrator.strain == "joint_angle",
-            beam.half_thickness if scene.self_contact else 0.0,
-            *_smallest_scales(scene),
-        ),
-        FluidConstants(
-            model,
-            geometry,
-            density,
-            scene.axial_added_mass is not None,
-            _fluid_terms(fluid, geometry),
-            0.5 * density * drag.coefficient if drag else 0.0,
-            *(stream.velocity if stream else (0.0, 0.0)),
-        ),
-        SolverConstants(
-            scene.integrator.time_step,
-            scene.integrator.tolerance,
-            *_costs(scene),
-            scene.integrator.scheme == "composed",
-            scene.internal_forces is not None,
-            scene.integrator.energy_tolerance
-            if scene.integrator.energy_excess == "end"
-            else np.inf,
-        ),
-    )
-
-
-def _smallest_scales(scene: Scene) -> tuple[float, float]:
-    """Return the smallest scales of a step's residual (kg m/s, kg m^2/s).
-
-    They are 1e-3 (docs/physics.md), and for a body so small or light that at ten lengths a second,
-    or turning at 10 rad/s, it has less than 1 of either, in proportion less: else nothing that it
-    does would be resolved.
-    """
-    beam, fluid = scene.beam, scene.fluid
-    mass = beam.line_density * beam.length
-    if fluid is not None and fluid.density is not None:
-        mass += plate_added_mass(fluid.density, beam.length) * beam.length
-    momentum = mass * beam.length
-    return 1e-3 * min(1.0, 10.0 * momentum), 1e-3 * min(1.0, 10.0 * momentum * beam.length)
-
-
-def _fluid_terms(fluid: Fluid | None, geometry: FluidGeometry) -> Array:
-    """Return the constants of a fluid model, none where it has none."""
-    if fluid is None or fluid.density is None or fluid.model == "panels":
-        return np.zeros(0)
-    if fluid.model == "centreline":
-        return np.array(VARIANTS[fluid.variant or "consistent"])
-    if fluid.model == "strip":
-        length = geometry.elements * geometry.element_length
-        given = fluid.added_mass_per_length
-        mass = plate_added_mass(fluid.density, length) if given is None else given
-        return strip_terms(geometry, mass)
-    made = frozen_terms if fluid.model == "frozen" else expansion_terms
-    return made(geometry, fluid.density)
-
-
-def _costs(scene: Scene) -> tuple[float, float, float]:
-    """Return what a residual, an added mass and a matrix take of the effort of a step.
-
-    A step may take `_LONGEST_STEP`, or as long as one attempt to solve it where this is
-    longer. The times are rough (s on a core of 2023), and hang on sizes alone, so that results do
-    not depend on the machine.
-    """
-    elements, fluid = scene.beam.elements, scene.fluid
-    evaluating = 3e-7 + 5e-8 * elements
-    weighing = 0.0
-    matrix = 5e-7 + 5e-9 * elements**2 + 1.5e-10 * elements**3
-    if fluid is not None and fluid.present:
-        evaluating += 2e-9 * elements**2
-        matrix *= 2.0
-    if fluid is not None and fluid.model in ("panels", "centreline"):
-        panels = elements * fluid.panels_per_element + 2 * fluid.panels_per_end(scene.beam)
-        evaluating += 4e-6 + 2e-9 * panels**2 + 9e-12 * panels**3
-        weighing += 6e-6 + 1e-8 * panels**2 + 8e-11 * panels**3
-    elif fluid is not None and fluid.model == "expansion":
-        tensor = 1e-9 * elements**4
-        evaluating, weighing = evaluating + tensor, weighing + tensor
-    # In the second half of a composed step every evaluation weighs a shape.
-    weighings = 8.0 if scene.integrator.scheme == "composed" else 2.0
-    attempt = weighings * weighing + 3.0 * matrix + 12.0 * evaluating
-    budget = max(_LONGEST_STEP, attempt)
-    return evaluating / budget, weighing / budget, matrix / budget

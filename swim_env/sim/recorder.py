@@ -1,4 +1,4 @@
-"""From what the kernels trace to a `Trajectory`, and the effect that keeps it for every step."""
+"""Trajectories made of what the kernels write, and the effect that records every step."""
 
 from __future__ import annotations
 
@@ -15,20 +15,18 @@ from swim_env.physics.solve.state import RECORD_NAMES
 from swim_env.scene import Scene
 from swim_env.sim.trajectory import Trajectory
 
-__all__ = ["Kept", "Recorder", "needs_recording", "trace_columns", "trajectory_of"]
-
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Of a member: steps taken before, energy (J), and rows of its start and of every step.
+#: Of a member: steps taken before the start, energy (J), and rows of the start and every step.
 Kept = tuple[int, float, Array]
 
-#: Rows that a table has with its first step; there are twice as many whenever they are full.
+#: Rows of a table at its first step; a full table doubles.
 _FIRST_ROWS = 1024
 
 
 def trace_columns(scene: Scene) -> int:
-    """Return the columns of a trace: coordinates, momenta, and internal forces where there are."""
+    """Return the number of columns of a trace: coordinates, momenta, internal forces if any."""
     elements = scene.beam.elements
     forces = 2 * (elements - 1) if scene.internal_forces is not None else 0
     return 2 * (elements + 2) + forces
@@ -47,17 +45,13 @@ def trajectory_of(
 
     Parameters
     ----------
-    scene : Scene
-        What was run.
     reason : str
-        Why it ended early, empty where it did not.
-    first : int
-        Steps taken before its first instant.
-    energy : float
-        H at its first instant (J).
+        Why it ended early, empty if it did not.
+    first, energy : int, float
+        Steps taken before the first instant, and H at it (J).
     trace : (T + 1, C) array
-        Coordinates and momenta of the first instant and after each step, and internal forces of
-        each step where the scene asks for them.
+        Coordinates and momenta at the first instant and after each step, and internal forces of
+        each step if the scene has them.
     torques : (T, N - 1) array
         Torques of each step (N m).
     record : (T, 12) array
@@ -95,12 +89,12 @@ class Recorder:
     """Keeps the steps of M bodies since each one's start.
 
     A member has a table with a row for its start and for every step, which doubles when it is full.
-    Rows are never written to again, so what was taken out of a table stays as it is.
+    Rows are never overwritten, so arrays that were taken out of a table stay valid.
 
     Parameters
     ----------
     scene : Scene
-        What they are.
+        Their scene.
     count : int
         Their number M.
     """
@@ -119,16 +113,8 @@ class Recorder:
     def begin(self, member: int, steps: int, energy: float, state: Array) -> None:
         """Forget a member's steps; its trajectory begins here.
 
-        Parameters
-        ----------
-        member : int
-            Which one.
-        steps : int
-            Steps it has taken before.
-        energy : float
-            Its energy (J).
-        state : (2 (N + 2),) array
-            Its coordinates and momenta.
+        So far it has taken some steps; it has an energy (J), and the state (2 (N + 2),) is its
+        coordinates and momenta.
         """
         start = np.full((1, self._parts[-1].stop), np.nan)
         start[0, : state.size] = state
@@ -141,7 +127,7 @@ class Recorder:
         self._kept, self._steps = [None] * count, [0] * count
 
     def snapshot(self) -> dict[str, Any]:
-        """Return what there is, to go back to."""
+        """Return what is recorded, for `restore`."""
         return {"kept": [self._kept_of(member) for member in range(len(self._kept))]}
 
     def _kept_of(self, member: int) -> Kept | None:
@@ -151,12 +137,12 @@ class Recorder:
     def restore(self, snapshot: Mapping[str, Any]) -> None:
         """Go back to a snapshot of this recorder."""
         kept: Sequence[Kept | None] = snapshot["kept"]
-        # What others may still hold must not be written to when steps are added.
+        # Arrays that the snapshot shares must not be written to when steps are added.
         self._kept = [None if one is None else (*one[:2], one[2].copy()) for one in kept]
         self._steps = [0 if one is None else len(one[2]) - 1 for one in kept]
 
     def room(self, steps: int) -> Array:
-        """Return where a trace of T steps is to be written, (M, T, C), the same as long as T is."""
+        """Return an array for a trace of T steps, (M, T, C); the same one while T is the same."""
         if self._trace.shape[1] != steps:
             self._trace = np.empty((len(self._kept), steps, self._trace.shape[2]))
         return self._trace
@@ -175,15 +161,15 @@ class Recorder:
         Parameters
         ----------
         members : (K,) array of int
-            Which ones.
+            Their indices.
         taken : (M,) array of int
-            Steps that each of all has taken in the last call of it.
+            Steps that every member has taken in the last call of `advance`.
         trace : (M, T, C) array
-            Coordinates and momenta after each step, and internal forces where there are any.
+            Coordinates and momenta after each step, and internal forces if any.
         torques : (M, R, N - 1) array
-            Torques (N m), each row held over some steps.
+            Torques (N m).
         hold : int
-            That many.
+            Number of steps over which each row of torques is held.
         record : (M, T, 12) array
             Columns RECORD_NAMES.
         """
@@ -192,14 +178,14 @@ class Recorder:
                 self._add(member, int(taken[member]), trace, torques, hold, record)
 
     def wants(self, member: int) -> bool:
-        """Tell whether a member's steps are to be kept: everyone's here."""
+        """Return whether a member's steps are recorded: those of all members here."""
         return True
 
     def _add(
         self, member: int, taken: int, trace: Array, torques: Array, hold: int, record: Array
     ) -> None:
         kept = self._kept[member]
-        if kept is None:  # this recorder came in the middle of its run
+        if kept is None:  # this recorder was attached in the middle of the member's run
             return
         rows = kept[2]
         begin = self._steps[member] + 1
@@ -217,7 +203,7 @@ class Recorder:
         self._steps[member] = end - 1
 
     def trajectory(self, member: int, reason: str) -> Trajectory:
-        """Return a member's trajectory since its start, which ended for this reason or goes on.
+        """Return a member's trajectory since its start, with the reason for its end, if any.
 
         Raises
         ------
@@ -231,15 +217,8 @@ class Recorder:
             raise OptionError("nothing was recorded yet: call reset first")
         steps, energy, rows = kept
         traced, driven, recorded = self._parts
-        return trajectory_of(
-            self._scene,
-            reason,
-            steps,
-            energy,
-            rows[:, traced],
-            rows[1:, driven],
-            rows[1:, recorded],
-        )
+        parts = rows[:, traced], rows[1:, driven], rows[1:, recorded]
+        return trajectory_of(self._scene, reason, steps, energy, *parts)
 
 
 def needs_recording(recorder: Recorder | None) -> Recorder:

@@ -12,8 +12,6 @@ from swim_env.scene import Scene
 from swim_env.sim.simulator import Simulator
 from swim_env.sim.trajectory import Trajectory
 
-__all__ = ["replay", "steps_of"]
-
 #: Longest replay, whose trajectory is kept in memory.
 MOST_STEPS = 2_000_000
 
@@ -24,9 +22,9 @@ def steps_of(scene: Scene, duration: float | None = None) -> int:
     Parameters
     ----------
     scene : Scene
-        Its episode's duration is taken where none is given.
+        The scene.
     duration : float, optional
-        Simulated time (s), above 0.
+        Simulated time (s); by default that of the scene's episode.
 
     Raises
     ------
@@ -52,9 +50,7 @@ def steps_of(scene: Scene, duration: float | None = None) -> int:
 
 
 def replay(
-    scene: Scene,
-    duration: float | None = None,
-    progress: Callable[[int], object] | None = None,
+    scene: Scene, duration: float | None = None, progress: Callable[[int], object] | None = None
 ) -> tuple[Trajectory, dict[str, Any]]:
     """Play the scene's prescribed torque from its start.
 
@@ -63,7 +59,7 @@ def replay(
     scene : Scene
         The scene.
     duration : float, optional
-        Simulated time (s), rounded to whole steps; the scene's own unless given.
+        Simulated time (s), rounded to whole steps; by default that of the scene's episode.
     progress : callable, optional
         Called with the number of steps taken since the last call.
 
@@ -84,7 +80,4 @@ def replay(
     torques = simulator.prescribed_torques(steps)
     start = time.perf_counter()
     trajectory = simulator.rollout(torques, progress=progress)
-    return trajectory, {
-        **trajectory.summary(),
-        "wall_seconds": time.perf_counter() - start,
-    }
+    return trajectory, {**trajectory.summary(), "wall_seconds": time.perf_counter() - start}

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from swim_env.errors import SimulationEndedError, SwimError, TorqueError
 from swim_env.physics.fluid.outline import LENGTH
-from swim_env.physics.fluid.panels import normal_influence
+from swim_env.physics.fluid.sources import normal_influence
 from swim_env.physics.invariants import momentum_map
 from swim_env.physics.planar.chain import centres
 from swim_env.physics.solve.state import RECORD_NAMES, energy_drift_of
@@ -21,26 +21,24 @@ from swim_env.sim.batch import Bodies, minimal_start
 from swim_env.sim.recorder import needs_recording, trajectory_of
 from swim_env.sim.trajectory import Trajectory
 
-__all__ = ["Simulator", "Snapshot"]
-
 Array = NDArray[np.float64]
 
-# Steps per kernel call where someone watches the progress of a rollout.
+#: Steps per kernel call of a rollout that reports its progress.
 _CHUNK = 200
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A simulator's state, complete: a restored run continues bit for bit.
+    """A simulator's complete state: a restored run continues bit for bit.
 
     Attributes
     ----------
     scene : Scene
-        The scene it belongs to.
+        The scene.
     state : bytes
         The kernel's state vector.
     reason : str
-        Why the run had ended, empty while it goes on.
+        Why the run had ended; empty if it had not.
     """
 
     scene: Scene
@@ -108,7 +106,7 @@ class Simulator:
 
     @property
     def termination_reason(self) -> str:
-        """Why the run ended, empty while it goes on; see `swim_env.TERMINATION_REASONS`."""
+        """Why the run ended, a key of `swim_env.TERMINATION_REASONS`; empty if it has not."""
         return self._reason
 
     @property
@@ -148,7 +146,7 @@ class Simulator:
     def energy(self) -> float:
         """Return H(q_n, p_n) = p_n M(q_n)^-1 p_n/2 + W(q_n) of body and fluid (J).
 
-        Every state that the simulator hands out has been prepared, so this does not fail.
+        This does not fail: no state is reached at which it cannot be computed.
         """
         return self._energy_and_velocity()[0]
 
@@ -163,7 +161,7 @@ class Simulator:
         return self._energy_and_velocity()[1]
 
     def energy_drift(self) -> float:
-        """Return how much energy nothing explains, the largest of all steps since the start.
+        """Return the largest unexplained energy of all steps since the start.
 
         Returns
         -------
@@ -180,10 +178,10 @@ class Simulator:
         Returns
         -------
         float
-            The condition number in the 1-norm: relative errors of the boundary values come back up
-            to that many times as large in the sources. 0 without panels. It grows as the body gets
-            thinner and as it bends. Where G can be eliminated only by exchanging rows, as that of
-            very thin bodies, a run ends beyond 1e10 with ``influence_singular``.
+            The condition number in the 1-norm: relative errors of the boundary values may be that
+            many times as large in the sources. 0 without panels. It grows as the body gets thinner
+            and as it bends. Where G can be eliminated only by exchanging rows, as for very thin
+            bodies, a run ends beyond 1e10 with ``influence_singular``.
         """
         self._energy_and_velocity()
         work = self._bodies.views(0).fluid_work
@@ -266,8 +264,8 @@ class Simulator:
         TorqueError
             If the torques are not N - 1 finite numbers; the state is as before.
         SimulationEndedError
-            If the step cannot be taken, or was the last one that may be (``energy_unexplained``);
-            the state is the last one that was reached.
+            If the step cannot be taken, or too much energy is unexplained after it
+            (``energy_unexplained``); the state is the last one that was reached.
         """
         held = self._checked(torques, 1)
         self._refuse_after_end()
@@ -292,8 +290,8 @@ class Simulator:
         Returns
         -------
         Trajectory
-            Up to the end, or to the last state that was reached; then `termination_reason` says
-            why it ends there. Its first instant is the present state.
+            From the present state to the end, or to the last state that was reached; then
+            `termination_reason` says why it ends there.
 
         Raises
         ------
@@ -314,27 +312,16 @@ class Simulator:
         while taken < total and not self._reason:
             chunk = slice(taken, min(total, taken + _CHUNK) if progress else total)
             after = slice(chunk.start + 1, chunk.stop + 1)
-            self._bodies.advance(
-                held[None, chunk],
-                1,
-                record[None, chunk],
-                trace=trace[:, after],
-            )
+            self._bodies.advance(held[None, chunk], 1, record[None, chunk], trace=trace[:, after])
             steps, status = (int(n) for n in self._bodies.outcome[0])
             taken += steps
             if status:
                 self._reason = TERMINATION_REASONS[status]
             if progress:
                 progress(steps)
-        upto = slice(taken + 1)
+        traced = trace[0, : taken + 1]
         return trajectory_of(
-            self.scene,
-            self._reason,
-            first,
-            start,
-            trace[0, upto],
-            held[:taken],
-            record[:taken],
+            self.scene, self._reason, first, start, traced, held[:taken], record[:taken]
         )
 
     def recorded(self) -> Trajectory:
@@ -394,7 +381,7 @@ class Simulator:
     # ---- snapshots -----------------------------------------------------------------------------
 
     def snapshot(self) -> Snapshot:
-        """Return the complete state, with what the next step's predictor remembers."""
+        """Return the complete state, including the predictor's memory of earlier steps."""
         return Snapshot(self.scene, self._state.tobytes(), self._reason)
 
     def restore(self, snapshot: Snapshot) -> None:

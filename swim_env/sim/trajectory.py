@@ -1,4 +1,4 @@
-"""A recorded run: arrays over time, the figures that sum it up, and its file."""
+"""A recorded run: arrays over time, summary figures, and its file."""
 
 from __future__ import annotations
 
@@ -22,12 +22,10 @@ from swim_env.physics.status import TERMINATION_REASONS
 from swim_env.scene import Scene
 from swim_env.scene.yaml import parse_yaml
 
-__all__ = ["Trajectory"]
-
 Array = NDArray[np.float64]
 
-#: Version of the file format; a reader refuses versions that it does not know. Version 2 had no
-#: impulse from outside.
+#: Version of the file format; other versions cannot be read, except 2, which had no external
+#: impulse.
 FORMAT_VERSION = 3
 _READABLE = (2, FORMAT_VERSION)
 
@@ -41,8 +39,7 @@ class Trajectory:
     scene : Scene
         What was run.
     termination_reason : str
-        Why the run ended early, a reason of `swim_env.TERMINATION_REASONS`; empty where it did
-        not.
+        Why the run ended early, a key of `swim_env.TERMINATION_REASONS`; empty if it did not.
     time : (T + 1,) array
         Instants (s).
     centres : (T + 1, N, 2) array
@@ -56,13 +53,13 @@ class Trajectory:
     energy : (T + 1,) array
         H(q_n, p_n) (J).
     impulse : (T, 3) array
-        Linear and angular impulse from outside in each step, of drag and stream, in the units of
-        `momentum`: what the momentum changes by.
+        Linear and angular impulse of drag and stream in each step, in the units of `momentum`:
+        the change of the momentum.
     work, positive_work, dissipated : (T,) arrays
         Work of the torques in each step, the sum of its positive parts over joints, and the loss
         to damping (J).
     residual : (T,) array
-        Scaled residual of the step equations that was met.
+        Scaled residual of the step equations after the last iteration.
     iterations : (T,) array
         Newton corrections tried.
     evaluations : (T,) array
@@ -72,10 +69,10 @@ class Trajectory:
     at_round_off : (T,) array
         1 where rounding kept the residual above the tolerance.
     internal_forces : (T, N - 1, 2) array or None
-        Force (N) with which what is behind a joint pulls at what is in front of it, at the
-        beginning of each step, a mean over that step and the one before; not numbers at the
-        beginning of a run. None unless the scene asks for them. It follows from the momentum
-        balance of the elements, the fluid's impulse on an element's own panels included.
+        Force (N) of the part behind a joint on the part in front of it, at the beginning of each
+        step, a mean over that step and the one before; NaN at the beginning of a run. None unless
+        the scene has the effect. It follows from the momentum balance of the elements, including
+        the fluid's impulse on an element's own panels.
     """
 
     scene: Scene
@@ -135,33 +132,32 @@ class Trajectory:
 
     @property
     def unexplained_energy(self) -> Array:
-        """Energy that nothing explains since the start, (T + 1,) (J)."""
+        """Unexplained energy since the start, H - H_0 - work + dissipated, (T + 1,) (J)."""
         return unexplained_energy(self.energy, self.work, self.dissipated)
 
     @property
     def unexplained_momentum(self) -> Array:
-        """Momentum that nothing explains since the start, (T + 1, 3) (kg m/s, kg m^2/s)."""
+        """Unexplained momentum since the start, (T + 1, 3) (kg m/s, kg m^2/s)."""
         return unexplained_momentum(self.momentum, self.impulse)
 
     @property
     def energy_drift(self) -> float:
-        """Largest energy that nothing explains, as a share of the largest energy."""
+        """Largest unexplained energy, as a share of the largest energy."""
         return energy_drift(self.energy, self.work, self.dissipated)
 
     def warnings(self) -> list[str]:
-        """Return in words why this run should not be trusted; empty for one that may be."""
-        found = []
+        """Return the reasons not to trust this run; none if it can be trusted."""
         drift, tolerance = self.energy_drift, self.scene.integrator.energy_tolerance
-        if not drift <= tolerance:
-            found.append(
-                f"the energy budget is off by {drift:.2g} of the largest energy, more than the "
-                f"scene's integrator.energy_tolerance of {tolerance:g}: do not trust this run; a "
-                "smaller time step, integrator.scheme composed or damping may help"
-            )
-        return found
+        if drift <= tolerance:
+            return []
+        return [
+            f"the energy budget is off by {drift:.2g} of the largest energy, more than the "
+            f"scene's integrator.energy_tolerance of {tolerance:g}: do not trust this run; a "
+            "smaller time step, integrator.scheme composed or damping may help"
+        ]
 
     def summary(self) -> dict[str, Any]:
-        """Return the figures of PHYSICS section 5, plain numbers and lists.
+        """Return the run's figures as plain numbers and lists.
 
         Returns
         -------
@@ -169,11 +165,11 @@ class Trajectory:
             ``scene``; ``duration`` (s) and ``steps`` that were run; ``displacement`` [dx, dy] (m)
             of the mean element centre, ``heading_change`` (rad), ``mean_speed``
             |displacement|/duration (m/s); ``work``, ``positive_work``, ``dissipated`` (J);
-            ``energy_drift``, the scene's ``energy_tolerance`` for it and whether the run is to be
-            ``trusted`` by that, with ``warnings`` in words; ``momentum_drift``; ``max_residual``;
+            ``energy_drift``, the scene's ``energy_tolerance``, whether the run is ``trusted`` by
+            it, and the ``warnings``; ``momentum_drift``; ``max_residual``;
             ``newton_iterations_mean``, ``evaluations_mean``; ``halved_steps`` and ``most_parts``
-            of a step; ``round_off_steps``; ``termination_reason`` (empty where the run was not cut
-            short).
+            of a step; ``round_off_steps``; ``termination_reason`` (empty if the run did not end
+            early).
         """
         steps = self.steps
         speed = float(np.hypot(*self.displacement)) / self.duration if steps else 0.0
@@ -207,8 +203,8 @@ class Trajectory:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the trajectory to a compressed NumPy file (.npz), whole or not at all.
 
-        The arrays stand under their names; the scene is a YAML text under ``scene``. Nothing in
-        it needs pickle.
+        Arrays are stored under their names, the scene as YAML text under ``scene``; reading it
+        needs no pickle.
 
         Raises
         ------
@@ -248,8 +244,8 @@ class Trajectory:
         name = os.fspath(path)
         try:
             with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
-                # Reading less than all of an array, as a damaged head of it may ask for, would
-                # not come to its checksum.
+                # A damaged header may have less than the whole array read, and its checksum is
+                # then not verified.
                 damaged = file.zip.testzip()
                 if damaged is not None:
                     raise zipfile.BadZipFile(f"the checksum of {damaged} is wrong")
@@ -260,9 +256,9 @@ class Trajectory:
         except MemoryError:
             raise
         except Exception as error:  # a damaged archive makes its readers raise almost anything
-            told = " ".join(str(error).split()) or type(error).__name__
+            problem = " ".join(str(error).split()) or type(error).__name__
             raise TrajectoryError(
-                f"not a trajectory file, or a damaged one: {told} ({name})"
+                f"not a trajectory file, or a damaged one: {problem} ({name})"
             ) from None
         if content.get("format_version", np.array(0)).tolist() == 2 and "torques" in content:
             content["impulse"] = np.zeros((len(content["torques"]), 3))

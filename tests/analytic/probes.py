@@ -8,17 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env import Simulator
-from swim_env.physics.fluid.added_mass import (
-    FLUID_MODELS,
+from swim_env.physics.fluid import models
+from swim_env.physics.fluid.layout import (
     FluidConstants,
-    added_mass,
-    carve_fluid_work,
+    fluid_views,
     fluid_work_sizes,
     motion_count,
-    shape_force,
 )
+from swim_env.physics.fluid.models import added_mass, shape_force
 from swim_env.physics.fluid.outline import LATERAL, LENGTH, ROTARY, FluidGeometry
-from swim_env.physics.fluid.panels import POTENTIAL, normal_influence
+from swim_env.physics.fluid.sources import POTENTIAL, normal_influence
 from swim_env.physics.loading import load_kernels
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.equations import evaluate_held_step, evaluate_step
@@ -51,7 +50,7 @@ def _fluid_probe(
     integers: Integers,
     out: FluidProbe,
 ) -> int:
-    work = carve_fluid_work(floats, integers, fluid)
+    work, _ = fluid_views(floats, integers, fluid)
     status = added_mass(joint_angles, fluid, work, out.mass)
     if status == 0:
         shape_force(motion, fluid, work, out.gradient)
@@ -137,7 +136,7 @@ def fluid_constants(
     model: str = "panels",
 ) -> FluidConstants:
     geometry = FluidGeometry(elements, length / elements, half_thickness, panels // 2, caps)
-    return FluidConstants(FLUID_MODELS[model], geometry, density, axial)
+    return models.fluid_constants(model, geometry, density, axial=axial)
 
 
 def probe_fluid(
@@ -173,7 +172,7 @@ class PanelProbe(NamedTuple):
 def probe_panels(joint_angles: Array, fluid: FluidConstants) -> PanelProbe:
     elements = fluid.geometry.elements
     floats, integers = fluid_work_sizes(fluid)
-    work = carve_fluid_work(np.zeros(floats), np.zeros(integers, dtype=np.int64), fluid)
+    work, _ = fluid_views(np.zeros(floats), np.zeros(integers, dtype=np.int64), fluid)
     mass = np.zeros((2 * elements, 2 * elements))
     assert added_mass(joint_angles, fluid, work, mass) == 0
     panels, element = work.outline.panels, work.outline.element

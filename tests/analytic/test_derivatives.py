@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.added_mass import FluidConstants
+from swim_env.physics.fluid.layout import FluidConstants
 from swim_env.physics.planar.chain import BeamConstants
 from tests.analytic.probes import StepProbe, fluid_constants, probe_fluid, probe_step
 from tests.invariants.runs import (

@@ -14,7 +14,7 @@ from swim_env.analysis.energy import (
     split_energy,
     velocity_of_start,
 )
-from swim_env.scene.blocks import STRAIN_NAMES
+from swim_env.scene import STRAIN_NAMES
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from swim_env import OptionError, Simulator, Trajectory, load_scene
 from swim_env.analysis.flow import BodyFlow, Flow, flow_of_sources, pressure_between
-from swim_env.physics.fluid.outline import CT, CX, CY, LENGTH, ST, X, Y, padded
-from swim_env.physics.fluid.panels import LAYERS, influence, normal_influence
+from swim_env.physics.fluid.outline import CT, CX, CY, LENGTH, ST, X, Y
+from swim_env.physics.fluid.sources import LAYERS, influence, normal_influence
+from swim_env.physics.runtime.views import padded
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from swim_env import FLUID_MODELS, SceneError, SimulationEndedError, Simulator, load_scene
-from swim_env.physics.fluid.added_mass import FluidConstants
-from swim_env.sim.batch import scene_constants
+from swim_env.physics.fluid.layout import FluidConstants
+from swim_env.sim.constants import scene_constants
 from tests.analytic.probes import probe_fluid
 from tests.analytic.test_derivatives import differentiate
 from tests.invariants.runs import MODELS, VARIANTS, each_model, each_size, largest, orders

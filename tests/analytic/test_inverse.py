@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from swim_env import load_scene
-from swim_env.physics.fluid.added_mass import SMALLEST_PIVOT
+from swim_env.physics.fluid.panel_mass import SMALLEST_PIVOT
 from swim_env.physics.runtime.dense import invert, invert_in_order
-from swim_env.sim.batch import scene_constants
+from swim_env.sim.constants import scene_constants
 from tests.analytic.probes import probe_panels
 
 

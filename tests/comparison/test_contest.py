@@ -23,7 +23,7 @@ from swim_agents.comparison.contest import (
     steps_to_play,
 )
 from swim_agents.comparison.performance import measure_performance
-from swim_agents.evaluation import play_episodes
+from swim_agents.rollout import play_episodes
 
 from swim_env import (
     OptionError,

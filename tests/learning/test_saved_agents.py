@@ -21,12 +21,12 @@ pytest.importorskip("stable_baselines3")
 import stable_baselines3
 import torch
 from gymnasium.vector import AutoresetMode
-from swim_agents.evaluation import play_episodes
 from swim_agents.learning.config import TrainingConfig
 from swim_agents.learning.environment import make_batch
 from swim_agents.learning.saved import AgentError, load_agent, load_bare_model, save_agent
 from swim_agents.learning.trainer import train
 from swim_agents.policies import load_policy
+from swim_agents.rollout import play_episodes
 
 from swim_env import OptionError, load_scene
 from tests.learning.small_runs import (

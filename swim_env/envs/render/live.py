@@ -14,8 +14,6 @@ from swim_env.envs.render.window import Window
 if TYPE_CHECKING:
     from swim_env.envs.render.frames import FramePainter
 
-__all__ = ["EpisodesViewer"]
-
 Frame = NDArray[np.uint8]
 
 
@@ -38,7 +36,7 @@ class EpisodesViewer:
 
     def frames(self) -> tuple[Frame, ...]:
         """Return a frame of every member, (height, width, 3) uint8 each."""
-        return tuple(self._frame(member) for member in range(len(self._episodes.everyone)))
+        return tuple(self._frame(member) for member in range(len(self._episodes.all_members)))
 
     def show(self) -> None:
         """Show member 0 in the window, if there is one."""
@@ -66,7 +64,7 @@ class EpisodesViewer:
             radius = task.radius if task.goal_is_point else None
             painter = FramePainter(task.scene, target_radius=radius)
             # Copies share what all their frames have in common.
-            self._painters = [copy.copy(painter) for _ in self._episodes.everyone]
+            self._painters = [copy.copy(painter) for _ in self._episodes.all_members]
         info = self._episodes.info(member)
         return self._painters[member].draw(
             self._episodes.bodies.coordinates[member],

@@ -1,7 +1,7 @@
-r"""Sources on the centre line alone, the letter of (27) to (29): a fluid model for comparison.
+r"""Fluid model ``centreline``: sources on the centre line alone, as (27) to (29) are printed.
 
 Every element carries constant-strength panels on its own line, with the normal d1 and the fluid on
-that side of it only. Such an open sheet has a net flux, so its added mass hangs on the length in
+that side of it only. Such an open sheet has a net flux, so its added mass depends on the length in
 whose units the logarithm is taken (the body's), and a mirrored motion does not have the mirrored
 effect: this model is here to show what the printed equations say, not to be used.
 
@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.physics.fluid.contact import touches_itself
+from swim_env.physics.fluid.layout import FluidConstants, FluidWork
+from swim_env.physics.fluid.model import Model
 from swim_env.physics.fluid.outline import (
     ANGLE,
     ARM,
@@ -33,10 +35,12 @@ from swim_env.physics.fluid.outline import (
     X,
     Y,
 )
-from swim_env.physics.runtime.compile import kernel, shared
+from swim_env.physics.fluid.panel_mass import differentiate_panels, invert_influence, sum_added_mass
+from swim_env.physics.fluid.panels import panel_costs
+from swim_env.physics.fluid.sources import POTENTIAL, influence
+from swim_env.physics.runtime.compile import inlined, kernel, shared
 from swim_env.physics.status import FINE, UNDER_RESOLVED_GAP
-
-__all__ = ["VARIANTS", "build_chain", "chain_count", "chain_gradient"]
+from swim_env.scene import Fluid
 
 Array = NDArray[np.float64]
 
@@ -52,13 +56,13 @@ VARIANTS: dict[str, tuple[float, float]] = {
 
 
 @shared
-def chain_count(geometry: FluidGeometry) -> int:
+def _chain_count(geometry: FluidGeometry) -> int:
     """Return the number of panels of the chain, the one that only ends it included."""
     return geometry.elements * geometry.side_panels + 1
 
 
 @kernel
-def build_chain(
+def _build_chain(
     joint_angles: Array,
     factor: float,
     origin: float,
@@ -138,7 +142,7 @@ def build_chain(
 
 
 @kernel
-def chain_gradient(
+def _chain_gradient(
     geometry: FluidGeometry, outline: OutlineArrays, gradient: Array, out: Array
 ) -> None:
     """Turn derivatives with respect to panels into derivatives with respect to element angles.
@@ -178,3 +182,70 @@ def chain_gradient(
         joint = moment if k > 0 else 0.0
         out[k] = joint - behind
         behind = joint
+
+
+@inlined
+def _collect_chain_motions(fluid: FluidConstants, work: FluidWork) -> None:
+    """Sum the panels of the centre line into unit motions."""
+    elements = fluid.geometry.elements
+    side = fluid.geometry.side_panels
+    panels = work.outline.panels
+    work.loads[:] = 0.0
+    for k in range(elements):
+        first = (elements - 1 - k) * side
+        for i in range(elements * side):
+            lateral = 0.0
+            rotary = 0.0
+            for p in range(first, first + side):
+                lateral += work.inverse[i, p] * panels[LATERAL, p]
+                rotary += work.inverse[i, p] * panels[ROTARY, p]
+            work.strengths[i, k] = lateral
+            work.strengths[i, elements + k] = rotary
+        for p in range(first, first + side):
+            for i in range(elements * side):
+                potential = panels[LENGTH, p] * work.layers[POTENTIAL, p, i]
+                work.loads[k, i] += panels[LATERAL, p] * potential
+                work.loads[elements + k, i] += panels[ROTARY, p] * potential
+
+
+@kernel
+def _added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> int:
+    geometry = fluid.geometry
+    outline = work.outline
+    count = _chain_count(geometry)
+    factor, origin = fluid.terms[0], fluid.terms[1]
+    status = _build_chain(joint_angles, factor, origin, geometry, work.scratch, outline)
+    if status != FINE:
+        return status
+    body_length = geometry.elements * geometry.element_length
+    influence(outline.panels, count, body_length, work.half_log, work.layers)
+    status = invert_influence(count, True, fluid, work)
+    if status != FINE:
+        return status
+    _collect_chain_motions(fluid, work)
+    sum_added_mass(fluid, work, out)
+    return FINE
+
+
+@kernel
+def _shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> None:
+    differentiate_panels(motion, _chain_count(fluid.geometry), fluid, work)
+    _chain_gradient(fluid.geometry, work.outline, work.gradient, out)
+    for k in range(fluid.geometry.elements):
+        out[k] *= -0.5 * fluid.density
+
+
+def _terms(fluid: Fluid, geometry: FluidGeometry) -> Array:
+    return np.array(VARIANTS[fluid.variant or "consistent"])
+
+
+# On the centre line there is one side.
+MODEL = Model(
+    _added_mass,
+    _shape_force,
+    varies=True,
+    terms=_terms,
+    panels=_chain_count,
+    costs=panel_costs,
+    sides=1,
+)

@@ -1,7 +1,7 @@
 r"""The closed outline of a bent beam, its limits, and derivatives with respect to the joint angles.
 
 The outline is made in the frame of element 1 (its first node at the origin, its tangent along x),
-so that it hangs on the joint angles alone. Panels run counter-clockwise: the side below the
+so that it depends on the joint angles alone. Panels run counter-clockwise: the side below the
 elements (normal -d1) from head to tail, the tail's end, the side above them (normal +d1) from tail
 to head, the head's end. At a joint with angle a the side vertices lie on the mean normal at
 h/cos(a/2) from the node (a mitre); in the frame of either neighbour that is a shift of
@@ -19,26 +19,8 @@ from numpy.typing import NDArray
 from swim_env.physics.runtime.compile import kernel, shared
 from swim_env.physics.status import FINE, OUTLINE_DEGENERATE, UNDER_RESOLVED_GAP
 
-__all__ = [
-    "GAP_TO_PANEL",
-    "LANES",
-    "LARGEST_MITRE",
-    "SHORTEST_SIDE",
-    "FluidGeometry",
-    "OutlineArrays",
-    "build_outline",
-    "gradient_to_element_angles",
-    "outline_status",
-    "padded",
-    "panel_count",
-]
-
 Array = NDArray[np.float64]
 
-#: Rows of panels are padded to a multiple of this, so that loops over them fill vector registers
-#: and leave no rest. Padding panels lie at the first vertex and have no length: they neither move
-#: nor induce anything.
-LANES = 8
 #: Shortest side segment allowed, in element lengths.
 SHORTEST_SIDE = 0.1
 #: Longest mitre allowed, in half thicknesses.
@@ -112,12 +94,6 @@ def panel_count(geometry: FluidGeometry) -> int:
 
 
 @shared
-def padded(count: int) -> int:
-    """Return a count rounded up to a multiple of LANES."""
-    return (count + LANES - 1) // LANES * LANES
-
-
-@shared
 def first_panel(geometry: FluidGeometry, element: int, side: int) -> int:
     """Return the index of the first panel of an element's side, BELOW or ABOVE (0-based)."""
     if side == ABOVE:
@@ -163,7 +139,7 @@ def _put_segment(
 
 @kernel
 def build_outline(joint_angles: Array, geometry: FluidGeometry, out: OutlineArrays) -> int:
-    """Build the closed outline of PHYSICS.md section 2 and check its joints.
+    """Build the closed outline and check its joints.
 
     Parameters
     ----------
@@ -398,7 +374,7 @@ def gradient_to_element_angles(
         Work space.
     out : (N,) array
         Overwritten: derivative with respect to theta_k. Its sum is zero to the last bit but one,
-        because the shape hangs on the joint angles alone.
+        because the shape depends on the joint angles alone.
     """
     elements = geometry.elements
     side = geometry.side_panels
@@ -459,7 +435,7 @@ def gradient_to_element_angles(
             slide = 0.5 * h * (1.0 + tangent * tangent)
             joint_gradient[node] += slide * (left if end == 0 else right)
         joint_gradient[k] += moment
-    # The sides' shift hangs on the joint angle even where the moment does not: both end nodes
+    # The sides' shift depends on the joint angle even where the moment does not: both end nodes
     # have none, and turning the whole outline changes nothing.
     joint_gradient[0] = 0.0
     joint_gradient[elements] = 0.0

@@ -32,13 +32,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.added_mass import (
-    NO_FLUID,
-    FluidConstants,
-    FluidWork,
-    motion_count,
-    shape_force,
-)
+from swim_env.physics.fluid.layout import FluidConstants, FluidWork, axial_motion, motion_count
+from swim_env.physics.fluid.models import shape_force
 from swim_env.physics.planar.chain import BeamConstants, sum_from_centres, sum_to_centres
 from swim_env.physics.planar.drag import add_drag
 from swim_env.physics.planar.elastic import (
@@ -51,14 +46,6 @@ from swim_env.physics.planar.layout import Balance, Body, Drag, Increment, Pose
 from swim_env.physics.runtime.compile import inlined, kernel
 from swim_env.physics.runtime.dense import mat_vec
 from swim_env.physics.runtime.elementary import SMALL_ANGLE, cos_small, sin_small
-
-__all__ = [
-    "evaluate_held_step",
-    "evaluate_step",
-    "residual_norm",
-    "round_off_floor",
-    "set_pose",
-]
 
 Array = NDArray[np.float64]
 
@@ -146,15 +133,14 @@ def _move(
         change[0, k] = versine * pose.d3[0, k] + inc.turn_sine[k] * pose.d1[0, k]
         change[1, k] = versine * pose.d3[1, k] + inc.turn_sine[k] * pose.d1[1, k]
     sum_to_centres(change, z[0], z[1], beam.element_length, inc.shift)
-    if fluid.model != NO_FLUID:
+    if fluid.present:
         for k in range(elements):
             inc.motion[k] = normal[0, k] * inc.shift[0, k] + normal[1, k] * inc.shift[1, k]
             inc.motion[elements + k] = inc.turn_sine[k]
         if fluid.axial:
             # d3 = (d1_y, -d1_x).
-            for end in range(2):
-                k = 0 if end == 0 else elements - 1
-                inc.motion[2 * elements + end] = (
+            for k in range(0, elements, elements - 1):
+                inc.motion[axial_motion(k, fluid)] = (
                     normal[1, k] * inc.shift[0, k] - normal[0, k] * inc.shift[1, k]
                 )
         mat_vec(added[: motion_count(fluid)], inc.motion, inc.impulse)
@@ -199,7 +185,7 @@ def evaluate_step(
     """
     pose, inc, balance, drag, mass = body
     _move(z, h, beam, fluid, pose.d1, mass.added, pose, inc, balance.sums)
-    if fluid.model != NO_FLUID:
+    if fluid.present:
         shape_force(inc.motion, fluid, fluid_work, balance.shape)
     return _balance(p, torques, z, h, False, pose.d1, beam, fluid, pose, inc, balance, drag)
 
@@ -249,7 +235,7 @@ def _balance(
     mass_rate = beam.element_mass / h
     inertia_rate = beam.element_inertia / h
     inverse_h = 1.0 / h
-    with_fluid = fluid.model != NO_FLUID
+    with_fluid = fluid.present
     total_x = 0.0
     total_y = 0.0
     size = 0.0
@@ -260,7 +246,7 @@ def _balance(
             b.momentum[0, k] += inc.impulse[k] * normal[0, k]
             b.momentum[1, k] += inc.impulse[k] * normal[1, k]
             if fluid.axial and (k == 0 or k == elements - 1):
-                axial = inc.impulse[2 * elements + (1 if k > 0 else 0)]
+                axial = inc.impulse[axial_motion(k, fluid)]
                 b.momentum[0, k] += axial * normal[1, k]
                 b.momentum[1, k] -= axial * normal[0, k]
         total_x += b.momentum[0, k]
@@ -288,7 +274,7 @@ def _balance(
             )
             shape = inverse_h * b.shape[j]
             if fluid.axial and (j == 0 or j == elements - 1):
-                axial = inc.impulse[2 * elements + (1 if j > 0 else 0)]
+                axial = inc.impulse[axial_motion(j, fluid)]
                 munk += axial * (normal[0, j] * inc.shift[0, j] + normal[1, j] * inc.shift[1, j])
         arm = pose.d1[0, j] * b.lever[0, j] + pose.d1[1, j] * b.lever[1, j]
         new_arm = inc.new_d1[0, j] * b.lever[0, j] + inc.new_d1[1, j] * b.lever[1, j]

@@ -5,13 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.added_mass import (
-    NO_FLUID,
-    FluidConstants,
-    FluidWork,
-    motion_count,
-    shape_force,
-)
+from swim_env.physics.fluid.layout import FluidConstants, FluidWork, axial_motion, motion_count
+from swim_env.physics.fluid.models import shape_force
 from swim_env.physics.planar.chain import BeamConstants, chain_weight, sum_from_centres
 from swim_env.physics.planar.elastic import (
     add_joint_columns,
@@ -22,8 +17,6 @@ from swim_env.physics.planar.elastic import (
 from swim_env.physics.planar.layout import Body, Drag, Increment, Mass, Newton, Pose
 from swim_env.physics.runtime.compile import inlined, kernel
 from swim_env.physics.runtime.dense import copy, multiply
-
-__all__ = ["SHAPE_DIFFERENCE", "mass_matrix", "pose_jacobian", "step_jacobian"]
 
 Array = NDArray[np.float64]
 
@@ -68,9 +61,8 @@ def _fluid_columns(
         if column >= 2:
             motion[elements + column - 2] = inc.turn_cosine[column - 2]
         if fluid.axial:
-            for end in range(2):
-                k = 0 if end == 0 else elements - 1
-                motion[2 * elements + end] = (
+            for k in range(0, elements, elements - 1):
+                motion[axial_motion(k, fluid)] = (
                     normal[1, k] * moving[0, k] - normal[0, k] * moving[1, k]
                 )
     # A is symmetric, and its rows beyond K are zero.
@@ -123,7 +115,7 @@ def _inertia_columns(
     dl = beam.element_length
     mass_rate = beam.element_mass / h
     inverse_h = 1.0 / h
-    with_fluid = fluid.model != NO_FLUID
+    with_fluid = fluid.present
     forward = not at_end
     normal = inc.new_d1 if at_end else pose.d1
     if with_fluid:
@@ -159,15 +151,15 @@ def _inertia_columns(
                         pose.d3[0, k] * moving_x + pose.d3[1, k] * moving_y
                     )
                 if fluid.axial and (k == 0 or k == elements - 1):
-                    end = 2 * elements + (1 if k > 0 else 0)
-                    axial = inverse_h * impulses[end]
+                    along = axial_motion(k, fluid)
+                    axial = inverse_h * impulses[along]
                     push_x += axial * normal[1, k]
                     push_y -= axial * normal[0, k]
                     if forward:
                         turning -= axial * (
                             pose.d1[0, k] * inc.shift[0, k] + pose.d1[1, k] * inc.shift[1, k]
                         )
-                        turning -= inc.impulse[end] * (
+                        turning -= inc.impulse[along] * (
                             pose.d1[0, k] * moving_x + pose.d1[1, k] * moving_y
                         )
             total_x += push_x
@@ -217,12 +209,7 @@ def mass_matrix(
 
 @kernel
 def _add_drag_columns(
-    beam: BeamConstants,
-    pose: Pose,
-    inc: Increment,
-    drag: Drag,
-    pushes: Array,
-    transposed: Array,
+    beam: BeamConstants, pose: Pose, inc: Increment, drag: Drag, pushes: Array, transposed: Array
 ) -> None:
     """Add the drag, with the slopes of the last evaluation; half its impulse is in the residual."""
     elements = beam.elements

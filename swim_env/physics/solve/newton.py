@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.added_mass import FluidConstants, FluidWork, depends_on_shape
+from swim_env.physics.fluid.layout import FluidConstants, FluidWork
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.equations import evaluate_held_step, evaluate_step, round_off_floor
 from swim_env.physics.planar.layout import Body, Newton
@@ -23,8 +23,6 @@ from swim_env.physics.solve.constants import SolverConstants
 from swim_env.physics.solve.prepare import find_added_mass
 from swim_env.physics.solve.state import CORRECTIONS, EVALUATED, SHAPE_FAILURE, Member, OuterStep
 from swim_env.physics.status import FINE
-
-__all__ = ["newton_in_passes", "newton_with_shortening", "turns_beyond"]
 
 Array = NDArray[np.float64]
 
@@ -64,7 +62,7 @@ def _correction_size(z: Array, dl: float) -> float:
 
 @kernel
 def turns_beyond(z: Array, limit: float) -> bool:
-    """Tell whether an element or a joint turns by more than a limit (rad), or by no number."""
+    """Return whether an element or a joint turns by more than a limit (rad), or by NaN."""
     turn = 0.0
     for k in range(2, z.size):
         turn += z[k]
@@ -99,7 +97,7 @@ def _evaluate(
     if not at_end:
         return evaluate_step(p, torques, z, h, beam, fluid, body, fluid_work)
     mass = body.mass
-    shape = mass.trial_shape
+    shape = mass.trial_shape[: torques.size]
     for j in range(torques.size):
         shape[j] = q[3 + j] + z[3 + j]
     status = find_added_mass(shape, fluid, solver, fluid_work, mass, step.effort)
@@ -200,7 +198,7 @@ def newton_in_passes(
         return False, norm
     # The first pass works with a guess of what is held and need not go far; where nothing is held,
     # it goes all the way.
-    held = depends_on_shape(fluid)
+    held = fluid.varies
     enough = _FIRST_PASS * norm if held else 0.0
     for _ in range(_MOST_PASSES):
         enough = max(enough, _PASS_TOLERANCE * solver.tolerance)
@@ -247,7 +245,7 @@ def newton_with_shortening(
 
     The matrix is kept as long as corrections shrink. Corrections are shortened by Deuflhard's
     natural monotonicity test: the next correction with the same matrix has to be smaller. It does
-    not depend on how residuals of turning and of shifting are weighed against each other.
+    not depend on how residuals of turning and of shifting are compared.
 
     Returns
     -------
@@ -273,7 +271,7 @@ def newton_with_shortening(
     for _ in range(_MOST_ITERATIONS):
         if renew:
             effort[0] += solver.matrix_cost
-            if difference > 0.0 and not at_end and depends_on_shape(fluid):
+            if difference > 0.0 and not at_end and fluid.varies:
                 effort[0] += z.size * solver.evaluation_cost
             if effort[0] > 1.0:
                 return False, norm, False

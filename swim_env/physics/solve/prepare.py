@@ -5,14 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.added_mass import (
-    NO_FLUID,
-    FluidConstants,
-    FluidWork,
-    added_mass,
-    depends_on_shape,
-)
 from swim_env.physics.fluid.contact import touches_itself
+from swim_env.physics.fluid.layout import FluidConstants, FluidWork
+from swim_env.physics.fluid.models import added_mass
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.elastic import with_elastic_energy
 from swim_env.physics.planar.equations import set_pose
@@ -22,8 +17,6 @@ from swim_env.physics.runtime.compile import kernel
 from swim_env.physics.runtime.dense import cholesky, cholesky_solve, copy, dot
 from swim_env.physics.solve.constants import SolverConstants
 from swim_env.physics.status import FINE, MASS_NOT_POSITIVE, SELF_CONTACT, STATE_NOT_FINITE
-
-__all__ = ["energy_of_pose", "find_added_mass", "prepare"]
 
 Array = NDArray[np.float64]
 
@@ -44,10 +37,10 @@ def find_added_mass(
     effort: Array,
 ) -> int:
     """Evaluate the added mass of a shape unless it is the last one that was evaluated."""
-    if fluid.model == NO_FLUID:
+    if not fluid.present:
         return FINE
     same = mass.known[ADDED] == 1
-    if depends_on_shape(fluid):
+    if fluid.varies:
         for j in range(joint_angles.size):
             same = same and mass.shape[j] == joint_angles[j]
     if same:

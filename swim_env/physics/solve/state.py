@@ -11,65 +11,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.added_mass import (
+from swim_env.physics.fluid.layout import (
     FluidConstants,
     FluidWork,
-    carve_fluid_work,
+    fluid_views,
     fluid_work_sizes,
     motion_count,
 )
-from swim_env.physics.fluid.outline import padded
 from swim_env.physics.planar.chain import BeamConstants
-from swim_env.physics.planar.layout import (
-    MEASURE,
-    Body,
-    Newton,
-    balance_views,
-    drag_views,
-    increment_views,
-    mass_views,
-    matrix,
-    newton_views,
-    pose_views,
-    vector,
-)
+from swim_env.physics.planar.layout import Body, Newton, body_views, newton_views
 from swim_env.physics.runtime.compile import shared
-
-__all__ = [
-    "ANGULAR_IMPULSE",
-    "AT_ROUND_OFF",
-    "CORRECTIONS",
-    "DISSIPATED",
-    "ENERGY",
-    "EVALUATED",
-    "EVALUATIONS",
-    "EXPLAINED",
-    "IMPULSE_X",
-    "IMPULSE_Y",
-    "ITERATIONS",
-    "KNOWN_INCREMENTS",
-    "LARGEST",
-    "LAST_PART",
-    "PARTS",
-    "POSITIVE_WORK",
-    "RECORD_NAMES",
-    "RESIDUAL_MET",
-    "SHAPE_FAILURE",
-    "STEPS",
-    "UNEXPLAINED",
-    "WORK",
-    "ForceWork",
-    "Member",
-    "OuterStep",
-    "State",
-    "energy_drift_of",
-    "member_views",
-    "state_size",
-    "state_views",
-    "steps_column",
-    "unexplained_share",
-    "work_sizes",
-]
+from swim_env.physics.runtime.views import MEASURE, matrix, padded, vector
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -129,14 +81,9 @@ class State(NamedTuple):
 @shared
 def state_views(buffer: Array, elements: int) -> tuple[State, int]:
     """Lay a `State` over a vector; returns it and the vector's length."""
-    n = elements + 2
-    q, end = vector(buffer, 0, n)
-    p, end = vector(buffer, end, n)
-    history, end = matrix(buffer, end, 3, n)
-    shape_history, end = matrix(buffer, end, 3, n)
-    past, end = matrix(buffer, end, 2, n)
+    rows, end = matrix(buffer, 0, 10, elements + 2)
     counters, end = vector(buffer, end, _COUNTERS)
-    return State(q, p, history, shape_history, past, counters), end
+    return State(rows[0], rows[1], rows[2:5], rows[5:8], rows[8:10], counters), end
 
 
 def state_size(elements: int) -> int:
@@ -197,22 +144,6 @@ class OuterStep(NamedTuple):
     tally: Integers
 
 
-@shared
-def _outer_step_views(
-    buffer: Array, start: int, tally: Integers, elements: int
-) -> tuple[OuterStep, int]:
-    n = elements + 2
-    total, start = vector(buffer, start, n)
-    q, start = vector(buffer, start, n)
-    p, start = vector(buffer, start, n)
-    part_q, start = vector(buffer, start, n)
-    part_p, start = vector(buffer, start, n)
-    part_total, start = vector(buffer, start, n)
-    part_record, start = vector(buffer, start, _RECORD)
-    effort, start = vector(buffer, start, 1)
-    return OuterStep(total, q, p, part_q, part_p, part_total, part_record, effort, tally), start
-
-
 class ForceWork(NamedTuple):
     """What the internal forces of a step are made of.
 
@@ -231,16 +162,6 @@ class ForceWork(NamedTuple):
     part_mean: Array
     part_push: Array
     net: Array
-
-
-@shared
-def _force_views(buffer: Array, start: int, elements: int) -> tuple[ForceWork, int]:
-    mean, start = matrix(buffer, start, 2, elements)
-    push, start = matrix(buffer, start, 2, elements)
-    part_mean, start = matrix(buffer, start, 2, elements)
-    part_push, start = matrix(buffer, start, 2, elements)
-    net, start = matrix(buffer, start, 2, elements)
-    return ForceWork(mean, push, part_mean, part_push, net), start
 
 
 class Member(NamedTuple):
@@ -263,17 +184,15 @@ def _lay_out(
     motions = motion_count(fluid)
     n = elements + 2
     known, tally, permutation = integers[:2], integers[2:5], integers[5 : n + 5]
-    size, _ = fluid_work_sizes(fluid)
-    fluid_work = carve_fluid_work(floats[:size], integers[n + 5 :], fluid)
-    mass, end = mass_views(floats, size, known, elements, motions)
+    fluid_work, end = fluid_views(floats, integers[n + 5 :], fluid)
+    body, end = body_views(floats, end, known, elements, motions)
     newton, end = newton_views(floats, end, permutation, elements, motions)
-    inc, end = increment_views(floats, end, elements, motions)
-    pose, end = pose_views(floats, end, elements)
-    balance, end = balance_views(floats, end, elements)
-    drag, end = drag_views(floats, end, elements)
-    step, end = _outer_step_views(floats, end, tally, elements)
-    forces, end = _force_views(floats, end, elements)
-    body = Body(pose, inc, balance, drag, mass)
+    rows, end = matrix(floats, end, 6, n)
+    record, end = vector(floats, end, _RECORD)
+    effort, end = vector(floats, end, 1)
+    step = OuterStep(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], record, effort, tally)
+    sums, end = matrix(floats, end, 10, elements)
+    forces = ForceWork(sums[0:2], sums[2:4], sums[4:6], sums[6:8], sums[8:10])
     return Member(state_views(state, elements)[0], body, fluid_work, newton, step, forces), end
 
 

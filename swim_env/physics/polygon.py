@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swim_env.errors import OutlineError
-from swim_env.physics.fluid.outline import CT, CX, CY, LENGTH, ST, X, Y, padded
-from swim_env.physics.fluid.panels import LAYERS, POTENTIAL, influence, normal_influence
+from swim_env.physics.fluid.outline import CT, CX, CY, LENGTH, ST, X, Y
+from swim_env.physics.fluid.sources import LAYERS, POTENTIAL, influence, normal_influence
 from swim_env.physics.loading import load_kernels
-
-__all__ = ["added_mass_of_polygon"]
+from swim_env.physics.runtime.views import padded
 
 Array = NDArray[np.float64]
 

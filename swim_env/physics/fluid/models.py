@@ -1,0 +1,142 @@
+"""The table of fluid models, and the kernels that look a scene's model up in it.
+
+A model is a file of this folder with its name, and a line in the scene's list of names
+(`swim_env.scene.fluid`); docs/extending.md shows one. A name without a file, or a file without
+what `Model` asks for, is an error when the package is imported.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.physics.fluid.layout import FluidConstants, FluidWork
+from swim_env.physics.fluid.model import Model
+from swim_env.physics.fluid.outline import FluidGeometry
+from swim_env.physics.runtime.compile import entry_kernel, shared
+from swim_env.physics.status import FINE
+from swim_env.scene import FLUID_MODEL_NAMES
+
+Array = NDArray[np.float64]
+
+
+def _load(name: str) -> Model:
+    model = import_module(f"swim_env.physics.fluid.{name}").MODEL
+    if not isinstance(model, Model):
+        raise TypeError(f"swim_env.physics.fluid.{name}.MODEL must be a Model, got {model!r}")
+    return model
+
+
+#: The models by name, from the crudest to the full one and the one that is there for comparison.
+MODELS: dict[str, Model] = {name: _load(name) for name in FLUID_MODEL_NAMES}
+#: Names that a scene may use, and the code by which the kernels know each.
+FLUID_MODELS: dict[str, int] = {name: code for code, name in enumerate(MODELS)}
+
+
+def fluid_constants(
+    name: str,
+    geometry: FluidGeometry,
+    density: float,
+    *,
+    axial: bool = False,
+    terms: Array | None = None,
+    drag: float = 0.0,
+    stream: tuple[float, float] = (0.0, 0.0),
+) -> FluidConstants:
+    """Return the constants of a model for the kernels; see `FluidConstants`."""
+    model = MODELS[name]
+    motions = 2 * geometry.elements + (2 if axial else 0)
+    return FluidConstants(
+        FLUID_MODELS[name],
+        geometry,
+        density,
+        name != "none",
+        model.varies,
+        int(model.panels(geometry)),
+        model.squares(motions),
+        axial,
+        np.zeros(0) if terms is None else terms,
+        drag,
+        *stream,
+    )
+
+
+@shared
+def _no_added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> int:
+    # Names are looked up in the table, so no scene comes here; a wrong code gets no mass at all.
+    out[:] = np.nan
+    return FINE
+
+
+@shared
+def _no_shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> None:
+    out[:] = np.nan
+
+
+def _by_model(kernel: str, unknown: Any) -> Any:
+    """Return a function that calls this kernel of the model whose code `fluid.model` is.
+
+    Numba knows functions one by one and not in tables, so the comparisons are written out here: one
+    level of them, as nested functions would be optimised once per level.
+    """
+    lines = ["def call(given, fluid, work, out):"]
+    for name, code in FLUID_MODELS.items():
+        lines += [
+            f"    if fluid.model == {code}:",
+            f"        return {name}(given, fluid, work, out)",
+        ]
+    lines += ["    return unknown(given, fluid, work, out)"]
+    names = {name: getattr(model, kernel) for name, model in MODELS.items()}
+    names["unknown"] = unknown
+    exec("\n".join(lines), names)
+    return shared(names["call"])
+
+
+_added_mass = _by_model("added_mass", _no_added_mass)
+_shape_force = _by_model("shape_force", _no_shape_force)
+
+
+@entry_kernel
+def added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> int:
+    """Evaluate the added mass of a shape with the scene's fluid model.
+
+    Parameters
+    ----------
+    joint_angles : (N - 1,) array
+        theta_{k+1} - theta_k (rad).
+    fluid : FluidConstants
+        Model and sizes.
+    work : FluidWork
+        Overwritten; `shape_force` reads it.
+    out : (K, K) array, or padded
+        Overwritten: the symmetric added mass A (kg/m, kg, kg m per metre of depth for v-v, v-w
+        and w-w entries, all times a length).
+
+    Returns
+    -------
+    int
+        0, or the code of the reason why there is none (see `swim_env.physics.status`).
+    """
+    status: int = _added_mass(joint_angles, fluid, work, out)
+    return status
+
+
+@entry_kernel
+def shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> None:
+    """Differentiate V^T A V/2 with respect to every element angle, V held.
+
+    Parameters
+    ----------
+    motion : (K,) array, or padded
+        Unit-motion velocities V (or increments).
+    fluid : FluidConstants
+        Model and sizes.
+    work : FluidWork
+        As `added_mass` left it for this shape.
+    out : (N,) array
+        Overwritten: the derivative, in units of V^T A V.
+    """
+    _shape_force(motion, fluid, work, out)

@@ -1,0 +1,163 @@
+"""The fluid around the body: which model of it, its density and its panels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from swim_env.errors import SceneError
+from swim_env.scene.block import Block, one_of, real
+from swim_env.scene.body import Beam
+from swim_env.scene.checks import check_integer, check_name, got
+
+FLUID_MODEL_NAMES: tuple[str, ...] = (
+    "none",
+    "strip",
+    "frozen",
+    "expansion",
+    "panels",
+    "centreline",
+)
+"""Names that `Fluid.model` may have, from the crudest to the full one; the last one is there for
+comparison with the printed equations only."""
+
+CENTRELINE_VARIANTS: tuple[str, ...] = (
+    "consistent",
+    "printed_factor",
+    "arm_from_start",
+    "printed_factor_arm_from_start",
+)
+"""Names that `Fluid.variant` may have."""
+
+PROPORTIONAL = "proportional"
+"""What `Fluid.cap_panels` may be instead of a number."""
+
+MOST_ELEMENTS_OF_EXPANSION = 27
+"""Largest `Beam.elements` with the fluid model ``expansion``, whose tensor grows as N^4."""
+
+MOST_PANELS = 1000
+"""Largest `Fluid.panels_per_element` and `Fluid.cap_panels`."""
+
+MOST_PANELS_IN_ALL = 5000
+"""Largest number of panels of the whole outline: matrices of more do not fit into memory."""
+
+
+def _check_panels(value: object, field: str) -> int:
+    panels = check_integer(value, field, at_least=2, at_most=MOST_PANELS)
+    if panels % 2:
+        raise SceneError(
+            f"{field} must be even, as it counts both sides of an element, got {panels}"
+        )
+    return panels
+
+
+def _check_caps(value: object, field: str) -> int | str:
+    if isinstance(value, str):
+        return check_name(value, field, ("a whole number", PROPORTIONAL))
+    try:
+        return check_integer(value, field, at_least=1, at_most=MOST_PANELS)
+    except SceneError as error:
+        raise SceneError(f"{error.problem}; or {PROPORTIONAL}") from None
+
+
+@dataclass(frozen=True)
+class Fluid(Block, path="fluid"):
+    """The fluid around the body: inviscid, irrotational, at rest far away.
+
+    Attributes
+    ----------
+    model : str
+        One of `FLUID_MODEL_NAMES`. ``none`` is the same as no fluid at all; ``strip`` gives every
+        element the added mass of its own length; ``frozen`` takes the straight body's whatever the
+        shape; ``expansion`` adds its second derivatives by the joint angles; ``panels`` evaluates
+        every shape; ``centreline`` is the letter of the printed equations, for comparison only:
+        sources on one side of the centre line.
+    density : float or None
+        Fluid density [kg/m^3, at unit depth], above 0; None with the model ``none``.
+    panels_per_element : int
+        Panels on both sides of an element together, or on its centre line; even, 2 to 1000.
+    cap_panels : int or str
+        Panels that close each end of the body, 1 to 1000; or ``proportional`` for as many as make
+        them about a third as long as those of the sides, which refines the ends with the sides
+        (one for the paper's body with 4 panels per element). Strips have no panels and leave both
+        alone, the centre line has no ends.
+    added_mass_per_length : float or None
+        With the model ``strip`` alone: an element's added mass per length [kg/m], above 0; the
+        mean value of a straight plate, pi/4 density length, where None.
+    variant : str or None
+        With the model ``centreline`` alone: one of `CENTRELINE_VARIANTS`, the boundary value of a
+        turning element; ``consistent`` where None.
+    """
+
+    model: Annotated[str, one_of(FLUID_MODEL_NAMES)] = "panels"
+    density: Annotated[float | None, real("kg/m^3", above=0.0)] = None
+    panels_per_element: Annotated[int, _check_panels] = 4
+    cap_panels: Annotated[int | str, _check_caps] = 1
+    added_mass_per_length: Annotated[float | None, real("kg/m", above=0.0)] = None
+    variant: Annotated[str | None, one_of(CENTRELINE_VARIANTS)] = None
+
+    def __post_init__(self) -> None:
+        """Check every field, and that the model has a use for it."""
+        super().__post_init__()
+        if self.model == "none" and self.density is not None:
+            raise SceneError(
+                "fluid.density has no meaning with fluid.model none, which needs null, "
+                f"got {got(self.density)}"
+            )
+        if self.model != "none" and self.density is None:
+            raise SceneError(
+                f"fluid.model {self.model} needs fluid.density, a number above 0 in kg/m^3, "
+                "got null"
+            )
+        for name, model in (("variant", "centreline"), ("added_mass_per_length", "strip")):
+            value = getattr(self, name)
+            if value is not None and self.model != model:
+                raise SceneError(
+                    f"fluid.{name} has no meaning with fluid.model {self.model}, only with "
+                    f"{model}; it needs null, got {got(value)}"
+                )
+
+    def panels_per_end(self, beam: Beam) -> int:
+        """Return the number of panels that close each end of a body."""
+        if isinstance(self.cap_panels, str):
+            on_a_side = 2.0 * beam.element_length / self.panels_per_element
+            return max(1, round(2.0 * beam.half_thickness / (on_a_side / 3.0)))
+        return self.cap_panels
+
+    @property
+    def has_outline(self) -> bool:
+        """Whether the body's closed outline is cut into panels, if only once."""
+        return self.model in ("frozen", "expansion", "panels")
+
+    @property
+    def present(self) -> bool:
+        """Whether there is any fluid, that is, the model is not ``none``."""
+        return self.model != "none"
+
+    def check_body(self, beam: Beam) -> None:
+        """Refuse a body that the model cannot be computed for.
+
+        Raises
+        ------
+        SceneError
+            If it is too thin or too thick for an outline, or has too many panels or elements.
+        """
+        if not self.present:
+            return
+        limit = 0.25 * beam.length
+        if self.has_outline and not 0.0 < beam.half_thickness < limit:
+            raise SceneError(
+                f"beam.half_thickness must be above 0 and below a quarter of the length, "
+                f"{limit:.6g} m, for an outline of panels, got {beam.half_thickness!r}"
+            )
+        panels = beam.elements * self.panels_per_element + 2 * self.panels_per_end(beam)
+        if self.model != "strip" and panels > MOST_PANELS_IN_ALL:
+            raise SceneError(
+                f"beam.elements times fluid.panels_per_element and the ends' panels must be "
+                f"at most {MOST_PANELS_IN_ALL} panels, got {panels}"
+            )
+        if self.model == "expansion" and beam.elements > MOST_ELEMENTS_OF_EXPANSION:
+            raise SceneError(
+                f"fluid.model expansion takes at most {MOST_ELEMENTS_OF_EXPANSION} elements, as "
+                f"its tensor grows with their fourth power, got {beam.elements}; take panels"
+            )
