@@ -11,7 +11,7 @@ from swim_env.errors import SwimError
 
 __all__ = ["FRONT_FILE", "Measured", "load_front"]
 
-#: The study of accuracy writes it (docs/accuracy.md).
+#: Written by the accuracy study, with ``--refresh-front``.
 FRONT_FILE = Path(__file__).parent / "front.json"
 
 

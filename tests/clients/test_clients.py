@@ -120,8 +120,8 @@ def test_rl_zoo3(install: Callable[[str], Client]) -> None:
     first_episodes = {}
     for name, vec_env in ((FORWARD, "dummy"), (FORWARD, "subproc"), (TARGET, "subproc")):
         logs, saved = f"logs-{vec_env}", name.replace("/", "-")
-        common = ("--algo", "ppo", "--env", name, "--gym-packages", "swim_env", "--seed", "0")
-        common += ("--device", "cpu", "-f", logs)
+        common = ["--algo", "ppo", "--env", name, "--gym-packages", "swim_env", "--seed", "0"]
+        common += ["--device", "cpu", "-f", logs]
         zoo.run(
             *("-m", "rl_zoo3.train", *common),
             *("--conf-file", HERE / "rl-zoo3" / "ppo.yml", "--vec-env", vec_env),

@@ -33,7 +33,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
     pytest.importorskip("setuptools")
     folder = tmp_path_factory.mktemp("wheel")
     copy_sources(folder / "source")
-    options = ["--no-deps", "--no-build-isolation", "--no-index", "--quiet", "-w", folder]
+    options = ["--no-deps", "--no-build-isolation", "--no-index", "--quiet", "-w", str(folder)]
     done = run_python("-m", "pip", "wheel", *options, "./source", cwd=folder)
     assert done.code == 0, done.err
     (file,) = folder.glob("*.whl")
