@@ -41,6 +41,17 @@ from swim_env.physics.loading import load_kernels
 from swim_env.plots import require_matplotlib, save_figure
 from swim_env.scene import load_scene
 
+#: Options without a value.
+_FLAGS = {
+    "--quick": "few settings on the first two scenes, in less than three minutes",
+    "--held-out": "instead, judge the choices of Scene.for_accuracy on scenes that the study does "
+    "not use; writes held_out.json and held_out.md",
+    "--sweeps": "instead, compare fluid models over the bend, and integrators across the first "
+    "resonance; writes sweeps.json, sweeps.md and sweeps.png",
+    "--refresh-front": "replace the front that Scene.for_accuracy reads by the measured one",
+    "--json": "end with the figures as one JSON line",
+}
+
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__)
@@ -51,35 +62,14 @@ def _parser() -> argparse.ArgumentParser:
         "--quick",
     )
     parser.add_argument(
-        "--quick",
-        action="store_true",
-        help="few settings on the first two scenes, in less than three minutes",
-    )
-    parser.add_argument(
         "--scenes",
         nargs="+",
         metavar="NAME",
         help="only these scenes: of the study, or any shipped scene or scene file, for as long as "
         "its episode is, 20 s at most; with --held-out some of those scenes",
     )
-    parser.add_argument(
-        "--held-out",
-        action="store_true",
-        help="instead, judge the choices of Scene.for_accuracy on scenes that the study does not "
-        "use; writes held_out.json and held_out.md",
-    )
-    parser.add_argument(
-        "--sweeps",
-        action="store_true",
-        help="instead, compare fluid models over the bend, and integrators across the first "
-        "resonance; writes sweeps.json, sweeps.md and sweeps.png",
-    )
-    parser.add_argument(
-        "--refresh-front",
-        action="store_true",
-        help="replace the front that Scene.for_accuracy reads by the measured one",
-    )
-    parser.add_argument("--json", action="store_true", help="end with the figures as one JSON line")
+    for name, words in _FLAGS.items():
+        parser.add_argument(name, action="store_true", help=words)
     return parser
 
 
@@ -117,19 +107,20 @@ def _study_cases(options: argparse.Namespace) -> list[Case]:
 
 
 def _held_out_cases(options: argparse.Namespace) -> list[Case]:
-    cases = held_out_scenes()
-    if options.scenes is None:
-        return cases
-    names = [case.scene.name for case in cases]
-    unknown = [name for name in options.scenes if name not in names]
-    if unknown:
-        raise SwimError(
-            f"--scenes with --held-out must be among {', '.join(names)}, got {unknown[0]}"
-        )
-    return [case for case in cases if case.scene.name in options.scenes]
+    cases = {case.scene.name: case for case in held_out_scenes()}
+    wanted = cases if options.scenes is None else options.scenes
+    for name in wanted:
+        if name not in cases:
+            raise SwimError(
+                f"--scenes with --held-out must be among {', '.join(cases)}, got {name}"
+            )
+    return [case for name, case in cases.items() if name in wanted]
 
 
-def _write(path: Path, text: str) -> None:
+def _write(path: Path, content: str | dict[str, Any]) -> None:
+    """Write a text, or figures as JSON."""
+    text = content if isinstance(content, str) else json.dumps(content, indent=1) + "\n"
+    path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, lambda file: file.write(text.encode()))
 
 
@@ -154,14 +145,13 @@ def _judge(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
         "largest_cost_ratio": max(ratios, default=None),
         "judged": judged,
     }
-    folder.mkdir(parents=True, exist_ok=True)
-    _write(folder / "held_out.json", json.dumps(summary, indent=1) + "\n")
+    _write(folder / "held_out.json", summary)
     _write(folder / "held_out.md", held_out_table(judged))
     print(held_out_table(judged), file=sys.stderr)
     return {key: value for key, value in summary.items() if key != "judged"}
 
 
-def _sweep(folder: Path) -> dict[str, Any]:
+def _sweep(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
     """Make both sweeps."""
     scenes = {
         "undamped (paper_i)": load_scene("paper_i"),
@@ -171,8 +161,7 @@ def _sweep(folder: Path) -> dict[str, Any]:
         bends = sweep_bends(progress)
         resonance = {name: sweep_frequencies(scene, progress) for name, scene in scenes.items()}
     summary = {**where_and_when(), "bends": bends, "resonance": resonance}
-    folder.mkdir(parents=True, exist_ok=True)
-    _write(folder / "sweeps.json", json.dumps(summary, indent=1) + "\n")
+    _write(folder / "sweeps.json", summary)
     _write(folder / "sweeps.md", sweep_tables(bends, resonance))
     save_figure(draw_sweeps(bends, resonance), folder / "sweeps.png")
     print(sweep_tables(bends, resonance), file=sys.stderr)
@@ -196,23 +185,18 @@ def _study(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
     by_scene: dict[str, Any] = {}
     for case in study.cases:
         name = case.scene.name
-        some = [one for one in runs if one["scene"] == name]
-        front = [
-            {
-                "settings": Settings.from_dict(one).label,
-                "cost": one["cost"],
-                "error": one["error"],
-            }
-            for one in pareto(some)
-        ]
+        some, reference = [one for one in runs if one["scene"] == name], references[name]
         by_scene[name] = {
-            "reference": references[name].displacement.tolist(),
-            "uncertainty": references[name].uncertainty,
-            "paper_settings": budget_of(some, references[name]),
-            "front": front,
+            "reference": reference.displacement.tolist(),
+            "uncertainty": reference.uncertainty,
+            "paper_settings": budget_of(some, reference),
+            "front": [
+                {"settings": Settings.from_dict(x).label, "cost": x["cost"], "error": x["error"]}
+                for x in pareto(some)
+            ],
         }
     summary = {**origin, "runs": len(runs), "scenes": by_scene}
-    _write(folder / "study.json", json.dumps(summary, indent=1) + "\n")
+    _write(folder / "study.json", summary)
     return summary
 
 
@@ -224,10 +208,8 @@ def main(arguments: list[str] | None = None) -> int:
     load_kernels()
     usual = "results/accuracy_quick" if options.quick else "results/accuracy"
     folder = Path(options.output or usual)
-    if options.sweeps:
-        summary = _sweep(folder)
-    else:
-        summary = _judge(options, folder) if options.held_out else _study(options, folder)
+    make = _sweep if options.sweeps else _judge if options.held_out else _study
+    summary = make(options, folder)
     if options.json:
         print(json.dumps(summary, allow_nan=False))
     elif "scenes" in summary:

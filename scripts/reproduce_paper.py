@@ -32,9 +32,8 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FOLDER",
         help="where results go; results/paper unless given, results/paper_quick with --quick",
     )
-    parser.add_argument(
-        "--quick", action="store_true", help="short runs and few points, in a minute or two"
-    )
+    words = "short runs and few points, in a minute or two"
+    parser.add_argument("--quick", action="store_true", help=words)
     parser.add_argument(
         "--only",
         nargs="+",
@@ -42,9 +41,8 @@ def _parser() -> argparse.ArgumentParser:
         help=f"do only some of: {', '.join(PARTS)}; the page has what is there of the others",
     )
     parser.add_argument("--workers", type=int, metavar="NUMBER", help="processes side by side")
-    parser.add_argument(
-        "--json", action="store_true", help="end with the verdicts as one JSON line"
-    )
+    words = "end with the verdicts as one JSON line"
+    parser.add_argument("--json", action="store_true", help=words)
     return parser
 
 
@@ -82,10 +80,8 @@ def main(arguments: list[str] | None = None) -> int:
     else:
         for key, one in summary["verdicts"].items():
             print(f"{one['verdict']:13s} {key}: {one['measured']}")
-    print(
-        f"{done} of {len(chosen)} units in {seconds:.0f} s; the page is {page_of(folder)}",
-        file=sys.stderr,
-    )
+    words = f"{done} of {len(chosen)} units in {seconds:.0f} s; the page is {page_of(folder)}"
+    print(words, file=sys.stderr)
     return 0
 
 

@@ -42,15 +42,7 @@ def code_of(source: str) -> str:
 
 
 def files_digest(files: Iterable[Path], root: Path = ROOT) -> str:
-    """Return the fingerprint of the code in some files and of their places below a folder.
-
-    Parameters
-    ----------
-    files : iterable of Path
-        Python files, in any order.
-    root : Path
-        The folder; what it is called does not count.
-    """
+    """Return the fingerprint of the code in Python files and of their places below a folder."""
     texts: list[str] = []
     for place, path in sorted((path.relative_to(root).as_posix(), path) for path in files):
         texts += [place, code_of(path.read_text(encoding="utf-8"))]
@@ -59,14 +51,9 @@ def files_digest(files: Iterable[Path], root: Path = ROOT) -> str:
 
 @functools.cache
 def kernel_digest(root: Path = ROOT) -> str:
-    """Return the fingerprint of all code that decides what a step of the simulation computes.
+    """Return the fingerprint of all code of a checkout that decides what a step computes.
 
     That is everything in ``swim_env/physics``, at any depth, and the batch that calls it.
-
-    Parameters
-    ----------
-    root : Path
-        The checkout.
     """
     kernels = (root / "swim_env" / "physics").rglob("*.py")
     files = [path for path in kernels if path.name not in _NO_KERNELS]
@@ -82,10 +69,8 @@ def with_imports(
     ----------
     module : str
         Its dotted name.
-    follow : sequence of str
-        Packages and modules whose imports count.
-    leave : sequence of str
-        Those among them that do not.
+    follow, leave : sequence of str
+        Packages and modules whose imports count, and those among them that do not.
     root : Path
         The checkout.
     """
@@ -98,20 +83,14 @@ def with_imports(
         if name in found or not (wanted or name == module) or not path.is_file():
             continue
         found[name] = path
-        waiting += _imported(path)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            # Names that are imported may be modules or not.
+            if isinstance(node, ast.Import):
+                waiting += [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and node.module is not None:
+                waiting += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
     return set(found.values())
 
 
 def _is_within(name: str, packages: Sequence[str]) -> bool:
     return any(name == one or name.startswith(f"{one}.") for one in packages)
-
-
-def _imported(path: Path) -> list[str]:
-    """Return the dotted names that a file imports, whether they are modules or not."""
-    names = []
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module is not None:
-            names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-    return names

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
 import pickle
@@ -32,7 +33,7 @@ def in_fresh_processes(
     Processes are started afresh, as a fork would inherit locks of a process that has threads. They
     leave an interrupt from the keyboard to this one, which ends them at once, as it does when a
     call fails or the iterator is closed. (A `concurrent.futures.ProcessPoolExecutor` cannot end
-    what runs, and waits for ever for the rest of a result whose sender was ended.)
+    what runs, and a `multiprocessing.Pool` waits for ever for the result of a worker that died.)
 
     Parameters
     ----------
@@ -50,97 +51,63 @@ def in_fresh_processes(
     SwimError
         If a process has died.
     Exception
-        Whatever a call raises; its notes tell where in the worker.
+        Whatever a call raises; its notes say where in the worker.
     """
+    context = multiprocessing.get_context("spawn")
     waiting = list(enumerate(calls))[::-1]
-    processes: list[BaseProcess] = []
     busy: dict[Connection, int] = {}
     idle: list[Connection] = []
-    finished = False
+    processes: list[BaseProcess] = []
     try:
         for _ in range(min(max(1, workers or os.cpu_count() or 1), len(calls))):
-            process, connection = _start(prepare)
+            ours, theirs = context.Pipe()
+            # Daemons are ended where Python ends and nobody has closed the iterator.
+            process = context.Process(target=_work, args=(theirs, prepare), daemon=True)
+            process.start()
             processes.append(process)
-            idle.append(connection)
+            idle.append(ours)
+            # Now the worker alone has that end, and with its death nothing more comes from there.
+            theirs.close()
         while waiting or busy:
-            while waiting and idle:
-                index, call = waiting.pop()
-                busy[idle[-1]] = index
-                _send(idle.pop(), call)
-            for connection in cast("list[Connection]", wait(list(busy))):
-                went_well, answer = _receive(connection)
-                index = busy.pop(connection)
-                idle.append(connection)
-                if not went_well:
-                    raise answer
-                yield index, answer
-        finished = True
-    except _DiedError:
-        text = "a worker process has died, killed or perhaps out of memory"
-        raise SwimError(f"{text}; {advice}" if advice else text) from None
+            try:
+                while waiting and idle:
+                    index, call = waiting.pop()
+                    busy[idle[-1]] = index
+                    idle.pop().send(call)
+                connection = cast(Connection, wait(list(busy))[0])
+                went_well, answer = connection.recv()
+            except (EOFError, ConnectionError):
+                text = "a worker process has died, killed or perhaps out of memory"
+                raise SwimError(f"{text}; {advice}" if advice else text) from None
+            if not went_well:
+                raise answer
+            idle.append(connection)
+            yield busy.pop(connection), answer
     finally:
         for connection in (*busy, *idle):
             connection.close()
-        if not finished:
-            # What runs could take minutes, and nobody waits for it any more.
-            for process in processes:
-                process.terminate()
-        for process in processes:
-            process.join()
-
-
-class _DiedError(Exception):
-    """The process at the other end of a connection has died."""
-
-
-def _start(prepare: Callable[[], object] | None) -> tuple[BaseProcess, Connection]:
-    """Start a worker; returns it and a connection to it."""
-    context = multiprocessing.get_context("spawn")
-    ours, theirs = context.Pipe()
-    # Daemons are ended where Python ends and nobody has closed the iterator.
-    process = context.Process(target=_work, args=(theirs, prepare), daemon=True)
-    process.start()
-    # Now the worker alone has that end, and with its death nothing more comes from there.
-    theirs.close()
-    return process, ours
-
-
-def _send(connection: Connection, call: Call) -> None:
-    try:
-        connection.send(call)
-    except ConnectionError:
-        raise _DiedError from None
-
-
-def _receive(connection: Connection) -> tuple[bool, Any]:
-    try:
-        answer: tuple[bool, Any] = connection.recv()
-    except (EOFError, ConnectionError):
-        raise _DiedError from None
-    return answer
+        for one in processes:
+            # What still runs could take minutes, and nobody waits for it any more.
+            one.terminate()
+            one.join()
 
 
 def _work(calls: Connection, prepare: Callable[[], object] | None) -> None:
     """Answer calls until there are no more: with True and the result, or False and the error."""
     # A terminal interrupts all processes of a command: one of them answers.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    while True:
-        try:
+    with contextlib.suppress(EOFError, ConnectionError):
+        while True:
             function, arguments = calls.recv()
-        except EOFError:
-            return
-        try:
-            if prepare is not None:
-                prepare()
-                prepare = None
-            # What cannot be sent is an error of the call, so it becomes bytes here.
-            answer = ForkingPickler.dumps((True, function(*arguments)))
-        except Exception as error:
-            answer = ForkingPickler.dumps((False, _portable(error)))
-        try:
+            try:
+                if prepare is not None:
+                    prepare()
+                    prepare = None
+                # What cannot be sent is an error of the call, so it becomes bytes here.
+                answer = ForkingPickler.dumps((True, function(*arguments)))
+            except Exception as error:
+                answer = ForkingPickler.dumps((False, _portable(error)))
             calls.send_bytes(answer)
-        except ConnectionError:
-            return
 
 
 def _portable(error: Exception) -> Exception:

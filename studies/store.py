@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
 
-__all__ = ["Arrays", "Record", "Store"]
+__all__ = ["Arrays", "Record", "Store", "short_commit"]
 
 #: What one piece of work found, as JSON.
 Record = dict[str, Any]
@@ -50,22 +50,22 @@ class Store:
         self.path = Path(path)
         self._name_of = name_of
         self._records: dict[Hashable, Record] = {}
-        #: Whether the file ends in half a line, and whether it has lines that no longer count.
-        self._is_cut = self._is_untidy = False
         try:
             lines = self.path.read_bytes().split(b"\n")
         except FileNotFoundError:
-            return
+            lines = [b""]
         except OSError as error:
             raise SwimError(
                 f"cannot read results: {error.strerror or error} ({self.path})"
             ) from None
         # Behind the last newline: nothing, or a line that was cut off.
         self._is_cut = lines.pop() != b""
+        #: Lines of the file, with those that no longer count.
+        self._lines = len(lines)
         for number, line in enumerate(lines, start=1):
             try:
-                if line:
-                    self._keep(json.loads(line))
+                record = json.loads(line)
+                self._records[name_of(record)] = record
             except (ValueError, KeyError, TypeError) as error:
                 raise SwimError(
                     f"not the results of a study: {error!r} ({self.path}, line {number})"
@@ -87,14 +87,8 @@ class Store:
         return record
 
     def arrays(self, name: str) -> Arrays:
-        """Return the arrays of a name.
-
-        Raises
-        ------
-        SwimError
-            If their file cannot be read.
-        """
-        path = self._arrays_path(name)
+        """Return the arrays of a name; SwimError if their file cannot be read."""
+        path = self.path.with_name(f"{name}.npz")
         try:
             # Opened here: NumPy leaves a file open that it finds to be no archive.
             with open(path, "rb") as file, np.load(file, allow_pickle=False) as found:
@@ -120,6 +114,7 @@ class Store:
             If the record cannot be written; the file is as before then.
         """
         line = json.dumps(record, allow_nan=False).encode() + b"\n"
+        name = self._name_of(record)
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             if arrays:
@@ -127,23 +122,20 @@ class Store:
                 def save(file: IO[bytes]) -> None:
                     np.savez_compressed(file, allow_pickle=False, **arrays)
 
-                write_atomically(self._arrays_path(str(self._name_of(record))), save)
+                write_atomically(self.path.with_name(f"{name}.npz"), save)
             self._append(line)
         except OSError as error:
             raise SwimError(
                 f"cannot write results: {error.strerror or error} ({error.filename or self.path})"
             ) from None
-        self._keep(record)
+        self._records[name] = record
 
     def tidy(self) -> None:
         """Rewrite the file without lines that do not count, where it has any."""
-        if self._is_cut or self._is_untidy:
+        if self._is_cut or self._lines > len(self._records):
             text = "".join(json.dumps(record) + "\n" for record in self._records.values())
             write_atomically(self.path, lambda file: file.write(text.encode()))
-            self._is_cut = self._is_untidy = False
-
-    def _arrays_path(self, name: str) -> Path:
-        return self.path.with_name(f"{name}.npz")
+            self._is_cut, self._lines = False, len(self._records)
 
     def _append(self, line: bytes) -> None:
         # Behind half a line, a new one would be lost.
@@ -157,8 +149,9 @@ class Store:
             with contextlib.suppress(OSError):
                 os.truncate(self.path, whole)
             raise
+        self._lines += 1
 
-    def _keep(self, record: Record) -> None:
-        name = self._name_of(record)
-        self._is_untidy = self._is_untidy or name in self._records
-        self._records[name] = record
+
+def short_commit(commit: str | None) -> str:
+    """Return a commit as pages show it, with the ``+`` of a checkout that was changed."""
+    return commit[:10] + ("+" if commit.endswith("+") else "") if commit else "unknown"

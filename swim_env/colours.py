@@ -7,8 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["BODY", "GOAL", "TORQUE_STOPS", "WATER", "Colour", "ramp", "torque_colours"]
-
 Colour = tuple[int, int, int]
 Colours = NDArray[np.uint8]
 

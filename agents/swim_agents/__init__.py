@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from swim_agents.baselines import POLICY_NAMES, Policy, RandomPolicy, WavePolicy, ZeroPolicy
-    from swim_agents.evaluation import play_episodes
     from swim_agents.policies import load_policy, policy_names
-    from swim_agents.rollout import Rollout, play_episode
+    from swim_agents.rollout import Rollout, play_episode, play_episodes
     from swim_agents.verification import Verification, verify_rollout
 
 __all__ = [
@@ -29,7 +28,7 @@ __all__ = [
     "verify_rollout",
 ]
 
-_MODULES = ("baselines", "evaluation", "policies", "rollout", "verification")
+_MODULES = ("baselines", "policies", "rollout", "verification")
 
 
 def __getattr__(name: str) -> Any:

@@ -66,13 +66,7 @@ class Policy(Protocol):
 
 
 class _Baseline:
-    """What the policies here share: the shapes of a scene, and the clock.
-
-    Raises
-    ------
-    OptionError
-        By `predict`, if the observation or the state does not fit the scene.
-    """
+    """What the policies here share: the shapes of a scene, and the clock."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -90,7 +84,8 @@ class _Baseline:
         """Return actions, (N - 1,) or (M, N - 1), and the clock.
 
         The clock counts the actions since each member's start, (M,) int64; as times are whole
-        multiples of the control interval, they carry no rounding of their own.
+        multiples of the control interval, they carry no rounding of their own. What does not fit
+        the scene is an OptionError.
         """
         shape = np.shape(observation)
         if len(shape) not in (1, 2) or shape[-1] not in self._sizes:
@@ -99,26 +94,21 @@ class _Baseline:
                 f"{self._sizes[1]} with a target), as scene {self.scene.name} gives them, "
                 f"got {shape}"
             )
-        clock = _clock(1 if len(shape) == 1 else shape[0], state, episode_start)
+        members = 1 if len(shape) == 1 else shape[0]
+        clock = np.zeros(members, dtype=np.int64) if state is None else np.array(state)
+        if clock.shape != (members,) or clock.dtype.kind != "i":
+            raise OptionError(
+                f"state must be whole numbers of shape ({members},), got {clock.dtype} of shape "
+                f"{clock.shape}"
+            )
+        if episode_start is not None:
+            clock[np.broadcast_to(np.asarray(episode_start, dtype=np.bool_), clock.shape)] = 0
         actions = self._actions(clock)
         return (actions[0] if len(shape) == 1 else actions), clock + 1
 
     def _actions(self, clock: NDArray[np.int64]) -> Array:
         """Return the actions of members that have taken so many, (M, N - 1)."""
         raise NotImplementedError
-
-
-def _clock(members: int, state: Any, episode_start: ArrayLike | None) -> NDArray[np.int64]:
-    """Return the actions that members have taken since their start, (M,)."""
-    clock = np.zeros(members, dtype=np.int64) if state is None else np.array(state)
-    if clock.shape != (members,) or clock.dtype.kind != "i":
-        raise OptionError(
-            f"state must be whole numbers of shape ({members},), got {clock.dtype} of shape "
-            f"{clock.shape}"
-        )
-    if episode_start is not None:
-        clock[np.broadcast_to(np.asarray(episode_start, dtype=np.bool_), clock.shape)] = 0
-    return clock
 
 
 class WavePolicy(_Baseline):
@@ -161,12 +151,7 @@ class RandomPolicy(_Baseline):
     scene : Scene
         Gives the number of joints.
     seed : int, optional
-        Seed of the numbers.
-
-    Raises
-    ------
-    OptionError
-        If the seed is not a whole number of at least 0.
+        Seed of the numbers, a whole number of at least 0 (else it is an OptionError).
     """
 
     def __init__(self, scene: Scene, seed: int | None = None) -> None:

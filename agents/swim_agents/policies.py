@@ -46,7 +46,7 @@ def load_policy(
     task: str | None = None,
     trust: bool = False,
 ) -> Policy:
-    """Return a policy for a scene.
+    """Return a policy for a scene: what has `Policy.predict`.
 
     Parameters
     ----------
@@ -67,11 +67,6 @@ def load_policy(
         Whether to unpickle a model file that comes without an ``agent.json``, which runs its code.
         Agents with that file are read without running any.
 
-    Returns
-    -------
-    Policy
-        With the call ``predict(observation, state, episode_start, deterministic)``.
-
     Raises
     ------
     OptionError
@@ -91,11 +86,9 @@ def load_policy(
     if name in pretrained_names():
         return _load_agent(PRETRAINED_FOLDER / name, own, task)
     path = Path(name)
-    if path.is_dir():
+    if path.is_dir() or path.is_file() or path.suffix == ".zip":
         inside = path / "agent"
-        return _load_agent(inside if inside.is_dir() else path, own, task)
-    if path.suffix == ".zip" or path.is_file():
-        return _load_file(path, found, own, task, trust)
+        return _load_agent(inside if inside.is_dir() else path, own, task, trust)
     names = policy_names()
     raise OptionError(
         f"unknown policy {name!r}{nearest(name, names)}; policies: {', '.join(names)}, or the path "
@@ -103,25 +96,19 @@ def load_policy(
     )
 
 
-def _load_agent(folder: Path, scene: Scene | None, task: str | None) -> Policy:
-    """Read an agent's folder; what it takes is imported only here."""
-    from swim_agents.learning.saved import load_agent
+def _load_agent(path: Path, scene: Scene | None, task: str | None, trust: bool = False) -> Policy:
+    """Read an agent's folder, or a model file, by its description where there is one."""
+    # What it takes to read agents is imported only here.
+    from swim_agents.learning.saved import AgentError, load_agent, load_bare_model
 
-    agent = load_agent(folder)
-    agent.check(agent.scene if scene is None else scene, task)
-    return agent
-
-
-def _load_file(
-    path: Path, scene: Scene, own: Scene | None, task: str | None, trust: bool
-) -> Policy:
-    """Read a model file, by its description where there is one, else for a scene."""
-    from swim_agents.learning.saved import AgentError, load_bare_model
-
+    if path.name == "model.zip" and (path.parent / "agent.json").is_file():
+        path = path.parent
     if not path.exists():
         raise AgentError(f"no such model file: {path}")
-    if path.name == "model.zip" and (path.parent / "agent.json").is_file():
-        return _load_agent(path.parent, own, task)
-    agent = load_bare_model(path, scene, trust)
-    agent.check(scene, task)
+    if path.is_dir():
+        agent = load_agent(path)
+    else:
+        scene = scene or load_scene("swimmer")
+        agent = load_bare_model(path, scene, trust)
+    agent.check(scene or agent.scene, task)
     return agent

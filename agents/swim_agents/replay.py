@@ -8,12 +8,13 @@ import os
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 
+from swim_agents.files import writing
 from swim_agents.policies import load_policy
 from swim_agents.rollout import Rollout, play_episode
 from swim_env.envs.registration import FORWARD_ID, TARGET_ID
@@ -66,11 +67,6 @@ def replay_episode(
         ``seed``, ``noise``; ``actions`` and ``control_interval`` (s); ``return``, the sum of the
         rewards, and ``net_displacement`` (BL); ``terminated``, ``truncated`` and the last
         ``info``; ``video``, where one was made.
-
-    Raises
-    ------
-    SwimError
-        If an argument cannot be used or the video cannot be written.
     """
     check_task(task)
     if seed < 0:
@@ -79,19 +75,17 @@ def replay_episode(
     video = None
     if video_folder is not None:
         video = Path(video_folder) / f"{scene.name}-{task}-{Path(policy).name}-{seed}.mp4"
-        with _video_errors("make the folder for", video.parent):
+        with writing("the video", video.parent, verb="make the folder for"):
             video.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch:
-        mode = None if video_folder is None else "rgb_array"
+        mode = None if video is None else "rgb_array"
         env = gymnasium.make(_ENVIRONMENTS[task], scene=scene, render_mode=mode)
-        if video_folder is not None:
+        if video is not None:
             env = _recorded(env, scratch)
-        try:
+        with contextlib.closing(env):
             start = time.perf_counter()
             rollout = play_episode(env, chosen, seed, {"noise": noise}, progress=progress)
             seconds = time.perf_counter() - start
-        finally:
-            env.close()
         if video is not None:
             _keep(scratch, video)
     trajectory = rollout.simulate()
@@ -135,21 +129,12 @@ def _recorded(env: gymnasium.Env[Any, Any], folder: str) -> gymnasium.Env[Any, A
             ) from None
 
 
-@contextlib.contextmanager
-def _video_errors(task: str, path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise SwimError(f"cannot {task} the video: {reason} ({os.fspath(path)})") from None
-
-
 def _keep(scratch: str, video: Path) -> None:
     """Move the finished video to its place."""
     made = sorted(Path(scratch).glob("*.mp4"))
     if len(made) != 1:
         raise SwimError(f"one video was to be made, found {len(made)}")
-    with _video_errors("write", video):
+    with writing("the video", video):
         content = made[0].read_bytes()
         if not _is_whole_video(content):
             # The encoder does not report that it ran out of space.

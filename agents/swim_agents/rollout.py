@@ -1,18 +1,21 @@
-"""Playing an episode, and recording what is needed to replay it."""
+"""Playing episodes, one or many side by side, and what is needed to replay them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from swim_agents.baselines import Policy
+from swim_env.envs.episodes import Episodes
 from swim_env.envs.single import SwimEnv
 from swim_env.envs.task import TARGET_RADIUS
+from swim_env.envs.vector import SwimVectorEnv
 from swim_env.errors import OptionError
 from swim_env.scene import Scene
 from swim_env.sim.simulator import Simulator
@@ -21,7 +24,7 @@ from swim_env.sim.trajectory import Trajectory
 if TYPE_CHECKING:
     from swim_env.recording import Swimmer
 
-__all__ = ["Rollout", "play_episode", "score"]
+__all__ = ["Rollout", "play_episode", "play_episodes", "score"]
 
 Array = NDArray[np.float64]
 
@@ -81,13 +84,9 @@ class Rollout:
     ) -> Trajectory:
         """Play the torques again in the simulator, each for as long as it was held.
 
-        Parameters
-        ----------
-        scene : Scene, optional
-            Another scene with the same body in it, for example with a smaller time step; by
-            default the same one, and then the motion is the episode's to the bit.
-        progress : callable, optional
-            Called with the number of steps taken since the last call.
+        In the same scene, which is the default, the motion is the episode's to the bit; another one
+        with the same body may have a smaller time step, for example. `progress` is called with the
+        number of steps taken since its last call.
         """
         played = self.scene if scene is None else scene
         simulator = Simulator(played)
@@ -101,14 +100,8 @@ class Rollout:
     ) -> Swimmer:
         """Return the episode for a recording.
 
-        Parameters
-        ----------
-        name : str
-            The swimmer's name.
-        trajectory : Trajectory, optional
-            Its motion; its torques are played again unless given.
-        target_radius : float
-            How close a target had to be reached (BL), where the goal is one.
+        Its torques are played again unless its motion is given. The target's radius (BL) counts
+        where the goal is a point.
         """
         from swim_env.recording import Swimmer
 
@@ -131,6 +124,43 @@ def score(rollout: Rollout, position: Array) -> float:
     return float((position - start) @ rollout.goal) / length
 
 
+class _EpisodeLog:
+    """What is kept of a member's episode while it is played, from its reset on."""
+
+    def __init__(self, episodes: Episodes, member: int, seed: int | None, position: Array) -> None:
+        self._episodes, self._member = episodes, member
+        self._start: dict[str, Any] = {
+            "scene": episodes.task.scene,
+            "seed": seed,
+            "coordinates": episodes.bodies.coordinates[member].copy(),
+            "velocity": episodes.bodies.velocities[member].copy(),
+            "goal": episodes.goals[member].copy(),
+            "goal_is_point": episodes.task.goal_is_point,
+        }
+        self._torques: list[Array] = []
+        self._rewards: list[float] = []
+        self._path = [position.copy()]
+
+    def add(self, reward: Any, position: Array) -> None:
+        """Keep an action that was played, with its reward and the mean centre after it (m)."""
+        self._torques.append(self._episodes.torques[self._member, 0].copy())
+        self._rewards.append(float(reward))
+        self._path.append(position.copy())
+
+    def rollout(self, info: dict[str, Any], terminated: bool, truncated: bool) -> Rollout:
+        """Return the episode, which has just ended."""
+        return Rollout(
+            **self._start,
+            torques=np.array(self._torques),
+            steps=int(self._episodes.bodies.steps_taken[self._member]),
+            rewards=np.array(self._rewards),
+            path=np.array(self._path),
+            info=info,
+            terminated=bool(terminated),
+            truncated=bool(truncated),
+        )
+
+
 def play_episode(
     env: gymnasium.Env[Any, Any],
     policy: Policy,
@@ -144,7 +174,8 @@ def play_episode(
     Parameters
     ----------
     env : gymnasium.Env
-        A `SwimEnv`, with or without wrappers that leave observations and actions alone.
+        A `SwimEnv` (another one is an OptionError), with or without wrappers that leave
+        observations and actions alone.
     policy : Policy
         The policy.
     seed, options : optional
@@ -153,23 +184,12 @@ def play_episode(
         Whether to leave exploration out.
     progress : callable, optional
         Called with 1 after every action.
-
-    Returns
-    -------
-    Rollout
-        The episode.
-
-    Raises
-    ------
-    OptionError
-        If the environment is not one of this package.
     """
     swimmer = env.unwrapped
     if not isinstance(swimmer, SwimEnv):
         raise OptionError(f"play_episode needs a SwimEnv, got {type(swimmer).__name__}")
     observation, info = env.reset(seed=seed, options=None if options is None else dict(options))
-    coordinates, velocity = swimmer.coordinates, swimmer.velocity
-    torques, rewards, path = [], [], [info["position"]]
+    log = _EpisodeLog(swimmer.episodes, 0, seed, info["position"])
     state: Any = None
     terminated = truncated = False
     start = np.ones(1, dtype=np.bool_)
@@ -177,23 +197,55 @@ def play_episode(
         action, state = policy.predict(observation, state, start, deterministic)
         observation, reward, terminated, truncated, info = env.step(action)
         start = np.zeros(1, dtype=np.bool_)
-        torques.append(swimmer.torques)
-        rewards.append(float(reward))
-        path.append(info["position"])
+        log.add(reward, info["position"])
         if progress is not None:
             progress(1)
-    return Rollout(
-        scene=swimmer.scene,
-        seed=seed,
-        coordinates=coordinates,
-        velocity=velocity,
-        goal=swimmer.goal,
-        goal_is_point=swimmer.task.goal_is_point,
-        torques=np.array(torques),
-        steps=swimmer.steps,
-        rewards=np.array(rewards),
-        path=np.array(path),
-        info=info,
-        terminated=terminated,
-        truncated=truncated,
+    return log.rollout(info, terminated, truncated)
+
+
+def play_episodes(
+    env: SwimVectorEnv,
+    policy: Policy,
+    seeds: Sequence[int],
+    options: Mapping[str, Any] | None = None,
+    deterministic: bool = True,
+    progress: Callable[[int], object] | None = None,
+) -> list[Rollout]:
+    """Play one episode for each seed, in a batch of as many members and mode NEXT_STEP.
+
+    Arguments and errors are those of `play_episode`; progress counts the batch's actions. With the
+    same actions an episode is bit for bit the one that `play_episode` plays. The actions of a
+    network can differ from those in the last digit, since a product of matrices may round otherwise
+    for a batch.
+    """
+    count = len(seeds)
+    if env.num_envs != count or env.autoreset_mode is not AutoresetMode.NEXT_STEP:
+        raise OptionError(
+            f"play_episodes needs a batch of {count} members in mode NextStep, got "
+            f"{env.num_envs} in mode {env.autoreset_mode.value}"
+        )
+    observations, infos = env.reset(
+        seed=list(seeds), options=None if options is None else dict(options)
     )
+    episodes = env.episodes
+    logs = [
+        _EpisodeLog(episodes, member, int(seed), infos["position"][member])
+        for member, seed in enumerate(seeds)
+    ]
+    ended: dict[int, Rollout] = {}
+    state: Any = None
+    start = np.ones(count, dtype=np.bool_)
+    while len(ended) < count:
+        actions, state = policy.predict(observations, state, start, deterministic)
+        observations, rewards, terminated, truncated, infos = env.step(actions)
+        start = np.zeros(count, dtype=np.bool_)
+        for member, log in enumerate(logs):
+            if member in ended:
+                continue
+            log.add(rewards[member], infos["position"][member])
+            ends = terminated[member], truncated[member]
+            if any(ends):
+                ended[member] = log.rollout(episodes.info(member), *ends)
+        if progress is not None:
+            progress(1)
+    return [ended[member] for member in range(count)]

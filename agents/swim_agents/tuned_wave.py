@@ -22,13 +22,7 @@ WAVE_FIELDS = ("amplitude", "frequency", "wave_number", "phase")
 
 @cache
 def load_tuned_wave() -> dict[str, Any]:
-    """Return the stored record; ``wave`` holds WAVE_FIELDS in the units of an `Actuation`.
-
-    Raises
-    ------
-    SwimError
-        If the file is missing or damaged.
-    """
+    """Return the stored record; ``wave`` holds WAVE_FIELDS in the units of an `Actuation`."""
     try:
         data = json.loads(TUNED_WAVE_FILE.read_text(encoding="utf-8"))
         wave = {name: float(data["wave"][name]) for name in WAVE_FIELDS}

@@ -45,11 +45,8 @@ def net_displacements(
 ) -> Array:
     """Play waves in the batched environment, without start noise.
 
-    Returns
-    -------
-    (len(waves),) array
-        Net displacement along the scene's heading over an episode (BL); NaN where the episode
-        ended early.
+    Returns the net displacements along the scene's heading over an episode, (len(waves),) (BL); NaN
+    where the episode ended early.
     """
     reached = np.full(len(waves), np.nan)
     times = np.arange(scene.actions_per_episode) * scene.episode.control_interval
@@ -70,7 +67,7 @@ def net_displacements(
 
 
 def _wave(scene: Scene, numbers: Sequence[float]) -> Actuation:
-    share, hertz, wave_number, phase = (float(x) for x in numbers)
+    share, hertz, wave_number, phase = numbers
     return wave_on(scene, share * scene.torque_limit, 2.0 * math.pi * hertz, wave_number, phase)
 
 
@@ -87,15 +84,11 @@ def search_wave(
 
     Parameters
     ----------
-    scene : Scene
-        The scene.
     frequencies, wave_numbers : int
         Size of the grid.
-    generations, population : int
+    generations, population, seed : int
         Of the differential evolution (Storn & Price 1997). Half of its first population is the best
         of the grid, at full amplitude and phase 0; the other half is drawn within the bounds.
-    seed : int
-        Of the differential evolution.
     progress : callable, optional
         Called with the number of waves played since the last call.
 
@@ -158,10 +151,7 @@ def search_wave(
         },
         "evaluations": len(seen),
         "candidates": [
-            {
-                **dict(zip(_CANDIDATE, point, strict=True)),
-                "net_displacement": seen[point],
-            }
+            {**dict(zip(_CANDIDATE, point, strict=True)), "net_displacement": seen[point]}
             for point in ranked[:20]
         ],
     }

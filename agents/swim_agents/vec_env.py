@@ -63,23 +63,7 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
     Parameters
     ----------
     env : SwimVectorEnv
-        The batch, in autoreset mode SAME_STEP.
-
-    Attributes
-    ----------
-    env : SwimVectorEnv
-        The batch.
-    num_envs : int
-        Number M of members.
-    action_space, observation_space : gymnasium.spaces.Box
-        Spaces of one member, (N - 1,) and (n,).
-    reset_infos : list of dict
-        Each member's info of its last start.
-
-    Raises
-    ------
-    OptionError
-        If it is another environment or in another mode.
+        The batch, in autoreset mode SAME_STEP; another environment or mode is an OptionError.
     """
 
     env: SwimVectorEnv
@@ -110,17 +94,9 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
     def set_options(
         self, options: Sequence[Mapping[str, Any]] | Mapping[str, Any] | None = None
     ) -> None:
-        """Keep options for the next reset only.
+        """Keep options of `SwimEnv.reset` for the next reset only: one mapping, or M of them.
 
-        Parameters
-        ----------
-        options : mapping or sequence of M mappings, optional
-            Those of `SwimEnv.reset`, the same for all members or one for each.
-
-        Raises
-        ------
-        OptionError
-            If there is not one for each member. What they say is checked by `reset`.
+        Another number of them is an OptionError. What they say is checked by `reset`.
         """
         if isinstance(options, Mapping):
             options = dict(options)
@@ -133,24 +109,10 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
         super().set_options(options)
 
     def reset(self) -> NDArray[np.float32]:
-        """Start all members, with the seeds and options that wait for it.
+        """Start all members, with the seeds and options that wait for it; return observations.
 
-        An action that waits for `step_wait` is forgotten.
-
-        Returns
-        -------
-        (M, n) array of float32
-            Observations.
-
-        Raises
-        ------
-        gymnasium.error.Error
-            If a seed is not a whole number of at least 0.
-        OptionError
-            If an option cannot be used. Nothing has changed after either; the seeds and options
-            wait until a reset succeeds.
-        SimulationEndedError
-            If a start cannot be simulated.
+        An action that waits for `step_wait` is forgotten. Where a seed or an option cannot be used,
+        nothing changes, and the seeds and options wait until a reset succeeds.
         """
         # Options are the same object for all members where they were given once for all.
         groups: dict[int, list[int]] = {}
@@ -182,27 +144,12 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Hold the actions over one control interval, and restart the members that ended.
 
-        Returns
-        -------
-        observations : (M, n) array of float32
-            Those of the new episodes where the old ones ended.
-        rewards : (M,) array of float32
-            Rewards.
-        dones : (M,) array of bool
-            Which members ended.
-        infos : list of dict
-            Each member's info of this action, as from `SwimEnv.step`, and
-            ``TimeLimit.truncated``: whether nothing but the time ended the episode. Where it
-            ended there is also ``terminal_observation``, (n,) float32.
-
-        Raises
-        ------
-        ActionError
-            If the actions are not finite numbers of that shape; no member has moved.
-        gymnasium.error.ResetNeeded
-            Before the first reset.
-        SwimError
-            If no actions wait.
+        Returns observations, (M, n), those of the new episodes where the old ones ended; rewards,
+        (M,); which members ended, (M,); and each member's info of this action, as from
+        `SwimEnv.step`, with ``TimeLimit.truncated``, whether nothing but the time ended the
+        episode, and ``terminal_observation``, (n,), where it ended. Before the first reset, without
+        actions, or with unusable ones no member moves: gymnasium's ResetNeeded, SwimError or
+        ActionError.
         """
         if self._actions is None:
             raise SwimError("no actions to wait for: call step, or step_async before step_wait")
@@ -232,8 +179,15 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
     def get_attr(self, attr_name: str, indices: Members = None) -> list[Any]:
         """Return an attribute of members, all unless given; `SwimVecEnv` lists what there is."""
         members = self._members(indices)
+        episodes = self.env.episodes
         if attr_name in _OWN:
-            return [self._own(attr_name, member) for member in members]
+            values = {
+                "coordinates": episodes.bodies.coordinates,
+                "goal": episodes.goals,
+                "torques": episodes.torques[:, 0],
+                "velocity": episodes.bodies.velocities,
+            }
+            return [np.array(values[attr_name][member]) for member in members]
         if attr_name in _METHODS:
             return [partial(self._call, attr_name, member) for member in members]
         if attr_name not in _SHARED:
@@ -247,15 +201,7 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
         return [value] * len(members)
 
     def set_attr(self, attr_name: str, value: Any, indices: Members = None) -> None:
-        """Set ``render_mode`` or ``spec`` for all members, which share it.
-
-        Raises
-        ------
-        AttributeError
-            If there is no such attribute, or it is fixed when the batch is made.
-        OptionError
-            If some members are left out, or there is no such render mode.
-        """
+        """Set ``render_mode`` or ``spec``, which all members share, for all of them at once."""
         members = self._members(indices)
         if attr_name not in _SETTABLE:
             if attr_name in (*_SHARED, *_OWN, *_METHODS):
@@ -295,7 +241,11 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
         if method_name == "render":
             frames = self.env.render()
             return [None if frames is None else frames[member] for member in members]
-        return _snapshots(self.env.snapshot(), members)
+        episodes = self.env.snapshot().episodes
+        return [EnvSnapshot(episodes.member(member), True) for member in members]
+
+    def _call(self, name: str, member: int, *args: Any, **kwargs: Any) -> Any:
+        return self.env_method(name, *args, indices=member, **kwargs)[0]
 
     def env_is_wrapped(
         self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: Members = None
@@ -326,19 +276,6 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
         """Return the metadata of a single environment, which knows no autoreset mode."""
         return {key: value for key, value in self.env.metadata.items() if key != "autoreset_mode"}
 
-    def _own(self, name: str, member: int) -> NDArray[np.float64]:
-        episodes = self.env.episodes
-        values = {
-            "coordinates": episodes.bodies.coordinates,
-            "goal": episodes.goals,
-            "torques": episodes.torques[:, 0],
-            "velocity": episodes.bodies.velocities,
-        }
-        return np.array(values[name][member])
-
-    def _call(self, name: str, member: int, *args: Any, **kwargs: Any) -> Any:
-        return self.env_method(name, *args, indices=member, **kwargs)[0]
-
 
 def make_swim_vec_env(
     env_id: str = "swim_env/KirchhoffSwimmer-v0",
@@ -358,11 +295,6 @@ def make_swim_vec_env(
         The first reset seeds member i with seed + i; random unless given.
     **kwargs
         Arguments of the environment: scene, overrides, max_episode_steps ...
-
-    Raises
-    ------
-    SceneError, OptionError
-        As the environment does.
     """
     kwargs.setdefault("autoreset_mode", AutoresetMode.SAME_STEP.value)
     venv = SwimVecEnv(gymnasium.make_vec(env_id, num_envs=num_envs, **kwargs))
@@ -389,8 +321,3 @@ def _dicts(
         names.append(name)
         columns.append(values.tolist() if values.ndim == 1 else list(values))
     return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
-
-
-def _snapshots(batch: EnvSnapshot, members: Sequence[int]) -> list[EnvSnapshot]:
-    """Return the parts of a batch's snapshot as snapshots of single environments."""
-    return [EnvSnapshot(batch.episodes.member(member), True) for member in members]

@@ -27,36 +27,25 @@ _NOTHING = 1e-9
 
 @dataclass(frozen=True)
 class Verification:
-    """A score, compared with the finer computation.
+    """A score, compared with the finer computation."""
 
-    Attributes
-    ----------
-    net_displacement, fine_displacement : float
-        The score, and what the finer computation gives (BL).
-    difference : float
-        Their difference as a share of the score.
-    verified : bool
-        Whether the difference is at most `tolerance`, and neither computation was ended by the
-        physics: an episode that broke down proves nothing.
-    tolerance : float
-        The largest difference allowed.
-    time_step, panels_per_element : float, int or None
-        Of the finer computation (s); no panels where the scene has none.
-    termination_reason : str
-        Why the episode or, if not, the finer run was ended by the physics; empty where neither was.
-    fine_distance : float or None
-        How near the finer computation comes to the target (BL); None where there is none. It plays
-        the torques for as long as the episode lasted.
-    """
-
+    #: The score, and what the finer computation gives (BL).
     net_displacement: float
     fine_displacement: float
+    #: Their difference as a share of the score.
     difference: float
+    #: Whether the difference is at most `tolerance`, and neither computation was ended by the
+    #: physics: an episode that broke down proves nothing.
     verified: bool
+    #: The largest difference allowed.
     tolerance: float
+    #: Of the finer computation (s); no panels where the scene has none.
     time_step: float
     panels_per_element: int | None
+    #: Why the episode or, if not, the finer run was ended by the physics; empty where neither was.
     termination_reason: str
+    #: How near the finer computation comes to the target (BL); None where there is none. It plays
+    #: the torques for as long as the episode lasted.
     fine_distance: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
@@ -89,14 +78,8 @@ def verify_rollout(
 ) -> Verification:
     """Replay a recorded torque history at a quarter of the time step and 12 panels per element.
 
-    Parameters
-    ----------
-    rollout : Rollout
-        The episode, from `play_episode`.
-    tolerance : float
-        Largest difference of the net displacements, as a share of the score.
-    progress : callable, optional
-        Called with the number of fine time steps taken since the last call.
+    The net displacements may differ by `tolerance` as a share of the score; `progress` is called
+    with the number of fine time steps taken since its last call.
     """
     scene = fine_scene(rollout.scene)
     fine = rollout.simulate(scene, progress)

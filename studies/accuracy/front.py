@@ -12,8 +12,6 @@ from studies.accuracy.runs import Run, solver_of
 from swim_env.accuracy.front import Measured
 from swim_env.accuracy.settings import PAPER_SETTINGS, Settings
 
-__all__ = ["front_to_json", "make_front", "pareto", "stepped"]
-
 #: Runs that cost up to this factor more than the front stay candidates: on another scene neighbours
 #: may change places.
 _NEAR = 2.0

@@ -5,25 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from itertools import chain, product
+from itertools import product
 from typing import NamedTuple
 
 from swim_env.accuracy.choice import duration_for
-from swim_env.accuracy.settings import PAPER_SETTINGS, Settings, lists_values
-from swim_env.errors import SwimError
+from swim_env.accuracy.settings import PAPER_SETTINGS, Settings, refuse_lists
 from swim_env.scene import Scene, load_scene
-
-__all__ = [
-    "CHOSEN_TOLERANCES",
-    "FINE_STEPS",
-    "SOLVED",
-    "Case",
-    "case_of",
-    "full_grid",
-    "held_out_scenes",
-    "quick_grid",
-    "study_scenes",
-]
 
 #: Tolerances that `Scene.for_accuracy` is judged by.
 CHOSEN_TOLERANCES = (3e-2, 1e-2, 3e-3)
@@ -52,16 +39,9 @@ class Case(NamedTuple):
 def case_of(scene: Scene) -> Case:
     """Return any scene as one of a study, played as long as its episode is, 20 s at most.
 
-    Raises
-    ------
-    SwimError
-        If the scene lists values for every joint or element, so that their number cannot vary.
+    It is a SwimError if it lists values for every joint or element: their number cannot vary.
     """
-    if lists_values(scene):
-        raise SwimError(
-            f"scene {scene.name} lists values for every joint or element, so their number cannot "
-            "vary as the study needs it; give a law in s/l"
-        )
+    refuse_lists(scene, "vary as the study needs it; give a law in s/l")
     return Case(scene, duration_for(scene.episode.duration))
 
 
@@ -128,8 +108,7 @@ def _changed(base: str, name: str, changes: Mapping[str, object]) -> Scene:
 
 def full_grid() -> list[Settings]:
     """Return the settings of the full study, from the cheap to the costly ones."""
-    parts = (_frozen(), _others(), _panels(), _single_changes(), _tolerances(), _solvers())
-    return list(dict.fromkeys(chain(*parts)))
+    return list(dict.fromkeys(_all_settings()))
 
 
 def quick_grid() -> list[Settings]:
@@ -144,8 +123,8 @@ def quick_grid() -> list[Settings]:
     return [*grid, PAPER_SETTINGS, replace(PAPER_SETTINGS, scheme="composed"), solver]
 
 
-def _frozen() -> Iterator[Settings]:
-    steps = product((0.02, 0.01, 0.005, 0.0025), _SCHEMES)
+def _all_settings() -> Iterator[Settings]:
+    steps = list(product((0.02, 0.01, 0.005, 0.0025), _SCHEMES))
     for elements, step in product((5, 7, 9, 12, 18, 27), steps):
         # As many panels along the body at every N, which cost nothing, and the paper's.
         panels: list[_Panels] = [(max(8, 2 * round(108 / elements)), _FINE), (4, 1)]
@@ -156,48 +135,29 @@ def _frozen() -> Iterator[Settings]:
             panels.append((2 * round(216 / elements), _FINE))
         for each in panels:
             yield Settings("frozen", elements, *each, *step)
-
-
-def _others() -> Iterator[Settings]:
-    for elements, step in product((5, 9, 12, 18), product((0.02, 0.01, 0.005), _SCHEMES)):
+    for elements, step in product((5, 9, 12, 18), steps[:6]):
         yield Settings("strip", elements, 4, 1, *step)
-        if elements < 18:
-            for panels in _COARSE_AND_FINE:
-                yield Settings("expansion", elements, *panels, *step)
-
-
-def _panels() -> Iterator[Settings]:
-    steps = ((0.01, "paper"), (0.005, "paper"), (0.01, "composed"))
-    for elements, panels, step in product((5, 9, 12, 18), _PANELS, steps):
+        for each in _COARSE_AND_FINE if elements < 18 else ():
+            yield Settings("expansion", elements, *each, *step)
+    few = ((0.01, "paper"), (0.005, "paper"), (0.01, "composed"))
+    for elements, each, step in product((5, 9, 12, 18), _PANELS, few):
         # Beyond that a run takes minutes and is on no front.
-        if elements * panels[0] <= 150:
-            yield Settings("panels", elements, *panels, *step)
-
-
-def _single_changes() -> Iterator[Settings]:
-    """Change one thing at a time from the paper's settings."""
+        if elements * each[0] <= 150:
+            yield Settings("panels", elements, *each, *step)
+    # One change at a time from the paper's settings.
     paper = PAPER_SETTINGS
     for tolerance in (1e-4, 1e-6, 1e-8, 1e-12):
         yield replace(paper, tolerance=tolerance)
-    for step in (0.02, 0.0025):
-        yield replace(paper, time_step=step)
-    for scheme, step in product(_SCHEMES, (0.02, 0.01, 0.005)):
-        yield replace(paper, strain="mean_angles", scheme=scheme, time_step=step)
+    for time_step in (0.02, 0.0025):
+        yield replace(paper, time_step=time_step)
+    for scheme, time_step in product(_SCHEMES, (0.02, 0.01, 0.005)):
+        yield replace(paper, strain="mean_angles", scheme=scheme, time_step=time_step)
     yield replace(paper, fluid_model="centreline")
-
-
-def _tolerances() -> Iterator[Settings]:
-    """Vary Newton's tolerance where everything else is fine, so that nothing hides its effect."""
+    # Newton's tolerance where everything else is fine, so that nothing hides its effect.
     for settings, tolerance in product(FINE_STEPS, (1e-4, 1e-6, 1e-8)):
         yield replace(settings, tolerance=tolerance)
-
-
-def _solvers() -> Iterator[Settings]:
-    """Let SciPy solve a chain whose panels cost next to nothing.
-
-    Tighter tolerances would take minutes: undamped modes have to be followed, and if the modes are
-    damped and stiff, the explicit solvers' steps are no longer.
-    """
+    # SciPy's solvers. Tighter tolerances would take minutes: undamped modes have to be followed,
+    # and if the modes are damped and stiff, the explicit solvers' steps are no longer.
     for method, tolerances in {"Radau": (1e-2, 1e-3), "LSODA": (1e-3, 1e-4, 1e-5)}.items():
         for tolerance in tolerances:
             yield replace(SOLVED, scheme=method, tolerance=tolerance)

@@ -22,8 +22,6 @@ from swim_env.errors import SwimError
 from swim_env.scene import Scene
 from swim_env.sim.simulator import Simulator
 
-__all__ = ["DIRECT", "direct_run", "judge", "judge_case"]
-
 #: The direct run, whose panels are solved at every step; half a minute for 20 s.
 DIRECT = Settings("panels", 27, 8, "proportional", 0.005, "composed")
 
@@ -72,30 +70,18 @@ def judge_case(
 ) -> dict[str, Any]:
     """Judge the choice for one scene and tolerance by its fine reference and its direct run.
 
-    Returns
-    -------
-    dict
-        ``scene``, ``tolerance``; ``chosen`` and ``best`` settings as texts, best being the fastest
-        of the grid that meets the tolerance; ``error`` of the choice against the fine reference,
-        its ``uncertainty``, whether it is ``met``; ``direct_error`` against the direct run, whether
-        that is within the tolerance, ``met_direct``, and the ``reference_gap`` between the two
-        judges; ``cost_ratio`` of the choice to the best, ``timed`` in turn if that is another one
-        and 1 by definition if not; and ``reason`` in words. What there is not is None.
+    Returns ``scene``, ``tolerance``; ``chosen`` and ``best`` settings as texts, best being the
+    fastest of the grid that meets the tolerance; ``error`` of the choice against the fine
+    reference, its ``uncertainty``, whether it is ``met``; ``direct_error`` against the direct run,
+    whether that is within the tolerance, ``met_direct``, and the ``reference_gap`` between the two
+    judges; ``cost_ratio`` of the choice to the best, ``timed`` in turn if that is another one and 1
+    by definition if not; and ``reason`` in words. What there is not is None.
     """
     line: dict[str, Any] = {
-        "scene": case.scene.name,
-        "tolerance": tolerance,
-        "uncertainty": reference.uncertainty,
-        "chosen": None,
-        "error": None,
-        "met": False,
-        "direct_error": None,
-        "met_direct": False,
+        **{"scene": case.scene.name, "tolerance": tolerance, "uncertainty": reference.uncertainty},
+        **{"chosen": None, "error": None, "met": False, "direct_error": None, "met_direct": False},
         "reference_gap": None if direct is None else reference.error(direct),
-        "best": None,
-        "best_error": None,
-        "cost_ratio": None,
-        "timed": False,
+        **{"best": None, "best_error": None, "cost_ratio": None, "timed": False},
     }
     try:
         choice = choose(case.scene, tolerance)
@@ -113,10 +99,8 @@ def judge_case(
     if best is None:
         return {**line, "best": chosen, "best_error": off, "cost_ratio": 1.0}
     settings, best_error = best
-    calls = {
-        "chosen": _timed(choice.scene, speed),
-        "best": _timed(settings.apply(case.scene), speed),
-    }
+    scenes = {"chosen": choice.scene, "best": settings.apply(case.scene)}
+    calls = {name: _timed(scene, speed) for name, scene in scenes.items()}
     seconds = time_in_turn(calls, rounds=_ROUNDS)
     cost_ratio = ratio(seconds["chosen"], seconds["best"]).median
     found = {"best": settings.label, "best_error": best_error, "cost_ratio": cost_ratio}

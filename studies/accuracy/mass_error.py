@@ -11,8 +11,6 @@ from swim_env.errors import SimulationEndedError
 from swim_env.scene import Scene
 from swim_env.sim.simulator import Simulator
 
-__all__ = ["BEND", "mass_errors", "rigid_added_mass"]
-
 Array = NDArray[np.float64]
 
 #: Angle between head and tail of the bent body, an arc (rad).
@@ -25,23 +23,9 @@ _FINE_ELEMENTS, _FINE_PANELS = 36, (12, 24, 48)
 def rigid_added_mass(scene: Scene, bend: float) -> Array:
     """Return the added mass (3, 3) of a body that is bent to an arc and moves rigidly.
 
-    Parameters
-    ----------
-    scene : Scene
-        The body and its fluid model.
-    bend : float
-        Angle between head and tail (rad).
-
-    Returns
-    -------
-    (3, 3) array
-        For motion along the arc's middle, across it, and rotation about the mean centre (kg, kg m,
-        kg m^2 per metre of depth), lengths in units of the body's.
-
-    Raises
-    ------
-    SimulationEndedError
-        If the shape has none.
+    The bend is the angle between head and tail (rad). Motions are along the arc's middle, across
+    it, and rotation about the mean centre (kg, kg m, kg m^2 per metre of depth), lengths in units
+    of the body's. It is a SimulationEndedError if the shape has none.
     """
     beam = scene.beam
     n = beam.elements
@@ -92,12 +76,12 @@ def mass_errors(scene: Scene) -> tuple[float | None, float | None]:
 
 def _body(scene: Scene) -> Scene:
     """Return the same body in the same fluid, computed finely, without all else."""
-    fine = {"elements": _FINE_ELEMENTS, "bending_stiffness": 1.0}
-    panels = {"panels_per_element": _FINE_PANELS[0], "cap_panels": "proportional"}
     data = scene.to_dict()
+    beam = {**data["beam"], "elements": _FINE_ELEMENTS, "bending_stiffness": 1.0}
     blocks = {"axial_added_mass": data["axial_added_mass"]} if scene.axial_added_mass else {}
-    fluid = {"density": data["fluid"]["density"], **panels}
-    return Scene.from_dict({"beam": {**data["beam"], **fine}, "fluid": fluid, **blocks})
+    fluid = {"density": data["fluid"]["density"], "panels_per_element": _FINE_PANELS[0]}
+    fluid["cap_panels"] = "proportional"
+    return Scene.from_dict({"beam": beam, "fluid": fluid, **blocks})
 
 
 @functools.lru_cache(maxsize=64)

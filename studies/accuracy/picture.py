@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -15,8 +16,6 @@ from swim_env.plots import style
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-__all__ = ["draw_study"]
 
 #: Colours tell the fluid models apart, shapes the schemes.
 _COLOURS = {
@@ -35,26 +34,16 @@ _COLUMNS = 3
 def draw_study(runs: Sequence[Run], references: Mapping[str, Reference]) -> Figure:
     """Draw every run as a point, the front as a line and the paper's settings as a star.
 
-    The front is that of the kernels; the points of SciPy's solvers have an edge.
-
-    Parameters
-    ----------
-    runs : sequence of mapping
-        Those of `Study.chosen_runs`.
-    references : mapping of str to Reference
-        By scene; below a reference's error bar differences mean nothing.
-
-    Raises
-    ------
-    SwimError
-        If matplotlib is not installed, or there are no runs.
+    The front is that of the kernels; the points of SciPy's solvers have an edge. Runs are those of
+    `Study.chosen_runs`, without which there is a SwimError, and references are by scene: below
+    their error bars differences mean nothing.
     """
     style.require_matplotlib()
     scenes = list(dict.fromkeys(run["scene"] for run in runs))
     if not scenes:
         raise SwimError("there is nothing to draw: no run of the study came to its end")
     columns = min(_COLUMNS, len(scenes))
-    rows = -(-len(scenes) // columns)
+    rows = math.ceil(len(scenes) / columns)
     figure = style.new_figure(2.9 * columns, 2.5 * rows + 0.7)
     axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for i, place in enumerate(axes.ravel()):
@@ -63,12 +52,8 @@ def draw_study(runs: Sequence[Run], references: Mapping[str, Reference]) -> Figu
             continue
         some = [run for run in runs if run["scene"] == scenes[i]]
         _draw_scene(place, some, references[scenes[i]])
-        last_row = i + columns >= len(scenes)
-        style.style_axes(
-            place,
-            "cost (paper's settings on paper_i = 1)" if last_row else "",
-            "relative error of displacement" if i % columns == 0 else "",
-        )
+        cost = "cost (paper's settings on paper_i = 1)" if i + columns >= len(scenes) else ""
+        style.style_axes(place, cost, "" if i % columns else "relative error of displacement")
         place.set_title(scenes[i], fontsize=style.SMALL + 1)
     _draw_legend(figure, runs)
     return figure
@@ -97,14 +82,9 @@ def _draw_legend(figure: Figure, runs: Sequence[Run]) -> None:
 
 def _of_solver(name: str) -> dict[str, Any]:
     """Return how the runs of one of SciPy's solvers look."""
-    return {
-        "marker": _SOLVER_MARKS[name],
-        "linestyle": "",
-        "color": style.AMBER,
-        "markersize": 5,
-        "markeredgecolor": style.BLACK,
-        "markeredgewidth": 0.6,
-    }
+    edge = {"markeredgecolor": style.BLACK, "markeredgewidth": 0.6}
+    dot = {"marker": _SOLVER_MARKS[name], "linestyle": "", "markersize": 5}
+    return {**dot, "color": style.AMBER, **edge}
 
 
 def _draw_scene(axes: Axes, runs: Sequence[Run], reference: Reference) -> None:

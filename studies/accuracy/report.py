@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,12 +13,11 @@ import numpy as np
 from studies.accuracy.front import pareto, stepped
 from studies.accuracy.grid import FINE_STEPS, SOLVED
 from studies.accuracy.runs import Run, label_of, solver_of
+from studies.store import short_commit
 from swim_env.accuracy.outcome import relative_error
 from swim_env.accuracy.reference import Reference
 from swim_env.accuracy.settings import PAPER_SETTINGS, Settings
 from swim_env.files.tables import markdown_table
-
-__all__ = ["budget_of", "held_out_table", "study_tables", "what_time_buys"]
 
 Rows = Iterable[Sequence[object]]
 
@@ -41,49 +42,33 @@ def study_tables(
 ) -> str:
     """Return the study as Markdown.
 
-    Parameters
-    ----------
-    runs : sequence of mapping
-        Those of `Study.chosen_runs`.
-    references : mapping of str to Reference
-        By scene.
-    origin : mapping
-        `swim_env.files.provenance.where_and_when`.
+    It is made of the runs of `Study.chosen_runs`, the references by scene, and
+    `swim_env.files.provenance.where_and_when`.
     """
     scenes: dict[str, _Scene] = {}
     for run in runs:
         name = run["scene"]
         scene = scenes.setdefault(name, _Scene(name, {}, references[name]))
         scene.at[Settings.from_dict(run)] = run
-    machine = origin["machine"]
-    parts = [
-        "# Accuracy and cost: tables",
-        f"Made by `scripts/accuracy_cost.py` on {machine['processor']}, {machine['cores']} cores, "
-        f"commit {_short(origin['commit'])}, {origin['date']}. Errors are of the net "
-        "displacement, averaged over the last period of the drive, relative to the reference; "
-        "costs are wall time in units of the paper's settings on scene paper_i, which were timed "
-        "next to every run. Settings read: fluid model, elements x panels per element / panels at "
-        "each end (p: in proportion), time step, scheme.",
-    ]
-    for heading, words, columns, rows_of in _TABLES:
-        rows = [row for scene in scenes.values() for row in rows_of(scene)]
-        parts += [f"## {heading}", words, markdown_table(columns.split(" | "), rows)]
+    fields = {}
+    for name, (columns, rows_of) in _TABLES.items():
+        rows = chain.from_iterable(map(rows_of, scenes.values()))
+        fields[name] = markdown_table(columns.split(" | "), rows)
+    words = Path(__file__).with_name("tables.md").read_text(encoding="utf-8")
+    commit = short_commit(origin["commit"])
+    parts = [words.format_map({**origin, **origin["machine"], **fields, "commit": commit})]
     for scene in scenes.values():
         table = markdown_table(_FRONT_COLUMNS.split(" | "), _front_rows(scene))
-        parts += [f"## Front of {scene.name}", table]
-    return "\n\n".join(part for part in parts if part) + "\n"
+        parts.append(f"## Front of {scene.name}\n\n{table}\n")
+    return "\n".join(parts)
 
 
 def budget_of(runs: Iterable[Run], reference: Reference) -> dict[str, float]:
     """Return how much each of the paper's settings puts the displacement of one scene off.
 
-    Every part is the difference between two runs that differ in it alone, or to the reference.
-
-    Returns
-    -------
-    dict of str to float
-        ``elements``, ``panels``, ``time_step``, ``model``, ``tolerance`` and ``all``, as far as the
-        runs are there.
+    Every part is the difference between two runs that differ in it alone, or to the reference:
+    ``elements``, ``panels``, ``time_step``, ``model``, ``tolerance`` and ``all``, as far as the
+    runs are there.
     """
     at = {Settings.from_dict(run): np.array(run["displacement"]) for run in runs}
     paper = PAPER_SETTINGS
@@ -140,20 +125,14 @@ def held_out_table(judged: Sequence[Run]) -> str:
     return markdown_table(columns.split(" | "), rows) + "\n"
 
 
-def _short(commit: str | None) -> str:
-    """Return a commit's first letters, with the + of a changed checkout."""
-    return "unknown" if not commit else commit[:10] + ("+" if commit.endswith("+") else "")
-
-
 def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.1e}"
 
 
 def _reference_rows(scene: _Scene) -> Rows:
     x, y = scene.reference.displacement
-    parts = (
-        scene.reference.parts.get(name) for name in ("elements", "time_step", "panels", "model")
-    )
+    names = ("elements", "time_step", "panels", "model")
+    parts = map(scene.reference.parts.get, names)
     bars = map(_number, (scene.reference.uncertainty, *parts))
     return [[scene.name, f"{x:+.5f}, {y:+.5f}", *bars]]
 
@@ -168,15 +147,12 @@ def _tolerance_rows(scene: _Scene) -> Rows:
     for settings in (PAPER_SETTINGS, *FINE_STEPS):
         cells = []
         for tolerance in _TOLERANCES:
-            one, usual = (
-                scene.at.get(replace(settings, tolerance=tolerance)),
-                scene.at.get(settings),
-            )
-            cells += (
-                ["", ""]
-                if one is None or usual is None
-                else [_number(scene.apart(one, usual)), f"{one['cost'] / usual['cost']:.2f}"]
-            )
+            one, usual = map(scene.at.get, (replace(settings, tolerance=tolerance), settings))
+            if one is None or usual is None:
+                cells += ["", ""]
+            else:
+                ratio = one["cost"] / usual["cost"]
+                cells += [_number(scene.apart(one, usual)), f"{ratio:.2f}"]
         yield [scene.name, settings.label, *cells]
 
 
@@ -192,11 +168,9 @@ def _solver_rows(scene: _Scene) -> Rows:
         in_time = None
         if tightest is not None and one != tightest:
             in_time = scene.apart(run, same[tightest])
-        name = (
-            f"{1e3 * one.time_step:g} ms {one.scheme}"
-            if solver_of(one) is None
-            else f"{one.scheme}, rtol {one.tolerance:g}"
-        )
+        name = f"{one.scheme}, rtol {one.tolerance:g}"
+        if solver_of(one) is None:
+            name = f"{1e3 * one.time_step:g} ms {one.scheme}"
         counts = (run.get(key) for key in ("evaluations", "corrections"))
         counted = ("" if count is None else f"{count:,}" for count in counts)
         errors = (_number(run["error"]), _number(in_time))
@@ -207,11 +181,8 @@ def _time_rows(scene: _Scene) -> Rows:
     paper = scene.at.get(PAPER_SETTINGS)
     cells = [_number(paper["error"]) if paper else ""]
     for best in what_time_buys(scene.at.values(), (0.1, 1.0, 10.0)).values():
-        cells += (
-            ["", ""]
-            if best is None
-            else [_number(best["error"]), label_of(Settings.from_dict(best))]
-        )
+        label = "" if best is None else label_of(Settings.from_dict(best))
+        cells += ["" if best is None else _number(best["error"]), label]
     return [[scene.name, *cells]]
 
 
@@ -232,44 +203,23 @@ _TOLERANCES = (1e-4, 1e-6, 1e-8)
 _FRONT_COLUMNS = (
     "settings | cost | times real time | displacement | path | energy | added mass | bent"
 )
-#: Heading, words, columns and the rows of one scene.
-_TABLES: tuple[tuple[str, str, str, Callable[[_Scene], Rows]], ...] = (
-    (
-        "References",
-        "",
+#: Fields of ``tables.md``: columns, and the rows of one scene.
+_TABLES: dict[str, tuple[str, Callable[[_Scene], Rows]]] = {
+    "references": (
         "scene | displacement (m) | error bar | of which elements | time step | panels | model",
         _reference_rows,
     ),
-    (
-        "What the paper's settings are off by",
-        "9 elements, 4 panels on each and 1 at each end, steps of 10 ms, the paper's scheme. "
-        "Frozen: what leaving out the bend would change; tolerance: 1e-6 instead of 1e-10.",
+    "budget": (
         "scene | 9 elements | 4/1 panels | 10 ms | frozen | tolerance 1e-6 | all together",
         _budget_rows,
     ),
-    (
-        "Newton's tolerance",
-        "What a tolerance changes of the displacement that 1e-10 leads to, and its cost in units "
-        "of that one's.",
+    "tolerances": (
         "scene | settings | " + " |  | ".join(f"{one:g}" for one in _TOLERANCES) + " | ",
         _tolerance_rows,
     ),
-    (
-        "SciPy's solvers",
-        "The same chain, 9 elements with 24 panels on each and a frozen added mass, in continuous "
-        "time and in steps. Evaluations are of the equations with the added mass and its gradient, "
-        "in 20 s; as that is constant, steps take hardly any, but Newton's corrections, each with "
-        "an evaluation of all else. The solvers' come from Python, those of the steps do not, so "
-        "that costs say less than numbers. In time: how far the displacement is from that of the "
-        "tightest LSODA, which has the same errors of elements and panels.",
+    "solvers": (
         "scene | scheme | evaluations | corrections | error | in time | cost",
         _solver_rows,
     ),
-    (
-        "What time buys",
-        "The most accurate settings that take at most a tenth of the time of the paper's settings "
-        "on the same scene, as much, and ten times as much.",
-        "scene | paper's | a tenth |  | as much |  | ten times | ",
-        _time_rows,
-    ),
-)
+    "time": ("scene | paper's | a tenth |  | as much |  | ten times | ", _time_rows),
+}

@@ -15,16 +15,6 @@ from swim_env.analysis.continuous import METHODS, integrate
 from swim_env.scene import Scene, load_scene
 from swim_env.sim.simulator import Simulator
 
-__all__ = [
-    "Run",
-    "Yardstick",
-    "label_of",
-    "scene_with",
-    "solve",
-    "solver_of",
-    "timed_run",
-]
-
 #: A line of ``runs.jsonl``: the settings' fields beside what was found with them. Where the scheme
 #: is one of SciPy's solvers, the tolerance is the solver's relative one.
 Run = Mapping[str, Any]
@@ -49,13 +39,7 @@ def label_of(settings: Settings) -> str:
 
 
 def scene_with(settings: Settings, scene: Scene) -> Scene:
-    """Return a scene with settings; with a solver's it keeps its own integrator but for the step.
-
-    Raises
-    ------
-    SceneError
-        As `Settings.apply` does.
-    """
+    """Return a scene with settings; with a solver's it keeps its integrator but for the step."""
     if solver_of(settings) is not None:
         own = scene.integrator
         settings = replace(settings, scheme=own.scheme, tolerance=own.tolerance)
@@ -63,25 +47,10 @@ def scene_with(settings: Settings, scene: Scene) -> Scene:
 
 
 def solve(scene: Scene, duration: float, method: str, tolerance: float) -> Outcome:
-    """Solve a scene's equations in continuous time and return what is compared.
+    """Solve a scene's equations in continuous time for a duration (s); return what is compared.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene; the solution is compared at multiples of its time step.
-    duration : float
-        Simulated time (s).
-    method : str
-        One of `swim_env.analysis.continuous.METHODS`.
-    tolerance : float
-        The solver's relative tolerance; the absolute one is a hundredth of it.
-
-    Raises
-    ------
-    SwimError
-        If the solver gives up.
-    SimulationEndedError
-        If the body takes a shape that cannot be simulated.
+    The method is one of `swim_env.analysis.continuous.METHODS`, whose errors come through; its
+    absolute tolerance is a hundredth of the relative one.
     """
     run = integrate(scene, duration, method, tolerance, _ABSOLUTE * tolerance)
     bends = float(np.abs(run.coordinates[:, 3:]).max(initial=0.0))
@@ -114,23 +83,17 @@ def timed_run(
 ) -> tuple[Outcome, float, float]:
     """Play a scene with settings, by the kernels or by a solver, and time it.
 
-    Returns
-    -------
-    outcome : Outcome
-        What is compared.
-    seconds, cost : float
-        Wall time of a simulated second (s), and its ratio to the yardstick's. The ratio is the
-        smallest of three for short runs: other programs only ever add to a time.
+    Returns what is compared, the wall time of a simulated second (s), and its ratio to the
+    yardstick's, the smallest of three for short runs: other programs only ever add to a time.
     """
     solver, scene = solver_of(settings), scene_with(settings, scene)
     found = []
     for _ in range(_REPEATS):
         before = yardstick.seconds()
-        outcome = (
-            play(scene, duration)
-            if solver is None
-            else solve(scene, duration, solver, settings.tolerance)
-        )
+        if solver is None:
+            outcome = play(scene, duration)
+        else:
+            outcome = solve(scene, duration, solver, settings.tolerance)
         yard = min(before, yardstick.seconds())
         each = outcome.seconds / max(outcome.steps * scene.integrator.time_step, 1e-12)
         found.append((each / yard, each))

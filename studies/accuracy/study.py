@@ -28,25 +28,14 @@ from swim_env.files.atomic import write_atomically
 from swim_env.files.provenance import where_and_when
 from swim_env.scene.yaml import dump_yaml
 
-__all__ = ["Study", "case_digest"]
+#: Those of a reference.
+_ARRAYS = ("displacement", "path")
 
 
 class Study:
-    """A study in a folder.
+    """A study in a folder, where ``runs.jsonl`` and ``references.json`` go.
 
-    Parameters
-    ----------
-    folder : path
-        Where ``runs.jsonl``, ``references.json`` and what is made of them go.
-    cases : list of Case
-        The scenes.
-    grid : list of Settings
-        The settings.
-
-    Raises
-    ------
-    SwimError
-        If a file in the folder is not one of a study.
+    It is a SwimError if a file there that has such a name is not one of a study.
     """
 
     def __init__(
@@ -97,12 +86,8 @@ class Study:
         ]
 
     def _measure(self, case: Case, settings: Settings, yardstick: Yardstick) -> Record:
-        line = {
-            "scene": case.scene.name,
-            "case": case_digest(case),
-            "reason": "",
-            **settings.to_dict(),
-        }
+        line = {"scene": case.scene.name, "case": case_digest(case), "reason": ""}
+        line |= settings.to_dict()
         reference = self.references[case.scene.name]
         try:
             outcome, seconds, cost = timed_run(settings, *case, yardstick)
@@ -136,9 +121,8 @@ class Study:
         try:
             data = json.loads(self._references_file.read_text(encoding="utf-8"))
             self._reference_cases = dict(data["cases"])
-            arrays = ("displacement", "path")
             return {
-                name: Reference(**{**one, **{key: np.array(one[key]) for key in arrays}})
+                name: Reference(**{**one, **{key: np.array(one[key]) for key in _ARRAYS}})
                 for name, one in data["references"].items()
             }
         except (ValueError, KeyError, TypeError, AttributeError) as error:
@@ -148,11 +132,7 @@ class Study:
 
     def _write_references(self) -> None:
         plain = {
-            name: {
-                **vars(one),
-                "displacement": one.displacement.tolist(),
-                "path": one.path.tolist(),
-            }
+            name: {**vars(one), **{key: getattr(one, key).tolist() for key in _ARRAYS}}
             for name, one in self.references.items()
         }
         data = {**where_and_when(), "cases": self._reference_cases, "references": plain}

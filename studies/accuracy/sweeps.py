@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["draw_sweeps", "sweep_bends", "sweep_frequencies", "sweep_tables"]
-
 #: Torque amplitudes of the soft, heavily damped body (N m), and how it is computed.
 _AMPLITUDES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
 _BENT = Settings("panels", 9, 8, "proportional", 0.005, "composed")
@@ -48,37 +46,27 @@ _COLOURS = (style.BLUE, style.SKY, style.ORANGE, style.AMBER)
 def sweep_bends(progress: Callable[[int], object] = lambda _: None) -> list[dict[str, Any]]:
     """Bend a soft body further and further, and compare the fluid models with panels.
 
-    Returns
-    -------
-    list of dict
-        ``amplitude`` (N m), ``largest_bend`` of a joint (rad), ``errors`` of the displacement by
-        model, relative to panels; None where a run ended early, with ``reasons`` by model.
+    Returns ``amplitude`` (N m), ``largest_bend`` of a joint (rad), ``errors`` of the displacement
+    by model, relative to panels; None where a run ended early, with ``reasons`` by model.
     """
-    soft = load_scene("swimmer").replace(
-        {
-            "name": "soft",
-            "beam.bending_stiffness": 0.2,
-            "damping.retardation_time": 0.05,
-            "actuation.wave_number": math.pi,
-        }
-    )
+    damped = {"damping.retardation_time": 0.05, "actuation.wave_number": math.pi}
+    soft = load_scene("swimmer", {"name": "soft", "beam.bending_stiffness": 0.2, **damped})
     found = []
     for amplitude in _AMPLITUDES:
         scene = soft.replace("actuation.amplitude", amplitude)
         full = _played(_BENT.apply(scene), _BENT_SECONDS)
-        errors: dict[str, float | None] = {}
-        reasons: dict[str, str] = {}
+        line: dict[str, Any] = {"amplitude": amplitude, "largest_bend": None}
+        line |= {"errors": dict.fromkeys(_MODELS), "reasons": {}}
+        if isinstance(full, Outcome):
+            line["largest_bend"] = full.largest_bend
         for model in _MODELS:
             other = _played(replace(_BENT, fluid_model=model).apply(scene), _BENT_SECONDS)
-            errors[model] = None
-            if isinstance(full, Outcome) and isinstance(other, Outcome):
-                errors[model] = relative_error(other.displacement, full.displacement, 1.0)
+            if isinstance(full, str) or isinstance(other, str):
+                line["reasons"][model] = full if isinstance(full, str) else other
             else:
-                reasons[model] = f"{full if isinstance(full, str) else other}"
-        bend = full.largest_bend if isinstance(full, Outcome) else None
-        found.append(
-            {"amplitude": amplitude, "largest_bend": bend, "errors": errors, "reasons": reasons}
-        )
+                error = relative_error(other.displacement, full.displacement, 1.0)
+                line["errors"][model] = error
+        found.append(line)
         progress(1)
     return found
 
@@ -88,25 +76,21 @@ def sweep_frequencies(
 ) -> list[dict[str, Any]]:
     """Drive a scene across its first resonance and compute it in several ways.
 
-    Returns
-    -------
-    list of dict
-        ``frequency`` (Hz), ``displacement`` along x (m) by way, None where a run ended early, and
-        the ``reasons`` for it.
+    Returns ``frequency`` (Hz), ``displacement`` along x (m) by way, None where a run ended early,
+    and the ``reasons`` for it.
     """
     found = []
     for frequency in _FREQUENCIES:
         driven = scene.replace("actuation.frequency", 2.0 * math.pi * frequency)
-        values: dict[str, float | None] = {}
-        reasons: dict[str, str] = {}
+        line: dict[str, Any] = {"frequency": frequency}
+        line |= {"displacement": dict.fromkeys(_WAYS), "reasons": {}}
         for way, settings in _WAYS.items():
             outcome = _played(settings.apply(driven), _RESONANT_SECONDS)
-            values[way] = None
-            if isinstance(outcome, Outcome):
-                values[way] = float(outcome.displacement[0])
+            if isinstance(outcome, str):
+                line["reasons"][way] = outcome
             else:
-                reasons[way] = outcome
-        found.append({"frequency": frequency, "displacement": values, "reasons": reasons})
+                line["displacement"][way] = float(outcome.displacement[0])
+        found.append(line)
         progress(1)
     return found
 
@@ -152,14 +136,7 @@ def sweep_tables(bends: list[dict[str, Any]], resonance: Mapping[str, Any]) -> s
 
 
 def draw_sweeps(bends: list[dict[str, Any]], resonance: Mapping[str, Any]) -> Figure:
-    """Draw both sweeps.
-
-    Raises
-    ------
-    SwimError
-        If matplotlib is not installed.
-    """
-    style.require_matplotlib()
+    """Draw both sweeps."""
     figure = style.new_figure(9.5, 3.6)
     axes = figure.subplots(1, 1 + len(resonance))
     _draw_bends(axes[0], bends)
@@ -174,10 +151,9 @@ def draw_sweeps(bends: list[dict[str, Any]], resonance: Mapping[str, Any]) -> Fi
 def _draw_bends(axes: Axes, bends: list[dict[str, Any]]) -> None:
     for model, colour in _MODELS.items():
         some = [one for one in bends if one["errors"][model] is not None]
-        angles = [one["largest_bend"] for one in some]
-        errors = [one["errors"][model] for one in some]
+        points = [(one["largest_bend"], one["errors"][model]) for one in some]
         look: dict[str, Any] = {"marker": "o", "markersize": 3, "linewidth": style.LINE}
-        axes.plot(angles, errors, color=colour, label=model, **look)
+        axes.plot(*_columns(points), color=colour, label=model, **look)
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_title("models against panels", fontsize=style.SMALL + 1)
@@ -192,16 +168,14 @@ def _draw_resonance(axes: Axes, sweep: list[dict[str, Any]]) -> None:
             value, fine = one["displacement"][way], one["displacement"][_CONVERGED]
             if value is not None and fine is not None:
                 points.append((one["frequency"], abs(value - fine) / max(abs(fine), 0.01)))
-        line = "--" if "mean" in way else "-"
-        look: dict[str, Any] = {
-            "linewidth": style.LINE,
-            "linestyle": line,
-            "marker": "o",
-            "markersize": 2.5,
-        }
-        xs, ys = ([point[i] for point in points] for i in range(2))
-        axes.plot(xs, ys, color=colour, label=way, **look)
+        look: dict[str, Any] = {"marker": "o", "markersize": 2.5, "linewidth": style.LINE}
+        look["linestyle"] = "--" if "mean" in way else "-"
+        axes.plot(*_columns(points), color=colour, label=way, **look)
     axes.set_yscale("log")
     axes.set_ylim(1e-4, 10.0)
     against = f"relative difference to {_CONVERGED}"
     style.style_axes(axes, "frequency of the drive (Hz)", against)
+
+
+def _columns(points: list[tuple[float, float]]) -> tuple[list[float], list[float]]:
+    return [x for x, _ in points], [y for _, y in points]

@@ -6,8 +6,6 @@ import math
 
 import numpy as np
 
-__all__ = ["bar_of", "bar_text", "coarse_error", "fine_error", "number_text", "with_bar"]
-
 #: How many times finer the runs are that error bars come from.
 STEPS, PANELS = 2.0, 3.0
 

@@ -21,8 +21,6 @@ from swim_env.files.atomic import write_atomically
 from swim_env.files.folders import page_of
 from swim_env.plots import save_figure
 
-__all__ = ["draw_all", "verdicts_of", "write_book"]
-
 
 def write_book(
     folder: Path,
@@ -35,13 +33,9 @@ def write_book(
     """Draw the pictures and write ``verdicts.json`` into a folder, and the page beside it.
 
     All is made of the ``records`` of those units that are done, and of their arrays in the store;
-    ``command`` and ``written`` are those of `make_page`.
-
-    Returns
-    -------
-    dict
-        The content of ``verdicts.json``: what `verdicts_of` gives, the ``counts`` of the verdicts,
-        ``commits`` and ``dates`` of the figures, ``written``, ``units`` and ``done``.
+    ``command`` and ``written`` are those of `make_page`. Returns the content of ``verdicts.json``:
+    what `verdicts_of` gives, the ``counts`` of the verdicts, ``commits`` and ``dates`` of the
+    figures, ``written``, ``units`` and ``done``.
     """
     data = collect(units, records)
     names = draw_all(folder, store, data)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,8 +35,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["STARTS", "draw_constants", "draw_internal", "draw_maps", "draw_onset", "draw_variants"]
-
 Arrays = Mapping[str, NDArray[Any]]
 
 #: The starts of the straight body, as they are called on the page.
@@ -50,6 +49,7 @@ _MOMENTS = {"torque": "drive", "elastic": "spring", "total": "sum"}
 _FORCES = {"shear": "across", "axial": "along"}
 _LOOKS = ("o-", "s--", "^:")
 _VARIANT_MARKS = ("s", "x", "o", "^", "v", "D")
+_LEGEND: dict[str, Any] = {"fontsize": SMALL - 1, "frameon": False}
 _SPLIT = "#DDDDDD"
 
 
@@ -60,12 +60,7 @@ def draw_onset(data: Data) -> Figure:
     """Draw times of the first deviation and growth rates, ours beside the paper's."""
     figure = new_figure(8.6, 3.5)
     left, right = figure.subplots(1, 2, width_ratios=(1.5, 1.0))
-    bodies = [
-        (n, panels)
-        for n in (3, 9, 27)
-        for panels in (4, 12)
-        if onset_of(data, n, panels, "small") is not None
-    ]
+    bodies = [x for x in product((3, 9, 27), (4, 12)) if onset_of(data, *x, "small") is not None]
     for colour, (kind, name) in zip(LINES, STARTS.items(), strict=False):
         mark = {"marker": _MARKS[kind], "color": colour, "markersize": 6}
         for x, (n, panels) in enumerate(bodies):
@@ -83,13 +78,8 @@ def draw_onset(data: Data) -> Figure:
     left.set_yscale("log")
     left.set_ylim(1.0, 400.0)
     left.set_xticks(range(len(bodies)), [f"N = {n}\n{panels} panels" for n, panels in bodies])
-    figure.legend(
-        *left.get_legend_handles_labels(),
-        loc="outside lower left",
-        ncols=5,
-        fontsize=SMALL - 1,
-        frameon=False,
-    )
+    lines, names = left.get_legend_handles_labels()
+    figure.legend(lines, names, loc="outside lower left", ncols=5, **_LEGEND)
     name_panel(left, "an end is 1 % of the length off its line")
     style_axes(left, "", "time (s)")
     _draw_rates(right, data)
@@ -116,7 +106,7 @@ def _draw_rates(axes: Axes, data: Data) -> None:
     axes.set_ylim(0.0, 1.0)
     axes.set_xlim(-0.5, len(bodies) - 0.5)
     axes.set_xticks(range(len(bodies)), [f"{n}, {panels}" for n, panels in bodies])
-    axes.legend(fontsize=SMALL - 1, frameon=False, loc="upper right")
+    axes.legend(loc="upper right", **_LEGEND)
     name_panel(axes, "growth rate at 0.1 m/s")
     style_axes(axes, "N, panels", "rate (1/s)")
 
@@ -129,22 +119,19 @@ def draw_variants(data: Data) -> Figure:
     figure = new_figure(8.6, 4.6)
     top, bottom = figure.subplots(2, 1, sharex=True)
     scenes = [name for name in NUMERALS[:9] if name in data["runs"]]
-    rows: list[tuple[str, str, Mapping[str, Any]]] = [
-        ("closed outline (ours)", "*", {name: data["runs"][name] for name in scenes})
-    ]
+    rows: list[tuple[str, str, Mapping[str, Any]]] = [("closed outline (ours)", "*", data["runs"])]
     for mark, (variant, words) in zip(_VARIANT_MARKS, VARIANTS.items(), strict=True):
         if variant in data["variants"]:
             rows.append((words, mark, {k: v["base"] for k, v in data["variants"][variant].items()}))
     spread = np.linspace(-0.3, 0.3, len(rows))
-    colours = ("#000000", *LINES[:6])
     for i, (words, mark, of_scene) in enumerate(rows):
-        known = [
-            x for x, name in enumerate(scenes) if name in of_scene and not of_scene[name]["end"]
-        ]
-        runs = [of_scene[scenes[x]] for x in known]
-        look = {"marker": mark, "color": colours[i], "linestyle": "", "markersize": 6}
-        top.plot(np.array(known) + spread[i], [*map(way_ahead, runs)], label=words, **look)
-        bottom.plot(np.array(known) + spread[i], [*map(heading_turn, runs)], **look)
+        found = [(x, of_scene[name]) for x, name in enumerate(scenes) if name in of_scene]
+        known = [(x + spread[i], run) for x, run in found if not run["end"]]
+        colour = ("#000000", *LINES)[i]
+        look = {"marker": mark, "color": colour, "linestyle": "", "markersize": 6}
+        places, ways = [x for x, _ in known], [way_ahead(run) for _, run in known]
+        top.plot(places, ways, label=words, **look)
+        bottom.plot(places, [heading_turn(run) for _, run in known], **look)
     for axes in (top, bottom):
         axes.axhline(0.0, color=GREY, linewidth=0.6)
         for x in range(len(scenes) - 1):
@@ -157,7 +144,7 @@ def draw_variants(data: Data) -> Figure:
     name_panel(top, f"runs of {duration:g} s")
     style_axes(top, "", "head first (body lengths)")
     style_axes(bottom, "scene", "turn (°), left positive")
-    figure.legend(loc="outside lower center", ncols=2, fontsize=SMALL - 1, frameon=False)
+    figure.legend(loc="outside lower center", ncols=2, **_LEGEND)
     return figure
 
 
@@ -184,21 +171,17 @@ def draw_constants(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
         right.plot(found["series_time"], drift, label=name, **look)
     bound = max((data["runs"][name]["momentum"]["bound"] for name in names), default=1e-9)
     right.axhline(1e-9, color="black", linewidth=1.0)
-    right.annotate(
-        "the paper's 1e-9", (0.02, 1.3e-9), xycoords=("axes fraction", "data"), fontsize=SMALL - 1
-    )
+    place: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "fontsize": SMALL - 1}
+    right.annotate("the paper's 1e-9", (0.02, 1.3e-9), **place)
     right.set_yscale("log")
     right.set_ylim(_FLOOR, 10.0 * max(bound, 1e-9))
     left.set_yticks([-_ROW * i for i in range(len(names))], names)
-    name_panel(
-        left,
-        f"energy that the work does not explain: rows are {_ROW:g}/1000\nof the largest "
-        "energy apart",
-    )
+    rows = f"rows are {_ROW:g}/1000\nof the largest energy apart"
+    name_panel(left, f"energy that the work does not explain: {rows}")
     name_panel(right, "momentum: largest |J - J(0)| so far (kg m/s, kg m²/s)")
     style_axes(left, "time (s)", "scene")
     style_axes(right, "time (s)", "drift")
-    figure.legend(loc="outside right center", fontsize=SMALL - 1, frameon=False)
+    figure.legend(loc="outside right center", **_LEGEND)
     return figure
 
 
@@ -218,22 +201,15 @@ def draw_internal(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
         joints = total.shape[1]
         place = np.arange(1, joints + 1) / (joints + 1)
         for axes, keys in ((moments, _MOMENTS), (forces, _FORCES)):
-            for colour, look, (key, words) in zip(LINES, _LOOKS, keys.items(), strict=False):
+            for colour, mark, (key, words) in zip(LINES, _LOOKS, keys.items(), strict=False):
                 style = {"color": colour, "markersize": 4, "capsize": 2.5, "label": words}
-                axes.errorbar(place, *_along(data, name, key), fmt=look, **style)
+                axes.errorbar(place, *_along(data, name, key), fmt=mark, **style)
             axes.set_ylim(bottom=0.0)
             if name == names[0]:
-                axes.legend(fontsize=SMALL - 1, frameon=False)
+                axes.legend(**_LEGEND)
         largest = float(np.abs(total).max()) or 1.0
-        image = over_time.pcolormesh(
-            place,
-            np.arange(len(total)) / len(total),
-            total,
-            cmap=diverging_map(),
-            vmin=-largest,
-            vmax=largest,
-            shading="nearest",
-        )
+        look = {"cmap": diverging_map(), "vmin": -largest, "vmax": largest, "shading": "nearest"}
+        image = over_time.pcolormesh(place, np.arange(len(total)) / len(total), total, **look)
         bar = figure.colorbar(image, ax=over_time)
         bar.set_label("sum (N m)", fontsize=SMALL)
         bar.ax.tick_params(labelsize=SMALL - 1)
@@ -293,9 +269,8 @@ def draw_maps(data: Data) -> Figure:
         if min(modes.shape[:2]) > 1:
             for values, style in zip(np.moveaxis(modes, 2, 0), ("--", ":"), strict=True):
                 if values.min() < 1.0 < values.max():
-                    right.contour(
-                        lengths, stiffness, values, [1.0], colors="black", linestyles=style
-                    )
+                    look = {"colors": "black", "linestyles": style}
+                    right.contour(lengths, stiffness, values, [1.0], **look)
         for length, name in ((1.0, "iii"), (2.0, "v")):
             right.plot(length, 5.0, "*", **star)
             _write_over(right, name, (length, 5.0), (6, 4), SMALL)
@@ -310,14 +285,9 @@ def _write_over(
     """Write beside a place, with a white edge that keeps it readable over a map."""
     from matplotlib.patheffects import withStroke
 
-    axes.annotate(
-        text,
-        place,
-        xytext=away,
-        textcoords="offset points",
-        fontsize=size,
-        path_effects=[withStroke(linewidth=2.5, foreground="white")],
-    )
+    edge = withStroke(linewidth=2.5, foreground="white")
+    look: dict[str, Any] = {"fontsize": size, "path_effects": [edge]}
+    axes.annotate(text, place, xytext=away, textcoords="offset points", **look)
 
 
 def _draw_map(
@@ -332,18 +302,10 @@ def _draw_map(
     known = np.abs(speed[good & np.isfinite(speed)])
     largest = float(known.max()) if known.size else 1.0
     axes.set_facecolor("#BBBBBB")
-    image = axes.pcolormesh(
-        x,
-        y,
-        np.ma.masked_where(~good, speed),
-        cmap=diverging_map(),
-        norm=SymLogNorm(max(1e-3, 1e-2 * largest), vmin=-largest, vmax=largest),
-        shading="nearest",
-    )
+    norm = SymLogNorm(max(1e-3, 1e-2 * largest), vmin=-largest, vmax=largest)
+    look: dict[str, Any] = {"cmap": diverging_map(), "norm": norm, "shading": "nearest"}
+    image = axes.pcolormesh(x, y, np.ma.masked_where(~good, speed), **look)
     bar = figure.colorbar(image, ax=axes, location="bottom", shrink=0.9, aspect=35)
-    bar.set_label(
-        "net speed (body lengths a second): orange head first, blue tail first;\n"
-        "grey: not verified",
-        fontsize=SMALL,
-    )
+    words = "net speed (body lengths a second): orange head first, blue tail first;\n"
+    bar.set_label(f"{words}grey: not verified", fontsize=SMALL)
     bar.ax.tick_params(labelsize=SMALL - 2)

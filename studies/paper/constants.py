@@ -21,14 +21,10 @@ RESOLVED = 8.0
 def momentum_figures(trajectory: Trajectory) -> dict[str, Any]:
     """Return how well the discrete momentum map is kept.
 
-    The bound is 10 tolerances plus 1e-15 n times the size of the map's terms, n the step: Newton's
-    method leaves an error of its tolerance that the carried momenta pass on, and sums round.
-
-    Returns
-    -------
-    dict
-        ``drift`` max |J_n - J_0| (kg m/s and kg m^2/s, as one norm), the ``bound`` at the step
-        where the drift comes closest to it, and ``share`` of the bound there.
+    ``drift`` is max |J_n - J_0| (kg m/s and kg m^2/s, as one norm), ``bound`` that of the step
+    where the drift comes closest to it, and ``share`` the drift's share of it there. The bound is
+    10 tolerances plus 1e-15 n times the size of the map's terms, n the step: Newton's method leaves
+    an error of its tolerance that the carried momenta pass on, and sums round.
     """
     momentum = trajectory.momentum
     drift = np.linalg.norm(momentum - momentum[0], axis=1)
@@ -48,13 +44,10 @@ def momentum_figures(trajectory: Trajectory) -> dict[str, Any]:
 def energy_figures(trajectory: Trajectory) -> dict[str, Any]:
     """Return what the energy does.
 
-    Returns
-    -------
-    dict
-        ``largest`` H (J); ``unexplained`` max |H_n - H_0 - work + dissipated| as a share of it;
-        ``first`` and ``last`` the mean unexplained energy of the first and the last quarter of the
-        run, as shares: a trend would show there. ``work``, ``positive_work`` (J) of the torques and
-        ``power``, the mean of the positive part (W); ``trusted`` by the scene's energy tolerance.
+    ``largest`` is H (J); ``unexplained`` max |H_n - H_0 - work + dissipated| as a share of it;
+    ``first`` and ``last`` the mean unexplained energy of the first and the last quarter of the run,
+    as shares: a trend would show there. ``work``, ``positive_work`` (J) of the torques and
+    ``power``, the mean of the positive part (W); ``trusted`` by the scene's energy tolerance.
     """
     balance = trajectory.unexplained_energy
     largest = float(trajectory.energy.max())
@@ -78,12 +71,8 @@ def joint_moments(trajectory: Trajectory) -> dict[str, Array]:
 
     In a step a joint carries its torque, the spring's moment (33) at the mean directors,
     EI/dl K cos(...) with K of (16), and the damper's. All turn the element behind it; the sum is
-    what the body's material and muscle have to bear there.
-
-    Returns
-    -------
-    dict of (T, N - 1) arrays
-        ``torque``, ``elastic``, ``damping`` and their sum ``total`` (N m), of every step.
+    what the body's material and muscle have to bear there. These are ``torque``, ``elastic``,
+    ``damping`` and ``total`` (N m), (T, N - 1) arrays of every step.
     """
     beam, scene = trajectory.scene.beam, trajectory.scene
     spring = beam.stiffness_at_joints() / beam.element_length
@@ -101,23 +90,16 @@ def joint_moments(trajectory: Trajectory) -> dict[str, Array]:
         rate = np.diff(joint, axis=0) / scene.integrator.time_step
         damping = -spring * scene.damping.retardation_time * rate
     torque = trajectory.torques
-    return {
-        "torque": torque,
-        "elastic": elastic,
-        "damping": damping,
-        "total": torque + elastic + damping,
-    }
+    parts = {"torque": torque, "elastic": elastic, "damping": damping}
+    return {**parts, "total": torque + elastic + damping}
 
 
 def internal_forces(trajectory: Trajectory) -> tuple[Array, Array]:
-    """Return the forces across the joints along and across the body.
+    """Return the axial and the shear forces of the joints (N), (T - 1, N - 1) arrays.
 
-    Returns
-    -------
-    axial, shear : (T - 1, N - 1) arrays
-        Components (N) along the mean tangent and the mean normal of the joint's two elements, at
-        the beginning of the second step and of every one after it; the axial one is a pull where
-        it is positive.
+    They are along the mean tangent and the mean normal of the joint's two elements, at the
+    beginning of the second step and of every one after it; the axial one is a pull where it is
+    positive.
     """
     forces = trajectory.internal_forces
     assert forces is not None
@@ -136,10 +118,7 @@ def has_forces(trajectory: Trajectory) -> bool:
 
 
 def resolved(values: Array, step: float) -> Array:
-    """Return the part of series (T, ...) below `RESOLVED`, by a filter that shifts no phase.
-
-    ``step`` is their time step (s); it is a Butterworth filter, run forwards and backwards.
-    """
+    """Return the part of series (T, ...), steps (s) apart, below `RESOLVED`, in phase."""
     sections = butter(4, RESOLVED, fs=1.0 / step, output="sos")
     slow: Array = sosfiltfilt(sections, values, axis=0)
     return slow
@@ -150,17 +129,12 @@ def internal_figures(trajectory: Trajectory) -> dict[str, Any]:
 
     An undamped beam rings in modes that steps of 10 ms do not resolve, and more so with smaller
     steps: instantaneous forces have no limit that these runs come near to. Root mean squares below
-    `RESOLVED` do.
-
-    Returns
-    -------
-    dict
-        Lists over the N - 1 joints, root mean squares of the resolved part over the run: ``axial``,
-        ``shear`` (N), ``torque``, ``elastic``, ``total`` (N m); ``above``, by ``axial``, ``shear``
-        and ``total`` the share of the variance above `RESOLVED` in all joints together;
-        ``peak_shear``, the largest of all instants and joints as it is (N); ``strain``, the largest
-        bending strain at the skin over the joints, h times the curvature; and ``power``, the mean
-        positive power (W) of the torques on the resolved part of the motion.
+    `RESOLVED` do: of ``axial``, ``shear`` (N), ``torque``, ``elastic``, ``total`` (N m) over the
+    run, lists over the joints. ``above`` is, by ``axial``, ``shear`` and ``total``, the share of
+    the variance above `RESOLVED` in all joints together; ``peak_shear`` the largest of all instants
+    and joints as it is (N); ``strain`` the largest bending strain at the skin over the joints, h
+    times the curvature; and ``power`` the mean positive power (W) of the torques on the resolved
+    part of the motion.
     """
     axial, shear = internal_forces(trajectory)
     moments = joint_moments(trajectory)

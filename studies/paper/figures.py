@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["LINES", "PAPER_FIGURES", "draw_configurations", "draw_torques"]
-
 Arrays = Mapping[str, NDArray[Any]]
 Run = Mapping[str, Any]
 
@@ -50,9 +48,8 @@ def draw_torques(arrays: Arrays) -> Figure:
         label = f"s = {(j + 1) / (count + 1):.2f} l"
         axes.plot(time, torque[:, j], color=colours[j], linewidth=1.2, label=label)
     figure.legend(loc="outside right upper", fontsize=SMALL - 1, frameon=False)
-    name_panel(
-        axes, "Fig. 3, torques between the elements of scene i (s from the head, l the length)"
-    )
+    words = "torques between the elements of scene i (s from the head, l the length)"
+    name_panel(axes, f"Fig. 3, {words}")
     style_axes(axes, "time in the last second (s)", "torque (N m)")
     return figure
 

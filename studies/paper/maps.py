@@ -15,8 +15,6 @@ from swim_env.scene import Scene, load_scene
 from swim_env.sim.simulator import Simulator
 from swim_env.sim.trajectory import Trajectory
 
-__all__ = ["is_verified", "map_units", "measure_row"]
-
 #: Frequencies (Hz) and wave numbers (rad per body length) of the first map.
 FREQUENCIES = tuple(float(f) for f in np.arange(0.5, 20.01, 0.5))
 WAVE_NUMBERS = tuple(float(k) * math.pi / 4.0 for k in range(-4, 17))
@@ -42,20 +40,19 @@ def map_units(quick: bool = False) -> list[Unit]:
 
     Both are of scene ``swimmer`` with the straight body's added mass and the second-order scheme.
     """
-    drive = (slice(1, None, 16), slice(4, None, 8)) if quick else (slice(None),) * 2
-    body = (slice(2, None, 8), slice(4, None, 8)) if quick else (slice(None),) * 2
     units = []
-    for i, frequency in enumerate(FREQUENCIES[drive[0]]):
+    columns = list(WAVE_NUMBERS[4::8] if quick else WAVE_NUMBERS)
+    for i, frequency in enumerate(FREQUENCIES[1::16] if quick else FREQUENCIES):
         changes = {"actuation.frequency": 2.0 * math.pi * frequency}
         changes |= {"integrator.time_step": 0.005, "episode.duration": 2.0 if quick else 20.0}
         row = {"map": "drive", "row": i, "frequency": frequency}
-        columns = list(WAVE_NUMBERS[drive[1]])
         units.append(_row(changes, row, columns, "actuation.wave_number"))
-    for i, stiffness in enumerate(STIFFNESS[body[0]]):
+    columns = list(LENGTHS[4::8] if quick else LENGTHS)
+    for i, stiffness in enumerate(STIFFNESS[2::8] if quick else STIFFNESS):
         changes = {"actuation.amplitude": _AMPLITUDE, "beam.bending_stiffness": stiffness}
         changes |= {"integrator.time_step": 0.01, "episode.duration": 2.0 if quick else 40.0}
         row = {"map": "body", "row": i, "stiffness": stiffness}
-        units.append(_row(changes, row, list(LENGTHS[body[1]]), "beam.length"))
+        units.append(_row(changes, row, columns, "beam.length"))
     return units
 
 
@@ -76,17 +73,12 @@ def _row(changes: dict[str, float], row: dict[str, Any], columns: list[float], v
 def measure_row(unit: Unit) -> tuple[Figures, Arrays]:
     """Simulate a row of a map.
 
-    Returns
-    -------
-    figures : dict
-        The unit's options and ``points``, one for each column: ``speed`` (body lengths a second,
-        positive head first) with steps half as long, ``coarse`` with the steps of the map, and
-        ``panels`` with panels at every step, None where that was not done; None where a run ended
-        early. ``bend`` is the largest joint angle (rad), ``trusted`` says whether the
-        energy of the finer run adds up, ``turn`` is the heading's (rad). ``resonances`` are the
-        first natural frequencies (Hz) at each column, or one set for all.
-    arrays : dict
-        Empty.
+    The figures are the unit's options and ``points``, one for each column: ``speed`` (body lengths
+    a second, positive head first) with steps half as long, ``coarse`` with the steps of the map,
+    and ``panels`` with panels at every step, None where that was not done; None where a run ended
+    early. ``bend`` is the largest joint angle (rad), ``trusted`` says whether the energy of the
+    finer run adds up, ``turn`` is the heading's (rad). ``resonances`` are the first natural
+    frequencies (Hz) at each column, or one set for all.
     """
     name, columns = str(unit.options["field"]), unit.options["columns"]
     points = []
@@ -101,7 +93,7 @@ def measure_row(unit: Unit) -> tuple[Figures, Arrays]:
                 "coarse": _speed(_played(scene, 1.0)),
                 "panels": _speed(_played(scene.replace(changes), 1.0)) if checked else None,
                 "checked": checked,
-                "bend": None if fine is None else _bend(fine),
+                "bend": None if fine is None else float(np.abs(np.diff(fine.angles, axis=1)).max()),
                 "turn": None if fine is None else fine.heading_change,
                 "trusted": fine is not None and not fine.warnings(),
             }
@@ -124,33 +116,23 @@ def _played(scene: Scene, share: float) -> Trajectory | None:
 
 
 def _speed(trajectory: Trajectory | None) -> float | None:
-    """Return the net speed head first (body lengths a second), over the middle of swings.
-
-    The body lies along +x at first, its head towards -x. The mean centre at the end is that of the
-    last period of the drive.
-    """
+    """Return the net speed head first, -x (body lengths a second), to the last period's mean."""
     if trajectory is None:
         return None
     actuation, beam = trajectory.scene.actuation, trajectory.scene.beam
     assert actuation is not None
     period = 2.0 * math.pi / actuation.frequency
     last = max(1, round(period / trajectory.scene.integrator.time_step))
-    place = float(trajectory.path[-last:, 0].mean())
-    net = place - float(trajectory.path[0, 0])
+    net = float(trajectory.path[-last:, 0].mean()) - float(trajectory.path[0, 0])
     return -net / beam.length / (trajectory.duration - 0.5 * period)
-
-
-def _bend(trajectory: Trajectory) -> float:
-    return float(np.abs(np.diff(trajectory.angles, axis=1)).max())
 
 
 def is_verified(point: Mapping[str, Any]) -> bool:
     """Tell whether a point's speed holds.
 
-    It does where the run with half the step came to its end, its energy adds up, and the speed is
-    that of the coarser steps, and that of panels where those were used, within 10 % or 1e-4 body
-    lengths a second. A point whose joints bend further than the constant added mass is known to
-    allow counts only with panels.
+    The run with half the step came to its end, its energy adds up, and the speed is that of the
+    coarser steps, and of panels where those were used, within `AGREEMENT` or `SMALLEST`. A point
+    whose joints bend further than `LARGEST_BEND` counts only with panels.
     """
     speed = point["speed"]
     if speed is None or not point["trusted"]:

@@ -1,13 +1,20 @@
-"""Figures of one run as statements, page and pictures give them."""
+"""Figures of one run as statements, page and pictures give them, and as text in tables."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TypeVar
+
+from studies.paper.bars import bar_of, with_bar
+from studies.paper.verdicts import LEVELS, Data
+from swim_env.files.tables import markdown_table
 
 #: The figures of `studies.paper.runs.run_figures`.
 Run = Mapping[str, Any]
+#: What a section is filled with, by name.
+Fields = dict[str, Any]
+Row = TypeVar("Row")
 
 
 def net_speed(run: Run) -> float:
@@ -45,3 +52,23 @@ def transport_cost(run: Run) -> float | None:
     """Return what the torques spend on the resolved motion per way (J/m)."""
     power, speed = mean_power(run), float(run["speed"])
     return None if power is None or speed == 0.0 else power / speed
+
+
+def table(columns: Mapping[str, Callable[[Row], object]], rows: Iterable[Row]) -> str:
+    """Return a table as Markdown: by the head of each column, from a row to the cell."""
+    cells = [[cell(row) for cell in columns.values()] for row in rows]
+    return markdown_table(list(columns), cells)
+
+
+def run_with_bar(data: Data, name: str, pick: Callable[[Run], float | None], sign: str = "") -> str:
+    """Return a figure of a run with its bar as text; an empty one where there is no run."""
+    runs = [data["runs"].get(f"{name}{level}") for level in LEVELS]
+    values = [None if run is None or run["end"] else pick(run) for run in runs]
+    if values[0] is None:
+        return "ended early" if runs[0] is not None and runs[0]["end"] else ""
+    return with_bar(values[0], bar_of(*values), sign)
+
+
+def seconds(value: float | None) -> str:
+    """Return a time to a hundredth, or that there is none."""
+    return "none" if value is None else f"{value:.2f}"

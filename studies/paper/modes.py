@@ -13,8 +13,6 @@ from swim_env.analysis.modes import bending_frequencies, natural_frequencies
 from swim_env.scene import Scene, load_scene
 from swim_env.sim.simulator import Simulator
 
-__all__ = ["bending_orders", "modes_figures", "modes_units"]
-
 #: beta l of a free-free beam's first bending mode (Rayleigh).
 FREE_FREE = 4.730041
 
@@ -38,11 +36,8 @@ def measure_modes(unit: Unit) -> tuple[Figures, Arrays]:
 def modes_figures(scene: Scene) -> dict[str, Any]:
     """Return natural frequencies and rigid masses of a scene, for JSON.
 
-    Returns
-    -------
-    dict
-        The first ``frequencies`` (Hz), ``fine`` the same with three times the panels and ends to
-        match, the ``highest`` of all; the fields of `RigidMass`.
+    They are the first ``frequencies`` (Hz), ``fine`` the same with three times the panels and ends
+    to match, the ``highest`` of all, and the fields of `RigidMass`.
     """
     assert scene.fluid is not None
     panels = 3 * scene.fluid.panels_per_element
@@ -60,22 +55,16 @@ def modes_figures(scene: Scene) -> dict[str, Any]:
 def bending_orders(scene: Scene) -> dict[str, Any]:
     """Return how the first bending frequency of the beam alone converges in the elements.
 
-    Returns
-    -------
-    dict
-        ``elements``, ``frequencies`` (Hz) and their relative ``errors`` against the free-free
-        beam (rotary inertia made negligible), the observed ``order`` of the last two and that of
-        the two ``before``.
+    That is ``elements``, ``frequencies`` (Hz) and their relative ``errors`` against the free-free
+    beam (rotary inertia made negligible), the observed ``order`` of the last two and that of the
+    two ``before``.
     """
     beam = scene.beam
     exact = FREE_FREE**2 / beam.length**2 / (2.0 * math.pi)
     exact *= math.sqrt(float(beam.stiffness_at_joints()[0]) / beam.line_density)
-    counts, found = (9, 18, 36), []
-    for elements in counts:
-        alone = scene.replace(
-            {"beam.elements": elements, "beam.rotary_inertia": 1e-9, "fluid": None}
-        )
-        found.append(natural_frequencies(alone, 1)[0])
+    counts = (9, 18, 36)
+    alone = scene.replace({"beam.rotary_inertia": 1e-9, "fluid": None})
+    found = [natural_frequencies(alone.replace("beam.elements", n), 1)[0] for n in counts]
     errors = [abs(one / exact - 1.0) for one in found]
     return {
         "elements": list(counts),

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
+from scipy.linalg import expm
+from scipy.optimize import brentq, minimize_scalar
 
 from studies.paper.runs import LEFT_LINE, first_crossing
 from studies.paper.units import Arrays, Figures, Unit
-from swim_env.analysis.kirchhoff import growth_rate, mass_matrix, onset_by_kirchhoff, rigid_mass
+from swim_env.analysis.kirchhoff import RigidMass, growth_rate, mass_matrix, rigid_mass
 from swim_env.scene import Scene, load_scene
 from swim_env.sim.simulator import Simulator
-
-__all__ = ["LATERAL", "PAPER_TIMES", "fitted_rate", "implied_rate", "measure_onset", "onset_units"]
 
 Array = NDArray[np.float64]
 
@@ -70,21 +70,23 @@ def onset_units(quick: bool = False) -> list[Unit]:
     if not quick:
         # That frozen is the same is measured, not assumed.
         units += [_unit(27, 12, stiffness, "epsilon", "frozen") for stiffness in (5.0, 1e4)]
-    for elements, panels in itertools.product(counts, (4, 12)):
-        units.append(_unit(elements, panels, 5.0, "none", "panels"))
+    units += [_unit(n, panels, 5.0, "none") for n in counts for panels in (4, 12)]
     return units
 
 
 def _unit(
-    elements: int, panels: int, stiffness: float, kind: str, model: str, step: float = 0.01
+    elements: int,
+    panels: int,
+    stiffness: float,
+    kind: str,
+    model: str = "panels",
+    step: float = 0.01,
 ) -> Unit:
-    scene = perturbed(elements, panels, stiffness, kind).replace(
-        {"fluid.model": model, "integrator.time_step": step}
-    )
+    scene = perturbed(elements, panels, stiffness, kind)
+    scene = scene.replace({"fluid.model": model, "integrator.time_step": step})
     name = f"onset_{kind}_{elements}_{panels}_{stiffness:g}"
     name += "" if model == "panels" else f"_{model}"
     name += "" if step == 0.01 else "_half"
-    duration = STRAIGHT if kind == "none" else LONGEST
     seconds = {"epsilon": 275.0, "none": STRAIGHT}.get(kind, 10.0)
     each = _STEP[elements, panels] if model == "panels" else 5e-5
     options = {
@@ -94,7 +96,7 @@ def _unit(
         "perturbation": kind,
         "model": model,
         "step": step,
-        "duration": duration,
+        "duration": STRAIGHT if kind == "none" else LONGEST,
     }
     return Unit(name, measure_onset, scene, options, seconds / step * each)
 
@@ -107,36 +109,22 @@ def perturbed(elements: int, panels: int, stiffness: float, kind: str) -> Scene:
     which is taken for a slip: x is counted in elements here, from the head, as s/dl is in the
     caption of the paper's Fig. 6.
     """
-    start: dict[str, Any] = {"velocity": [SPEED, 0.0]}
+    start: dict[str, Any] = {"velocity": [SPEED, LATERAL.get(kind, 0.0)]}
     if kind == "sloped":
         slope = -LATERAL[kind] * elements
         start = {"velocity": [SPEED, 3.5 * LATERAL[kind]], "velocity_slope": slope}
-    elif kind != "none":
-        start = {"velocity": [SPEED, LATERAL[kind]]}
-    return load_scene(
-        "paper_x",
-        {
-            "beam.elements": elements,
-            "beam.bending_stiffness": stiffness,
-            "fluid.panels_per_element": panels,
-            "initial": start,
-        },
-    )
+    body = {"beam.elements": elements, "beam.bending_stiffness": stiffness}
+    return load_scene("paper_x", {**body, "fluid.panels_per_element": panels, "initial": start})
 
 
 def measure_onset(unit: Unit) -> tuple[Figures, Arrays]:
     """Simulate a perturbed straight body until an end has left its line.
 
-    Returns
-    -------
-    figures : dict
-        The unit's options, and ``time`` of the first deviation of 1 % (s, between steps) or None,
-        ``end`` (why the run ended early, or empty), ``rate`` the growth that was fitted (1/s) or
-        None, ``kirchhoff`` its analytic value and ``expected`` the time by the linear equations
-        (s), both with the discrete body's own masses; ``largest_angle`` (rad) and
-        ``largest_offset`` (m) of an end over the whole run, ``lateral`` of the centre (m/s).
-    arrays : dict
-        Empty.
+    The figures are the unit's options, and ``time`` of the first deviation of 1 % (s, between
+    steps) or None, ``end`` (why the run ended early, or empty), ``rate`` the growth that was fitted
+    (1/s) or None, ``kirchhoff`` its analytic value and ``expected`` the time by the linear
+    equations (s), both with the discrete body's own masses; ``largest_angle`` (rad) and
+    ``largest_offset`` (m) of an end over the whole run, ``lateral`` of the centre (m/s).
     """
     simulator = Simulator(unit.scene)
     mass = rigid_mass(mass_matrix(simulator))
@@ -145,7 +133,7 @@ def measure_onset(unit: Unit) -> tuple[Figures, Arrays]:
     step = simulator.time_step
     steps = round(float(unit.options["duration"]) / step)
     watch_all = unit.options["perturbation"] == "none"
-    times, angles, offsets, bends = [np.zeros(1)], [np.zeros(1)], [np.zeros(1)], [np.zeros(1)]
+    times, angles, offsets, bends = ([np.zeros(1)] for _ in range(4))
     first: Array | None = None
     left = None
     while simulator.steps < steps and not simulator.termination_reason:
@@ -165,7 +153,6 @@ def measure_onset(unit: Unit) -> tuple[Figures, Arrays]:
         if left is not None and not watch_all:
             break
     time, angle = np.concatenate(times), np.concatenate(angles)
-    sloped = unit.options["perturbation"] == "sloped"
     rate = growth_rate(mass, SPEED)
     across, turning = float(moving[1]), float(moving[2])
     expected = onset_by_kirchhoff(mass, SPEED, across, turning, length, LEFT_LINE)
@@ -179,7 +166,7 @@ def measure_onset(unit: Unit) -> tuple[Figures, Arrays]:
         "largest_angle": float(np.concatenate(bends).max()),
         "largest_offset": float(np.concatenate(offsets).max()),
         "lateral": across,
-        "turning": turning if sloped else 0.0,
+        "turning": turning if unit.options["perturbation"] == "sloped" else 0.0,
     }
     return figures, {}
 
@@ -190,20 +177,9 @@ def fitted_rate(time: Array, angle: Array, guess: float) -> float | None:
     theta = a + b exp(lambda t) + c exp(-lambda t) solves Kirchhoff's linear equations from any
     start; a, b and c follow from lambda by linear least squares. Each point is weighted by the size
     of the angle there, so that early and late growth count alike, but for the first hundredth of
-    the angle, where the little that the body bends at the start would count.
-
-    Parameters
-    ----------
-    time, angle : (T,) arrays
-        Instants (s) and the mean element angle (rad).
-    guess : float
-        Where to look (1/s): between a fifth and five times that.
-
-    Returns
-    -------
-    float or None
-        lambda (1/s), good to about 1e-3 where the angle covers two growth times; None where it has
-        fewer than ten instants, or never moves.
+    the angle, where the little that the body bends at the start would count. lambda (1/s) is sought
+    between a fifth and five times the ``guess``; it is good to about 1e-3 where the angle covers
+    two growth times, and None where that has fewer than ten instants, or never moves.
     """
     linear = np.abs(angle) <= _LINEAR
     upto = len(angle) if linear.all() else int(np.argmin(linear))
@@ -216,10 +192,8 @@ def fitted_rate(time: Array, angle: Array, guess: float) -> float | None:
 
     def misfit(logarithm: float) -> float:
         rate = math.exp(logarithm)
-        columns = np.stack(
-            [np.ones_like(time), np.exp(rate * (time - time[-1])), np.exp(-rate * time)], axis=1
-        )
-        weighted = columns * weight[:, None]
+        grown, shrunk = np.exp(rate * (time - time[-1])), np.exp(-rate * time)
+        weighted = np.stack([np.ones_like(time), grown, shrunk], axis=1) * weight[:, None]
         solved, *_ = np.linalg.lstsq(weighted, angle * weight, rcond=None)
         return float(np.sum((weighted @ solved - angle * weight) ** 2))
 
@@ -236,3 +210,46 @@ def implied_rate(slow: float, quick: float) -> float:
     The same exponential growth from 1e-4 instead of 2.2e-16 m/s is ln(1e-4/2.2e-16)/lambda sooner.
     """
     return math.log(LATERAL["small"] / LATERAL["epsilon"]) / (slow - quick)
+
+
+def onset_by_kirchhoff(
+    mass: RigidMass, speed: float, lateral: float, turning: float, length: float, share: float
+) -> float:
+    """Return when (s) an end of a rigid straight body leaves its line, by the linearised equations.
+
+    The centre starts with velocities along and across the body (m/s), and it turns (rad/s). An end
+    has left its line a ``share`` of the length (m) away from its first y. Infinite where that does
+    not happen within 1000 s.
+    """
+    # (y, theta, v, omega): y' = v + U theta, theta' = omega; Kirchhoff's equations for v and omega.
+    system = np.zeros((4, 4))
+    system[0, 1], system[0, 2], system[1, 3] = speed, 1.0, 1.0
+    inertia = np.array([[mass.across, mass.coupling], [mass.coupling, mass.inertia]])
+    forces = -speed * np.array([[0.0, mass.along], [mass.across - mass.along, mass.coupling]])
+    system[2:, 2:] = np.linalg.solve(inertia, forces)
+    state = np.array([0.0, 0.0, lateral, turning])
+    ends = np.array([[1.0, 0.5 * length, 0.0, 0.0], [1.0, -0.5 * length, 0.0, 0.0]])
+    step = 0.01
+    once = expm(system * step)
+    for n in range(1, 100_001):
+        state = once @ state
+        if np.abs(ends @ state).max() > share * length:
+            return n * step
+    return math.inf
+
+
+def rate_for_onset(
+    mass: RigidMass, speed: float, lateral: float, length: float, share: float, time: float
+) -> float:
+    """Return the growth rate (1/s) with which such a body leaves its line at a time (s).
+
+    It does not turn at first. The masses are kept, and the rotary inertia is what this takes.
+    """
+
+    def with_inertia(factor: float) -> RigidMass:
+        return dataclasses.replace(mass, inertia=factor * mass.inertia)
+
+    def late(factor: float) -> float:
+        return onset_by_kirchhoff(with_inertia(factor), speed, lateral, 0.0, length, share) - time
+
+    return growth_rate(with_inertia(brentq(late, 1e-4, 1.0, xtol=1e-9)), speed)

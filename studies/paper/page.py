@@ -12,8 +12,6 @@ from studies.paper.sections import ends, maps, onset, scenes, variants
 from studies.paper.statements import find_all
 from studies.paper.verdicts import Data
 
-__all__ = ["filled", "make_page"]
-
 #: By section, the text between its comment and the next.
 _SECTIONS = dict(
     re.findall(
@@ -61,17 +59,12 @@ def filled(text: str, fields: Mapping[str, Any], pictures: Mapping[str, str]) ->
     """Return a text with its fields filled in.
 
     What is in [[double brackets]], and a whole paragraph, is left out where one of its fields is
-    None. A paragraph ``!NAME CAPTION`` is a picture, left out where it was not drawn.
-
-    Raises
-    ------
-    KeyError
-        If the text has a field that is not known.
+    missing or None. A paragraph ``!NAME CAPTION`` is a picture, left out where it was not drawn.
     """
 
     def is_known(part: str) -> bool:
         names = {name for _, name, *_ in Formatter().parse(part) if name}
-        return all(fields[name] is not None for name in names)
+        return all(fields.get(name) is not None for name in names)
 
     paragraphs = []
     for paragraph in text.split("\n\n"):

@@ -22,16 +22,6 @@ from swim_env.scene import Scene, load_scene
 from swim_env.sim.simulator import Simulator
 from swim_env.sim.trajectory import Trajectory
 
-__all__ = [
-    "NUMERALS",
-    "first_crossing",
-    "guess",
-    "play_run",
-    "played",
-    "run_figures",
-    "scene_units",
-]
-
 Array = NDArray[np.float64]
 
 #: The paper's numbers of its simulations.
@@ -70,15 +60,15 @@ def _units(
     name: str, scene: Scene, levels: Sequence[str] = _LEVELS, pictured: bool = False
 ) -> list[Unit]:
     """Return a run and its finer ones, of which only the first is pictured."""
+    panels = 3 * scene.fluid.panels_per_element if scene.fluid else 4
+    changes: dict[str, dict[str, Any]] = {
+        "": {},
+        "half": {"integrator.time_step": 0.005},
+        "fine": {"fluid.cap_panels": "proportional", "fluid.panels_per_element": panels},
+    }
     units = []
     for level in levels:
-        changes: dict[str, Any] = {}
-        if level == "half":
-            changes = {"integrator.time_step": 0.005}
-        elif level == "fine":
-            panels = 3 * scene.fluid.panels_per_element if scene.fluid else 4
-            changes = {"fluid.cap_panels": "proportional", "fluid.panels_per_element": panels}
-        finer = scene.replace(changes)
+        finer = scene.replace(changes[level])
         options = {"pictured": pictured and not level}
         units.append(Unit(f"{name}_{level}".rstrip("_"), play_run, finer, options, guess(finer)))
     return units
@@ -97,14 +87,8 @@ def guess(scene: Scene) -> float:
 def play_run(unit: Unit) -> tuple[Figures, Arrays]:
     """Simulate a scene under its prescribed torque for its episode's duration.
 
-    Returns
-    -------
-    figures : dict
-        Those of `run_figures`, and ``internal`` those of `studies.paper.constants`.
-    arrays : dict
-        If the option ``pictured`` asks for them: nodes and angles at whole seconds, series of
-        energy and momentum; ``torque`` over the last second, and over the one before ``total``,
-        the sum of moments below `studies.paper.constants.RESOLVED`.
+    The figures are those of `run_figures`, and ``internal`` of `studies.paper.constants`; there are
+    arrays if the option ``pictured`` asks for them.
     """
     trajectory = played(Simulator(unit.scene))
     figures = run_figures(trajectory)
@@ -124,19 +108,14 @@ def run_figures(trajectory: Trajectory) -> dict[str, Any]:
     """Return the figures of a run.
 
     Paths and headings are means over each second, the period of the paper's drive, so that the
-    body's swing to and fro does not count as swimming or turning.
-
-    Returns
-    -------
-    dict
-        ``duration`` (s), ``steps``, ``end`` (why it ended early, or empty), ``length`` (m);
-        ``path`` the mean centre in every second [[x, y]] (m), ``heading`` the mean element angle
-        there (rad); ``displacement`` (m) between first and last second, ``speed`` (m/s),
-        ``way`` the length of the path (m), ``turn`` (rad) of the heading, ``curvature`` turn over
-        way (rad/m); ``left`` the first time that an end is 1 % of the length off its first y (s),
-        or None; ``angle`` the mean element angle at whole seconds (rad); ``bends`` the largest
-        angle of every joint (rad), ``halved`` the steps that had to be cut; ``momentum`` and
-        ``energy`` of `studies.paper.constants`.
+    body's swing to and fro does not count as swimming or turning. ``duration`` (s), ``steps``,
+    ``end`` (why it ended early, or empty), ``length`` (m); ``path`` the mean centre in every second
+    [[x, y]] (m), ``heading`` the mean element angle there (rad); ``displacement`` (m) between first
+    and last second, ``speed`` (m/s), ``way`` the length of the path (m), ``turn`` (rad) of the
+    heading, ``curvature`` turn over way (rad/m); ``left`` the first time that an end is 1 % of the
+    length off its first y (s), or None; ``angle`` the mean element angle at whole seconds (rad);
+    ``bends`` the largest angle of every joint (rad), ``halved`` the steps that had to be cut;
+    ``momentum`` and ``energy`` of `studies.paper.constants`.
     """
     scene = trajectory.scene
     per_second = max(1, round(1.0 / scene.integrator.time_step))
@@ -185,15 +164,17 @@ def first_crossing(time: Array, values: Array, limit: float) -> float | None:
 def _means(values: Array, block: int, count: int) -> Array:
     """Return means over blocks of rows by the trapezoidal rule, or of all where there is none."""
     if count < 1:
-        mean: Array = values.mean(axis=0, keepdims=True)
-        return mean
+        return np.asarray(values.mean(axis=0, keepdims=True))
     middles = 0.5 * (values[:-1] + values[1:])[: block * count]
-    means: Array = middles.reshape(count, block, -1).mean(axis=1)
-    return means
+    return np.asarray(middles.reshape(count, block, -1).mean(axis=1))
 
 
 def _arrays(trajectory: Trajectory) -> Arrays:
-    """Return what the pictures of a run are made of."""
+    """Return what pictures of a run are made of: its shapes at whole seconds, and series.
+
+    ``torque`` is of the last second, ``total`` the sum of moments below `RESOLVED` in the one
+    before.
+    """
     step = trajectory.scene.integrator.time_step
     whole = slice(None, None, max(1, round(1.0 / step)))
     often = slice(None, None, max(1, round(1.0 / (_SERIES * step))))

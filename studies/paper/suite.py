@@ -14,8 +14,6 @@ from studies.paper.variants import variant_units
 from studies.store import Record
 from swim_env.scene import Scene
 
-__all__ = ["PARTS", "all_units", "collect"]
-
 #: How long runs last (s), also those of the quick study.
 DURATION, QUICK = 100.0, 12.0
 #: Parts of the work: from a run's duration, and whether the study is the quick one, to units.
@@ -37,16 +35,13 @@ def all_units(quick: bool = False, only: Sequence[str] = tuple(PARTS)) -> list[U
 def collect(units: Sequence[Unit], records: Mapping[str, Record]) -> dict[str, Any]:
     """Return what the records of `studies.paper.units.done_units` say, by kind of unit.
 
-    Returns
-    -------
-    dict
-        ``runs`` by label, ``onset`` a list, ``variants`` by variant and scene, ``modes`` by scene,
-        ``maps`` by map a list of rows; ``settings`` of the runs by label; ``commits``, ``dates``:
-        where and when the records were made; ``units`` and ``done``: how many there are and were
-        found.
+    That is ``runs`` by label, ``onset`` a list, ``variants`` by variant and scene, ``modes`` by
+    scene, ``maps`` by map a list of rows; ``settings`` of the runs by label; ``commits``,
+    ``dates``: where and when the records were made; ``units`` and ``done``: how many there are and
+    were found.
     """
-    data: dict[str, Any] = {"runs": {}, "onset": [], "variants": {}, "modes": {}, "maps": {}}
-    data["settings"] = {}
+    names = ("runs", "settings", "variants", "modes", "maps")
+    data: dict[str, Any] = {"onset": [], **{name: {} for name in names}}
     known = [(unit, records[unit.name]) for unit in units if unit.name in records]
     for unit, record in known:
         figures = record["figures"]
@@ -55,12 +50,10 @@ def collect(units: Sequence[Unit], records: Mapping[str, Record]) -> dict[str, A
             data["runs"][unit.label] = figures
         elif unit.kind == "onset":
             data["onset"].append(figures)
-        elif unit.kind == "modes":
-            data["modes"][unit.label] = figures
         elif unit.kind == "map":
             data["maps"].setdefault(figures["map"], []).append(figures)
-        elif unit.label == "mirrored":
-            data["variants"]["mirrored"] = figures
+        elif unit.kind == "modes" or unit.label == "mirrored":
+            data["modes" if unit.kind == "modes" else "variants"][unit.label] = figures
         else:
             data["variants"].setdefault(figures["variant"], {})[figures["scene"]] = figures
     return {
@@ -74,11 +67,11 @@ def collect(units: Sequence[Unit], records: Mapping[str, Record]) -> dict[str, A
 
 def _settings(scene: Scene) -> dict[str, Any]:
     """Return what a scene is computed with."""
-    fluid = scene.fluid
+    fluid, integrator = scene.fluid, scene.integrator
     return {
         "elements": scene.beam.elements,
-        "panels": None if fluid is None else fluid.panels_per_element,
-        "caps": None if fluid is None else fluid.panels_per_end(scene.beam),
-        "time_step": scene.integrator.time_step,
-        "tolerance": scene.integrator.tolerance,
+        "panels": fluid and fluid.panels_per_element,
+        "caps": fluid and fluid.panels_per_end(scene.beam),
+        "step": 1e3 * integrator.time_step,
+        "tolerance": integrator.tolerance,
     }

@@ -95,22 +95,9 @@ def do_units(
 ) -> int:
     """Do what has not been done, side by side, and keep each result as soon as it is there.
 
-    Parameters
-    ----------
-    workers : int, optional
-        Processes side by side, as many as there are processors unless given.
-    progress : callable, optional
-        Called with 1 after every unit, with their number for those that were there.
-
-    Returns
-    -------
-    int
-        How many units were done now.
-
-    Raises
-    ------
-    SwimError
-        If a unit cannot be done or kept; those that were done by then are kept.
+    There are as many ``workers`` as processors unless given. ``progress`` is called with 1 after
+    every unit, and with the number of those that were there. Returns how many units were done now;
+    a SwimError if one cannot be done or kept: those that were done by then are kept.
     """
     done = done_units(units, store)
     missing = sorted((u for u in units if u.name not in done), key=lambda unit: -unit.cost)

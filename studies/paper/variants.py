@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import asdict
 
 import numpy as np
@@ -13,8 +14,6 @@ from swim_env.analysis.kirchhoff import growth_rate, mass_matrix, rigid_mass
 from swim_env.errors import SimulationEndedError
 from swim_env.scene import Scene, load_scene
 from swim_env.sim.simulator import Simulator
-
-__all__ = ["VARIANTS", "measure_variant", "variant_units", "with_halved_turning"]
 
 #: What is compared with the closed outline, and what it is in words.
 VARIANTS: dict[str, str] = {
@@ -34,20 +33,17 @@ def variant_units(duration: float, quick: bool = False) -> list[Unit]:
     """
     names = ("frozen", "halved", "consistent", "printed_factor") if quick else tuple(VARIANTS)
     units = []
-    for variant in names:
-        for numeral in NUMERALS[:-1] if quick else NUMERALS:
-            scene = load_scene(f"paper_{numeral}").replace("episode.duration", duration)
-            scene = of_variant(scene, variant)
-            options = {"variant": variant, "scene": numeral}
-            cost = 3.0 * guess(load_scene(f"paper_{numeral}")) if "arm" in variant else 1.0
-            units.append(
-                Unit(f"variant_{variant}_{numeral}", measure_variant, scene, options, cost)
-            )
+    for variant, numeral in itertools.product(names, NUMERALS[:-1] if quick else NUMERALS):
+        scene = load_scene(f"paper_{numeral}")
+        cost = 3.0 * guess(scene) if "arm" in variant else 1.0
+        scene = of_variant(scene.replace("episode.duration", duration), variant)
+        options = {"variant": variant, "scene": numeral}
+        name = f"variant_{variant}_{numeral}"
+        units.append(Unit(name, measure_variant, scene, options, cost))
     scene = load_scene("paper_i", {"actuation.phase": np.pi, "episode.duration": duration})
     mirrored = of_variant(scene, "consistent")
     options = {"variant": "consistent", "scene": "i"}
-    units.append(Unit("variant_mirrored", measure_variant, mirrored, options))
-    return units
+    return [*units, Unit("variant_mirrored", measure_variant, mirrored, options)]
 
 
 def of_variant(scene: Scene, variant: str) -> Scene:
@@ -81,14 +77,9 @@ def with_halved_turning(scene: Scene) -> Simulator:
 def measure_variant(unit: Unit) -> tuple[Figures, Arrays]:
     """Simulate a scene with a variant, and again with half the step.
 
-    Returns
-    -------
-    figures : dict
-        ``variant``, ``scene``, ``base`` and ``half``: those of `run_figures`; the straight body's
-        ``kirchhoff`` rate at the paper's 0.1 m/s (1/s) and the fields of `RigidMass`. A run that
-        cannot begin has its reason under ``end``.
-    arrays : dict
-        Empty.
+    The figures are ``variant``, ``scene``, ``base`` and ``half``: those of `run_figures`; the
+    straight body's ``kirchhoff`` rate at the paper's 0.1 m/s (1/s) and the fields of `RigidMass`. A
+    run that cannot begin has its reason under ``end``.
     """
     variant = str(unit.options["variant"])
     make = with_halved_turning if variant == "halved" else Simulator

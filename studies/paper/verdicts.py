@@ -102,13 +102,7 @@ def yes(holds: bool) -> str:
 
 
 def run_of(data: Data, name: str, least: float = 2.0) -> Data:
-    """Return a run's figures.
-
-    Raises
-    ------
-    MissingError
-        If there is none, it ended early, or it is shorter than ``least`` (s).
-    """
+    """Return a run's figures; MissingError if there is none, or it ended before ``least`` (s)."""
     run: Data | None = data["runs"].get(name)
     if run is None:
         raise MissingError(f"no run {name}")
@@ -126,8 +120,7 @@ def value_of(data: Data, name: str, pick: Callable[[Data], float], least: float 
         bar = bar_of(value, *(pick(run_of(data, name + level, least)) for level in LEVELS[1:]))
     except MissingError:
         raise MissingError(f"no finer runs of {name}") from None
-    assert bar is not None
-    return Value(value, bar)
+    return Value(value, bar or 0.0)
 
 
 def values_of(
@@ -148,9 +141,7 @@ def ratio_of(data: Data, over: str, under: str, pick: Callable[[Data], float]) -
         if divisor == 0.0:
             raise MissingError(f"{under} does not move")
         values.append(pick(run_of(data, f"{over}{level}", 10.0)) / divisor)
-    bar = bar_of(*values)
-    assert bar is not None
-    return Value(values[0], bar)
+    return Value(values[0], bar_of(*values) or 0.0)
 
 
 def listed(values: Mapping[str, Value], form: str) -> str:
@@ -176,24 +167,30 @@ def onset_of(
 def onset_time(data: Data, elements: int, panels: int, kind: str) -> Value | None:
     """Return the time of the first deviation (s) with the bar of the step, None if there is none.
 
-    Panels are given, not converged to: the paper's times are compared at the paper's panels.
-
-    Raises
-    ------
-    MissingError
-        If it was not computed, or not with half the step.
+    Panels are given, not converged to: the paper's times are compared at the paper's panels. It is
+    a MissingError if it was not computed, or not with half the step.
     """
+    body = f"N = {elements}, {panels} panels, {kind}"
     found = onset_of(data, elements, panels, kind)
     if found is None:
-        raise MissingError(f"no onset of N = {elements}, {panels} panels, {kind}")
+        raise MissingError(f"no onset of {body}")
+    pairs = onset_pairs(data, elements, panels, kind)
+    if not pairs:
+        raise MissingError(f"no half step of {body}")
+    if found["time"] is None:
+        return None
+    base, half = pairs[0]
+    if None in (base["time"], half["time"]):
+        raise MissingError(f"no onset with half the step, N = {elements}, {panels}, {kind}")
+    return Value(found["time"], coarse_error(half["time"] - base["time"], STEPS))
+
+
+def onset_pairs(data: Data, elements: int, panels: int, kind: str) -> list[tuple[Data, Data]]:
+    """Return runs that have another one with half the step beside them, by panels or frozen."""
+    found = []
     for model in ("panels", "frozen"):
         base = onset_of(data, elements, panels, kind, model=model)
         half = onset_of(data, elements, panels, kind, step=0.005, model=model)
-        if base is None or half is None:
-            continue
-        if found["time"] is None:
-            return None
-        if None in (base["time"], half["time"]):
-            raise MissingError(f"no onset with half the step, N = {elements}, {panels}, {kind}")
-        return Value(found["time"], coarse_error(half["time"] - base["time"], STEPS))
-    raise MissingError(f"no half step of N = {elements}, {panels} panels, {kind}")
+        if base is not None and half is not None:
+            found.append((base, half))
+    return found

@@ -1,8 +1,7 @@
 """Choosing how to compute a scene: the cheapest settings of the measured front that suffice.
 
-The front says which settings are worth trying and in which order of cost. How large their errors
-are depends on the scene: so a reference is computed for it, and the candidates are played in order
-of cost until one is within the tolerance. That takes a few seconds.
+Errors depend on the scene: a reference is computed for it, and the settings of the front are played
+in order of cost until one is within the tolerance. That takes a few seconds.
 """
 
 from __future__ import annotations
@@ -11,10 +10,10 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from swim_env.accuracy.front import Measured, load_front
+from swim_env.accuracy.front import load_front
 from swim_env.accuracy.outcome import play
 from swim_env.accuracy.reference import FINE, PILOT, plan_for, reference_of
-from swim_env.accuracy.settings import Settings, lists_values
+from swim_env.accuracy.settings import Settings, even, has_fluid, refuse_lists
 from swim_env.errors import SceneError, SwimError
 from swim_env.scene import Scene
 
@@ -42,10 +41,8 @@ class Choice:
     tolerance, error, uncertainty : float
         What was asked for, the relative error of the displacement that was found, and the error bar
         of the reference.
-    cost : float
-        Measured cost in units of the paper's settings on scene paper_i.
-    tried : int
-        Number of candidates that were played.
+    cost, tried
+        Cost in units of the paper's settings on scene paper_i; candidates that were played.
     reason : str
         All of it in words.
     """
@@ -85,11 +82,6 @@ def choose(
     progress : callable, optional
         Called with 1 after every run.
 
-    Returns
-    -------
-    Choice
-        The scene with these settings, and why.
-
     Raises
     ------
     SwimError
@@ -101,11 +93,8 @@ def choose(
             f"the tolerance must be {_SMALLEST:g} to {_LARGEST:g}, got {tolerance!r}: smaller ones "
             "are beyond the reference, larger ones say nothing"
         )
-    if not keep_elements and lists_values(scene):
-        raise SwimError(
-            f"scene {scene.name} lists values for every joint or element, so their number cannot "
-            "be chosen; keep it (keep_elements), or give a law in s/l"
-        )
+    if not keep_elements:
+        refuse_lists(scene, "be chosen; keep it (keep_elements), or give a law in s/l")
     duration = duration_for(scene.episode.duration if duration is None else duration)
     candidates = _candidates(scene, keep_elements)
     if not candidates:
@@ -118,8 +107,7 @@ def choose(
     finer = plan_for(scene, FINE) != plan_for(scene, PILOT)
     if finer and reference.uncertainty > (1.0 - _SHARE) * tolerance:
         reference = reference_of(scene, duration, FINE, keep_elements, progress)
-    sure = reference.uncertainty
-    if sure > 0.5 * tolerance:
+    if (sure := reference.uncertainty) > 0.5 * tolerance:
         raise SwimError(
             f"scene {scene.name} has no reference that is good enough for {tolerance:g}: what it "
             f"converges to is known to {sure:.1e} only"
@@ -160,10 +148,7 @@ def with_chosen_settings(
 
 
 def duration_for(wanted: float) -> float:
-    """Return how long (s) to play for a duration (s): 20 s at most, whole steps of all settings.
-
-    So all runs end at the same instant.
-    """
+    """Return how long (s) to play for a duration (s): 20 s at most, whole steps of all settings."""
     return max(1, round(min(wanted, _LONGEST) / _COARSEST_STEP)) * _COARSEST_STEP
 
 
@@ -171,41 +156,30 @@ def _candidates(scene: Scene, keep_elements: bool) -> list[tuple[Settings, float
     """Return the settings that may be tried on a scene and their costs, the cheapest first."""
     found: dict[Settings, float] = {}
     for one in load_front():
-        settings, cost = _fitted(one, scene, keep_elements)
-        if settings in found:
-            continue
+        settings, cost = one.settings, one.cost
+        if keep_elements:
+            # As many panels along the body as were measured; the cost grows a little faster than
+            # the number of elements.
+            n = scene.beam.elements
+            panels = even(settings.elements * settings.panels_per_element / n)
+            cost *= (n / settings.elements) ** _GROWTH
+            settings = replace(settings, elements=n, panels_per_element=panels)
+        if not has_fluid(scene):
+            # Settings that differ in the fluid alone are the same here.
+            settings = replace(settings, fluid_model="none", panels_per_element=4, cap_panels=1)
         try:
             settings.apply(scene).steps_per_action  # noqa: B018
         except SceneError:
             # Another model than an effect needs, or steps that do not fit the control interval.
             continue
-        found[settings] = cost
+        found.setdefault(settings, cost)
     return sorted(found.items(), key=lambda pair: pair[1])
 
 
-def _fitted(one: Measured, scene: Scene, keep_elements: bool) -> tuple[Settings, float]:
-    """Return settings and cost of an entry of the front as the scene takes them."""
-    settings, cost = one.settings, one.cost
-    if keep_elements:
-        # As many panels along the body as were measured; the cost grows a little faster than the
-        # number of elements.
-        n = scene.beam.elements
-        along = settings.elements * settings.panels_per_element
-        panels = max(2, 2 * round(0.5 * along / n))
-        cost *= (n / settings.elements) ** _GROWTH
-        settings = replace(settings, elements=n, panels_per_element=panels)
-    if scene.fluid is None or not scene.fluid.present:
-        # Settings that differ in the fluid alone are the same here.
-        settings = replace(settings, fluid_model="none", panels_per_element=4, cap_panels=1)
-    return settings, cost
-
-
 def _words(settings: Settings, kept: bool) -> str:
-    panels = (
-        ""
-        if settings.fluid_model in ("none", "strip")
-        else f", {settings.panels_per_element} panels an element, {settings.cap_panels} an end"
-    )
+    panels = ""
+    if settings.fluid_model not in ("none", "strip"):
+        panels = f", {settings.panels_per_element} panels an element, {settings.cap_panels} an end"
     return (
         f"fluid model {settings.fluid_model}{panels}, {settings.elements} elements"
         f"{' (kept)' if kept else ''}, steps of {1e3 * settings.time_step:g} ms of the "

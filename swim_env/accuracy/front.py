@@ -33,8 +33,8 @@ def load_front(path: Path = FRONT_FILE) -> list[Measured]:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         return [
-            Measured(Settings.from_dict(entry), entry["cost"], dict(entry["errors"]))
-            for entry in data["front"]
+            Measured(Settings.from_dict(one), one["cost"], dict(one["errors"]))
+            for one in data["front"]
         ]
     except OSError as error:
         raise SwimError(

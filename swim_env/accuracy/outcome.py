@@ -35,16 +35,10 @@ class Outcome:
         frame of the stream where there is one.
     path : (SAMPLES + 1, 2) array
         Position of the mean centre relative to its start, at equal times, in the same frame (m).
-    energy : float
-        H averaged over the last period (J).
-    largest_bend : float
-        Largest joint angle during the run (rad).
-    steps : int
-        Number of the scene's time steps in the run.
-    seconds : float
-        Wall time of the steps (s).
-    cut_steps : int
-        Steps that had to be cut.
+    energy, largest_bend : float
+        H averaged over the last period (J), and the largest joint angle during the run (rad).
+    steps, seconds, cut_steps
+        The scene's time steps in the run, their wall time (s), and how many had to be cut.
     termination_reason : str
         Why the run ended early, empty if it did not.
     evaluations, corrections : int
@@ -75,8 +69,7 @@ def play(scene: Scene, duration: float) -> Outcome:
     torques = simulator.prescribed_torques(steps_of(scene, duration))
     start = time.perf_counter()
     trajectory = simulator.rollout(torques)
-    seconds = time.perf_counter() - start
-    return outcome_of(trajectory, duration, seconds)
+    return outcome_of(trajectory, duration, time.perf_counter() - start)
 
 
 def outcome_of(trajectory: Trajectory, duration: float, seconds: float) -> Outcome:
@@ -97,11 +90,7 @@ def outcome_of(trajectory: Trajectory, duration: float, seconds: float) -> Outco
 def compared_figures(
     scene: Scene, times: Array, path: Array, energy: Array, duration: float
 ) -> tuple[Array, Array, float]:
-    """Return displacement, path and energy of an `Outcome`.
-
-    They are made of instants (T,) (s), mean centres (T, 2) (m) and H (T,) (J) of a run that was to
-    last for a duration (s).
-    """
+    """Return displacement, path and energy of an `Outcome` from those at all instants (T,)."""
     path = path - path[0]
     if scene.stream is not None:
         # Drifting with the stream is exact in any computation.

@@ -10,9 +10,9 @@ add up, so each is removed where it is cheap to compute,
 with the frozen added mass, whose panels are free, for all but the last: what the panels' added mass
 changes is taken from a coarser body. Every part is extrapolated with its order: 2 in 1/N (1 for the
 energy, whose sum over joints is a quadrature without its ends), 2 in the step of the composed
-scheme, and in the panels what three counts show, as the outline's corners leave no whole one (the
-added mass converges like M^-0.3 to M^-0.6). Every part leaves an error bar, half of what its last
-extrapolation added or how far two of them are apart.
+scheme, and in the panels what three counts show: corners leave no whole one (the added mass
+converges like M^-0.3 to M^-0.6). Its error bar is half of what its last extrapolation added, or how
+far two of them are apart.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.accuracy.outcome import SAMPLES, Outcome, play, relative_error
-from swim_env.accuracy.settings import Settings
+from swim_env.accuracy.settings import Settings, even, has_fluid
 from swim_env.errors import SwimError
 from swim_env.scene import Scene
 
@@ -35,19 +35,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Refinements:
-    """How far a reference goes.
+    """How far a reference goes."""
 
-    Three increasing numbers of elements N, and the panels along the body at each of them (N times
-    those per element); the number of elements at which panels, time step and model are refined, odd
-    like the others, so that what changes in the middle of the body does so between two joints; the
-    time step (s), which is halved once; panels per element, one or two of them, with which the
-    models are compared.
-    """
-
+    #: Three increasing numbers of elements N, and the panels along the body at each of them. N is
+    #: odd, so that what changes in the middle of the body does so between two joints.
     elements: tuple[int, int, int]
     panels: int
+    #: At which panels, time step and model are refined.
     coarse_elements: int
+    #: In s; it is halved once.
     time_step: float
+    #: Panels per element, one or two of them, with which the models are compared.
     model_panels: tuple[int, ...]
 
 
@@ -61,8 +59,8 @@ _WITH_PANELS = Refinements((3, 5, 15), 30, 5, 0.01, (4,))
 _TOO_BENT = 0.2
 #: Differences of successive panel counts, each twice the one before, shrink by a factor in between.
 _SLOWEST, _FASTEST = 0.85, 0.3
-#: Share of what a fluid model changes that stays uncertain: it depends on how finely the body is
-#: divided, and one comparison on a coarse body is about right, no more.
+#: Share of what a fluid model changes that stays uncertain: one comparison on a coarse body is
+#: about right, no more.
 _OF_ONE_MODEL = 0.15
 #: Place of the energy in `Outcome.values`.
 _ENERGY = 2
@@ -74,13 +72,10 @@ class Reference:
 
     Attributes
     ----------
-    displacement, path, energy
-        As in `Outcome`.
-    length : float
-        Body length (m).
+    displacement, path, energy, length
+        As in `Outcome`, and the body's length (m).
     uncertainty, path_uncertainty, energy_uncertainty : float
-        Error bars of displacement, path and energy, on the scales of `error`, `path_error` and
-        `energy_error`.
+        Error bars, on the scales of `error`, `path_error` and `energy_error`.
     parts : dict of str to float
         Parts of the displacement's error bar: elements, time_step, panels, model.
     """
@@ -110,14 +105,12 @@ class Reference:
         """Return the relative error of the mean energy."""
         if outcome.termination_reason:
             return np.inf
-        if self.energy == 0.0:
-            return abs(outcome.energy)
-        return abs(outcome.energy - self.energy) / abs(self.energy)
+        return abs(outcome.energy - self.energy) / (abs(self.energy) or 1.0)
 
 
 def plan_for(scene: Scene, refinements: Refinements) -> Refinements:
     """Return the refinements that a scene really gets: fewer if its model cannot be frozen."""
-    return _WITH_PANELS if _has_fluid(scene) and not _can_freeze(scene) else refinements
+    return _WITH_PANELS if has_fluid(scene) and scene.axial_added_mass is not None else refinements
 
 
 def reference_of(
@@ -131,12 +124,8 @@ def reference_of(
 
     Parameters
     ----------
-    scene : Scene
-        The scene; its own settings do not matter.
-    duration : float
-        Simulated time (s).
-    refinements : Refinements
-        How far to go.
+    scene, duration, refinements
+        The scene, whose own settings do not matter, its simulated time (s), and how far to go.
     keep_elements : bool
         Whether the number of elements belongs to the scene: then the reference has as many.
     progress : callable, optional
@@ -148,9 +137,8 @@ def reference_of(
         If one of the fine runs ends early, or the body bends too far for a frozen added mass.
     """
     plan = plan_for(scene, refinements)
-    runs = _Runs(scene, duration, progress)
-    frozen = _can_freeze(scene)
-    model = "frozen" if frozen else "panels"
+    runs = _Runs(scene, duration, progress or (lambda _: None))
+    model = "frozen" if has_fluid(scene) and scene.axial_added_mass is None else "panels"
     coarse = scene.beam.elements if keep_elements else plan.coarse_elements
     parts: dict[str, Array] = {}
     if keep_elements:
@@ -160,21 +148,24 @@ def reference_of(
     step = [runs(model, coarse, plan.panels, plan.time_step / n) for n in (1, 2)]
     change = (step[1] - step[0]) * 4.0 / 3.0
     total, parts["time_step"] = total + change, 0.5 * change
-    if _has_fluid(scene):
+    if has_fluid(scene):
         change, parts["panels"] = _panels(runs, model, coarse, plan)
         total = total + change
-    if frozen:
+    if model == "frozen":
         change, parts["model"] = _model(runs, coarse, plan)
         total = total + change
-    return _summed(total, parts, scene.beam.length)
-
-
-def _has_fluid(scene: Scene) -> bool:
-    return scene.fluid is not None and scene.fluid.present
-
-
-def _can_freeze(scene: Scene) -> bool:
-    return _has_fluid(scene) and scene.axial_added_mass is None
+    displacement, path, energy = total[:2], total[3:].reshape(SAMPLES + 1, 2), float(total[_ENERGY])
+    length = scene.beam.length
+    extent = max(_largest(path), 0.01 * length)
+    shares = {
+        name: relative_error(displacement + part[:2], displacement, length)
+        for name, part in parts.items()
+    }
+    of_path = [_largest(part[3:].reshape(-1, 2)) / extent for part in parts.values()]
+    of_energy = [abs(float(part[_ENERGY])) / max(abs(energy), 1e-300) for part in parts.values()]
+    every = (list(shares.values()), of_path, of_energy)
+    bar, path_bar, energy_bar = (float(np.linalg.norm(some)) for some in every)
+    return Reference(displacement, path, energy, length, bar, path_bar, energy_bar, shares)
 
 
 @dataclass
@@ -183,13 +174,13 @@ class _Runs:
 
     scene: Scene
     duration: float
-    progress: Callable[[int], object] | None
+    progress: Callable[[int], object]
     known: dict[Settings, Array] = field(default_factory=dict)
 
     def __call__(self, model: str, elements: int, panels: int, time_step: float) -> Array:
         """Return `Outcome.values` with so many panels along the body."""
-        each = _even(panels / elements)
-        settings = Settings(model, elements, each, "proportional", time_step, "composed")
+        per_element = even(panels / elements)
+        settings = Settings(model, elements, per_element, "proportional", time_step, "composed")
         if settings not in self.known:
             outcome = play(settings.apply(self.scene), self.duration)
             if outcome.termination_reason:
@@ -199,8 +190,7 @@ class _Runs:
                     "drive or a shorter run may help"
                 )
             self.known[settings] = outcome.values
-            if self.progress is not None:
-                self.progress(1)
+            self.progress(1)
         return self.known[settings]
 
 
@@ -222,7 +212,7 @@ def _elements(runs: _Runs, model: str, plan: Refinements) -> tuple[Array, Array]
 def _panels(runs: _Runs, model: str, elements: int, plan: Refinements) -> tuple[Array, Array]:
     """Extrapolate to infinitely many panels from three counts, each twice the one before."""
     # Twice the panels on every element, whatever their number is rounded to.
-    each = _even(plan.panels / elements)
+    each = even(plan.panels / elements)
     found = [runs(model, elements, n * each * elements, plan.time_step) for n in (1, 2, 4)]
     first, second = found[1] - found[0], found[2] - found[1]
     # How differences shrink, from the displacement; all else follows the same added mass.
@@ -237,10 +227,8 @@ def _model(runs: _Runs, elements: int, plan: Refinements) -> tuple[Array, Array]
     """Return what the panels' added mass changes, and its error bar."""
     changes = []
     for panels in plan.model_panels:
-        full, frozen = (
-            runs(model, elements, panels * elements, 2.0 * plan.time_step)
-            for model in ("panels", "frozen")
-        )
+        usual = (elements, panels * elements, 2.0 * plan.time_step)
+        full, frozen = runs("panels", *usual), runs("frozen", *usual)
         changes.append(full - frozen)
         size = relative_error(frozen[:2], full[:2], runs.scene.beam.length)
         if size > _TOO_BENT:
@@ -250,28 +238,6 @@ def _model(runs: _Runs, elements: int, plan: Refinements) -> tuple[Array, Array]
             )
     spread = changes[-1] - changes[0] if len(changes) > 1 else 0.0 * changes[0]
     return changes[-1], np.abs(spread) + _OF_ONE_MODEL * np.abs(changes[-1])
-
-
-def _summed(total: Array, parts: dict[str, Array], length: float) -> Reference:
-    """Return a reference from its `Outcome.values` and the parts of their error bars."""
-    displacement, energy = total[:2], float(total[_ENERGY])
-    path = total[3:].reshape(SAMPLES + 1, 2)
-    shares = {
-        name: relative_error(displacement + part[:2], displacement, length)
-        for name, part in parts.items()
-    }
-    extent = max(_largest(path), 0.01 * length)
-    of_path = [_largest(part[3:].reshape(-1, 2)) / extent for part in parts.values()]
-    of_energy = [abs(float(part[_ENERGY])) / max(abs(energy), 1e-300) for part in parts.values()]
-    bar, path_bar, energy_bar = (
-        float(np.linalg.norm(some)) for some in (list(shares.values()), of_path, of_energy)
-    )
-    return Reference(displacement, path, energy, length, bar, path_bar, energy_bar, shares)
-
-
-def _even(panels: float) -> int:
-    """Return the nearest even number of panels, at least 2."""
-    return max(2, 2 * round(0.5 * panels))
 
 
 def _largest(path: Array) -> float:

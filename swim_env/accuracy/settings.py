@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
+from swim_env.errors import SwimError
 from swim_env.scene import Scene
 
-__all__ = ["PAPER_SETTINGS", "Settings", "lists_values"]
-
+__all__ = ["PAPER_SETTINGS", "Settings", "even", "has_fluid", "refuse_lists"]
 
 #: Where a scene holds them.
 _PATHS = {
@@ -28,8 +28,7 @@ _PATHS = {
 class Settings:
     """One way to compute a scene, the paper's unless given.
 
-    Attributes are the scene's fields of these names, ``time_step`` in s; those of the fluid have no
-    meaning in a scene without one.
+    Attributes are the scene's fields; those of the fluid mean nothing in a scene without one.
     """
 
     fluid_model: str = "panels"
@@ -44,16 +43,12 @@ class Settings:
     def apply(self, scene: Scene) -> Scene:
         """Return a scene that is computed in this way.
 
-        Raises
-        ------
-        SceneError
-            If that is not possible, for example because the scene lists a stiffness for every
-            joint of another number of them.
+        SceneError if that is not possible, as where it lists a stiffness for each of other joints.
         """
         changes = {path: getattr(self, name) for name, path in _PATHS.items()}
-        if scene.fluid is None or not scene.fluid.present:
+        if not has_fluid(scene):
             changes = {path: value for path, value in changes.items() if path[:6] != "fluid."}
-        elif self.fluid_model != scene.fluid.model:
+        elif scene.fluid and self.fluid_model != scene.fluid.model:
             changes |= {"fluid.added_mass_per_length": None, "fluid.variant": None}
         return scene.replace(changes)
 
@@ -81,8 +76,25 @@ class Settings:
 PAPER_SETTINGS = Settings()
 
 
-def lists_values(scene: Scene) -> bool:
-    """Tell whether a scene lists values for each element or joint, and so fixes their number."""
+def has_fluid(scene: Scene) -> bool:
+    """Tell whether there is a fluid around a scene's body."""
+    return scene.fluid is not None and scene.fluid.present
+
+
+def even(panels: float) -> int:
+    """Return the nearest even number of panels, at least 2."""
+    return max(2, 2 * round(0.5 * panels))
+
+
+def refuse_lists(scene: Scene, advice: str) -> None:
+    """Raise a SwimError if a scene lists values for each element or joint: their number is fixed.
+
+    The message ends with what that number cannot do, and what would help.
+    """
     initial = scene.initial
     lists = (scene.beam.bending_stiffness, initial.joint_angles, initial.turning_rate)
-    return any(isinstance(one, tuple) for one in (*lists, initial.velocity[0]))
+    if any(isinstance(one, tuple) for one in (*lists, initial.velocity[0])):
+        raise SwimError(
+            f"scene {scene.name} lists values for every joint or element, so their number cannot "
+            f"{advice}"
+        )

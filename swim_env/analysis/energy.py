@@ -115,7 +115,11 @@ def split_energy(
     if trajectory.scene.stream is not None:
         rates[:, :2] -= trajectory.scene.stream.velocity
     elastic = elastic_energy(trajectory, chosen)
-    moving = _energy_alone(trajectory, _places(trajectory)[chosen], rates)
+    alone = Simulator(trajectory.scene.replace(dict.fromkeys(_SURROUNDINGS)))
+    moving = np.empty(len(chosen))
+    for row, (place, rate) in enumerate(zip(_places(trajectory)[chosen], rates, strict=True)):
+        alone.reset_to(place, rate)
+        moving[row] = alone.energy()
     rest = trajectory.energy[chosen] - moving
     return EnergySplit(trajectory.time[chosen], moving - elastic, rest, elastic)
 
@@ -191,13 +195,3 @@ def _places(trajectory: Trajectory) -> Array:
         [trajectory.path, angles[:, :1], np.diff(angles, axis=1)], axis=1
     )
     return places
-
-
-def _energy_alone(trajectory: Trajectory, places: Array, rates: Array) -> Array:
-    """Return the energy of the body without its surroundings, (K,) (J)."""
-    alone = Simulator(trajectory.scene.replace(dict.fromkeys(_SURROUNDINGS)))
-    found = np.empty(len(places))
-    for row, (place, rate) in enumerate(zip(places, rates, strict=True)):
-        alone.reset_to(place, rate)
-        found[row] = alone.energy()
-    return found

@@ -1,4 +1,4 @@
-"""Kirchhoff's equations for a straight body in its fluid: rigid masses, growth rate, onset.
+"""Kirchhoff's equations for a straight body in its fluid: rigid masses and growth rate.
 
 A straight body that moves along itself is unstable: it turns broadside on (Lamb, Hydrodynamics,
 ch. 6). The masses come from the mass matrix of the straight discrete body, whose columns are the
@@ -7,7 +7,6 @@ momenta of unit velocities.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -16,14 +15,7 @@ from numpy.typing import NDArray
 
 from swim_env.sim.simulator import Simulator
 
-__all__ = [
-    "RigidMass",
-    "growth_rate",
-    "mass_matrix",
-    "onset_by_kirchhoff",
-    "rate_for_onset",
-    "rigid_mass",
-]
+__all__ = ["RigidMass", "growth_rate", "mass_matrix", "rigid_mass"]
 
 Array = NDArray[np.float64]
 
@@ -89,83 +81,9 @@ def growth_rate(mass: RigidMass, speed: float) -> float:
     """Return the rate (1/s) at which a rigid straight body turns away from its line of motion.
 
     lambda^2 = U^2 m11 (m22 - m11)/(m22 I - g^2), from Kirchhoff's equations linearised about
-    motion along the body (Lamb, Hydrodynamics, ch. 6); not a number where that is negative.
-
-    Parameters
-    ----------
-    mass : RigidMass
-        Of body and fluid, ``rigid_mass(mass_matrix(Simulator(scene)))``.
-    speed : float
-        U (m/s).
+    motion along the body at the speed U (m/s); not a number where that is negative. The mass is of
+    body and fluid, ``rigid_mass(mass_matrix(Simulator(scene)))``.
     """
     square = mass.along * (mass.across - mass.along)
     square /= mass.across * mass.inertia - mass.coupling**2
     return speed * math.sqrt(square) if square >= 0.0 else math.nan
-
-
-def onset_by_kirchhoff(
-    mass: RigidMass, speed: float, lateral: float, turning: float, length: float, share: float
-) -> float:
-    """Return when an end of a rigid straight body leaves its line, by the linearised equations.
-
-    Parameters
-    ----------
-    mass : RigidMass
-        Of body and fluid.
-    speed, lateral : float
-        Velocity of the centre along and across the body (m/s).
-    turning : float
-        Turning rate (rad/s).
-    length : float
-        l (m).
-    share : float
-        How far an end has to be away from its first y, as a share of the length.
-
-    Returns
-    -------
-    float
-        Time (s), infinite where it does not happen within 1000 s.
-    """
-    from scipy.linalg import expm
-
-    # (y, theta, v, omega): y' = v + U theta, theta' = omega; Kirchhoff's equations for v and omega.
-    system = np.zeros((4, 4))
-    system[0, 1], system[0, 2], system[1, 3] = speed, 1.0, 1.0
-    inertia = np.array([[mass.across, mass.coupling], [mass.coupling, mass.inertia]])
-    forces = -speed * np.array([[0.0, mass.along], [mass.across - mass.along, mass.coupling]])
-    system[2:, 2:] = np.linalg.solve(inertia, forces)
-    start = np.array([0.0, 0.0, lateral, turning])
-    ends = np.array([[1.0, 0.5 * length, 0.0, 0.0], [1.0, -0.5 * length, 0.0, 0.0]])
-    step = 0.01
-    once, state = expm(system * step), start
-    for n in range(1, 100_001):
-        state = once @ state
-        if np.abs(ends @ state).max() > share * length:
-            return n * step
-    return math.inf
-
-
-def rate_for_onset(
-    mass: RigidMass, speed: float, lateral: float, length: float, share: float, time: float
-) -> float:
-    """Return the growth rate (1/s) with which a rigid straight body leaves its line at a time.
-
-    The masses are kept, and the rotary inertia is the one that this takes.
-
-    Parameters
-    ----------
-    mass : RigidMass
-        Of body and fluid.
-    speed, lateral, length, share
-        As in `onset_by_kirchhoff`, of a start that does not turn.
-    time : float
-        When it leaves its line (s).
-    """
-    from scipy.optimize import brentq
-
-    def late(factor: float) -> float:
-        other = dataclasses.replace(mass, inertia=factor * mass.inertia)
-        return onset_by_kirchhoff(other, speed, lateral, 0.0, length, share) - time
-
-    factor = brentq(late, 1e-4, 1.0, xtol=1e-9)
-    return growth_rate(dataclasses.replace(mass, inertia=factor * mass.inertia), speed)

@@ -24,26 +24,6 @@ from swim_env.physics.solve.state import (
     unexplained_share,
 )
 
-__all__ = [
-    "ACTIONS_TAKEN",
-    "ANGLE_SCALE",
-    "END_CODE",
-    "FIGURES",
-    "OBSERVATION_LAYOUT",
-    "OBSERVATION_LIMIT",
-    "RATE_SCALE",
-    "REACHED",
-    "TASK_SETTINGS",
-    "TIME_IS_UP",
-    "TURNING_SCALE",
-    "VELOCITY_SCALE",
-    "assess",
-    "collect",
-    "load_assessment",
-    "observation_size",
-    "torques_of_actions",
-]
-
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 

@@ -29,8 +29,6 @@ from swim_env.sim.batch import Bodies
 from swim_env.sim.recorder import needs_recording
 from swim_env.sim.trajectory import Trajectory
 
-__all__ = ["TERMINATION_REASONS", "Episodes", "EpisodesSnapshot", "whole_number"]
-
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 

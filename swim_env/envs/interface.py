@@ -19,20 +19,6 @@ from swim_env.errors import OptionError, SwimError
 from swim_env.scene import Scene
 from swim_env.scene.checks import nearest
 
-__all__ = [
-    "RENDER_MODES",
-    "EnvSnapshot",
-    "Observation",
-    "Overrides",
-    "SceneLike",
-    "SharedInterface",
-    "action_space_of",
-    "checked_render_mode",
-    "checked_seed",
-    "checked_snapshot",
-    "observation_space_of",
-]
-
 Observation = NDArray[np.float32]
 RENDER_MODES = ("rgb_array", "human")
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import gymnasium
 
-__all__ = ["FORWARD_ID", "TARGET_ID"]
-
 FORWARD_ID = "swim_env/KirchhoffSwimmer-v0"
 TARGET_ID = "swim_env/KirchhoffSwimmerTarget-v0"
 

@@ -35,8 +35,6 @@ from swim_env.errors import SimulationEndedError
 from swim_env.scene import load_scene
 from swim_env.sim.trajectory import Trajectory
 
-__all__ = ["SwimEnv", "SwimTargetEnv"]
-
 
 class SwimEnv(SharedInterface, gymnasium.Env[Observation, NDArray[Any]]):
     r"""An elastic beam in an ideal fluid swims by its joint torques.

@@ -20,8 +20,6 @@ from swim_env.scene import Initial, Scene
 from swim_env.scene.checks import check_pair, check_real, check_reals, got, nearest
 from swim_env.sim.batch import minimal_start
 
-__all__ = ["TASKS", "ForwardTask", "Start", "StartPlan", "TargetTask", "Task", "check_task"]
-
 Array = NDArray[np.float64]
 
 #: Where a target is drawn by default: distance (BL), bearing (rad), radius (BL).

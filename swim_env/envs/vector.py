@@ -39,8 +39,6 @@ from swim_env.scene import load_scene
 from swim_env.scene.checks import got
 from swim_env.sim.trajectory import Trajectory
 
-__all__ = ["VECTOR_ENVIRONMENTS", "SwimTargetVectorEnv", "SwimVectorEnv"]
-
 Booleans = NDArray[np.bool_]
 
 #: Largest number of members and of threads; memory ends sooner.

@@ -9,8 +9,6 @@ from pathlib import Path
 
 from swim_env.errors import SwimError
 
-__all__ = ["check_folder", "page_of", "write_folder"]
-
 
 def write_folder(
     folder: str | os.PathLike[str], names: Collection[str], write: Callable[[Path], object]

@@ -10,8 +10,6 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-__all__ = ["where_and_when"]
-
 _PACKAGES = (
     *("numpy", "numba", "scipy", "gymnasium"),
     *("stable-baselines3", "torch", "mujoco", "pyelastica"),

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-__all__ = ["markdown_table", "text_table"]
-
 
 def markdown_table(
     heads: Sequence[object], rows: Iterable[Iterable[object]], padded: bool = False

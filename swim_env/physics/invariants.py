@@ -1,17 +1,9 @@
-"""What is conserved and what is spent: momentum map, energy balance, work (PHYSICS section 5)."""
+"""What is conserved and what is spent: momentum map, energy balance, work."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-
-__all__ = [
-    "energy_drift",
-    "momentum_drift",
-    "momentum_map",
-    "unexplained_energy",
-    "unexplained_momentum",
-]
 
 Array = NDArray[np.float64]
 

@@ -33,15 +33,7 @@ from swim_env.physics.runtime.views import LANES
 from swim_env.physics.solve.advance import advance, energy_and_velocity, momentum_of_velocity
 from swim_env.physics.solve.constants import Constants, SolverConstants, pack_constants
 from swim_env.physics.solve.prepare import prepare
-from swim_env.physics.solve.state import (
-    RECORD_NAMES,
-    Member,
-    member_views,
-    state_size,
-    work_sizes,
-)
-
-__all__ = ["load_kernels"]
+from swim_env.physics.solve.state import RECORD_NAMES, Member, member_views, state_size, work_sizes
 
 Array = NDArray[np.float64]
 
@@ -50,7 +42,7 @@ Array = NDArray[np.float64]
 def load_kernels() -> None:
     """Load every kernel that is called from Python; compile them first where that is needed.
 
-    Whoever calls a kernel from Python calls this before. It takes a fraction of a second where
+    Call this before calling a kernel from Python. It takes a fraction of a second where
     the cache is filled, and announces on stderr when it is not.
     """
     marker = cache_folder() / "compiled"
@@ -74,7 +66,7 @@ def _say(message: str) -> None:
 
 
 def _compile_in_own_processes() -> bool:
-    """Fill the cache; tells whether that went well.
+    """Fill the cache; return whether that went well.
 
     Where no process can be started, this one compiles as it calls.
 

@@ -11,8 +11,6 @@ from swim_env.physics.fluid.sources import LAYERS, POTENTIAL, influence, normal_
 from swim_env.physics.loading import load_kernels
 from swim_env.physics.runtime.views import padded
 
-__all__ = ["added_mass_of_polygon"]
-
 Array = NDArray[np.float64]
 
 _ROWS = 7

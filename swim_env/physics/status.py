@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["TERMINATION_REASONS", "describe"]
-
 #: Reason by kernel code. Code 0 means that all is well.
 TERMINATION_REASONS: dict[int, str] = {
     0: "",

@@ -1,4 +1,8 @@
-"""Looking at runs: still pictures for people who read."""
+"""Still pictures of runs.
+
+Everywhere `trajectories` are runs by the names of their policies, and `seconds` is the time that is
+shown, the last of each run (s). Where nothing can be drawn, that is a SwimError.
+"""
 
 from swim_env.plots.energy import draw_energy
 from swim_env.plots.gaits import draw_gaits, draw_paths, draw_scores

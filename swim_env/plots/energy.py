@@ -34,18 +34,11 @@ def draw_energy(
 
     Parameters
     ----------
-    trajectories : mapping of str to Trajectory
-        One of each policy; about two fit.
+    trajectories, seconds
+        About two runs fit; the time is that of the parts. See `swim_env.plots`.
     velocities : mapping of str to (N + 2,) array_like, optional
         With which the runs started, see `swim_env.analysis.energy.split_energy`. Without, the
         kinetic energy is not split between body and fluid.
-    seconds : float
-        Time that the parts are shown for, the last of each run (s).
-
-    Raises
-    ------
-    SwimError
-        If there is no trajectory, or one has no steps, or a velocity is not that of its start.
     """
     style.require_steps(trajectories)
     figure = style.new_figure(style.WIDTH, 5.4)

@@ -24,10 +24,7 @@ Array = NDArray[np.float64]
 def draw_scores(record: Mapping[str, Any]) -> Figure:
     """Draw the net displacement of every start, and its check, for each policy.
 
-    Parameters
-    ----------
-    record : mapping
-        Of `swim_agents.comparison.contest.Contest`.
+    The record is that of a `swim_agents.comparison.contest.Contest`.
     """
     policies = record["policies"]
     looks = style.policy_looks(policies)
@@ -75,16 +72,15 @@ def draw_paths(
 ) -> Figure:
     """Draw where policies went, in one plane, and the shapes they took in one period.
 
-    Parameters
-    ----------
-    trajectories : mapping of str to Trajectory
-        One of each policy, from the same start.
-    goals : mapping of str to (2,) array, optional
-        Targets (m).
+    They have the same start; the goals, (2,) each, are targets (m).
     """
-    names = list(trajectories)
+    names, goals = list(trajectories), goals or {}
     looks = style.policy_looks(names)
-    box = _box(trajectories, goals or {})
+    seen = [_from_start(run, run.path) for run in trajectories.values()]
+    seen += [_from_start(run, run.nodes[-1]) for run in trajectories.values()]
+    seen += [_from_start(trajectories[name], [goals[name]]) for name in names if name in goals]
+    shown = np.concatenate(seen)
+    box = np.array([shown.min(axis=0) - 0.12, shown.max(axis=0) + 0.12])
     width, height = np.ptp(box, axis=0)
     high = float(np.clip(7.1 * height / width, 1.2, 4.0))
     figure = style.new_figure(style.WIDTH, high + 1.3 + 0.75 * len(names))
@@ -96,7 +92,7 @@ def draw_paths(
         plane.plot(*path.T, **looks[name], linewidth=style.LINE, label=name)
         plane.plot(*shape.T, color=colour, linewidth=style.THICK, alpha=0.6, solid_capstyle="round")
         plane.plot(*shape[0], "o", color=colour, markersize=4)
-        if goals and name in goals:
+        if name in goals:
             goal = _from_start(run, goals[name])
             plane.plot(*goal, "*", color=style.BLACK, markersize=9, zorder=5)
     style.show_plane(plane, box)
@@ -127,17 +123,6 @@ def _from_start(run: Trajectory, points: Any) -> Array:
     return away
 
 
-def _box(trajectories: Mapping[str, Trajectory], goals: Mapping[str, Any]) -> Array:
-    """Return the corners of paths, last shapes and goals (BL) with a margin around them."""
-    points = []
-    for name, run in trajectories.items():
-        points += [_from_start(run, run.path), _from_start(run, run.nodes[-1])]
-        if name in goals:
-            points.append(_from_start(run, goals[name])[None])
-    every = np.concatenate(points)
-    return np.array([every.min(axis=0) - 0.12, every.max(axis=0) + 0.12])
-
-
 def _draw_shapes(axes: Axes, run: Trajectory, name: str, last: bool) -> None:
     """Draw shapes at intervals of a short time, turned and moved on top of each other."""
     length, step = run.scene.beam.length, run.scene.integrator.time_step
@@ -160,16 +145,9 @@ def _draw_shapes(axes: Axes, run: Trajectory, name: str, last: bool) -> None:
 def draw_gaits(
     trajectories: Mapping[str, Trajectory], gaits: Mapping[str, Any], seconds: float = 1.0
 ) -> Figure:
-    """Draw torques and bending along the body over a second, and the phase along the body.
+    """Draw torques and bending along the body over time, and the phase along the body.
 
-    Parameters
-    ----------
-    trajectories : mapping of str to Trajectory
-        One of each policy.
-    gaits : mapping of str to dict or None
-        `Gait.to_dict` of each.
-    seconds : float
-        Time that is shown, the last of each run (s).
+    The gaits are `Gait.to_dict` of each policy's, or None.
     """
     figure = style.new_figure(style.WIDTH, 0.9 + 1.05 * len(trajectories))
     looks = style.policy_looks(trajectories)
@@ -177,24 +155,18 @@ def draw_gaits(
     for row, (name, run) in enumerate(trajectories.items()):
         first, last = row == 0, row == len(trajectories) - 1
         torques, bends, phase = (figure.add_subplot(grid[row, column]) for column in range(3))
+        time = "time (s)" if last else ""
+        pushes = tail(run.torques, run, seconds)
         joint_angles = tail(np.diff(run.angles, axis=1)[: run.steps], run, seconds)
         largest = float(np.abs(joint_angles).max()) or 1.0
         for axes, values, limit, label, title in (
-            (
-                torques,
-                tail(run.torques, run, seconds),
-                run.scene.torque_limit,
-                "joint",
-                "torque (N m)",
-            ),
+            (torques, pushes, run.scene.torque_limit, "joint", "torque (N m)"),
             (bends, joint_angles, largest, "", "joint angle (rad)"),
         ):
             image = draw_map(axes, run, values, limit)
             bar = figure.colorbar(image, ax=axes, fraction=0.06, pad=0.02)
             bar.ax.tick_params(labelsize=style.SMALLER)
-            style.style_axes(
-                axes, "time (s)" if last else "", label, title if first else "", grid=False
-            )
+            style.style_axes(axes, time, label, title if first else "", grid=False)
         bends.set_yticklabels([])
         torques.annotate(
             name,

@@ -38,18 +38,6 @@ def draw_kymographs(trajectories: Mapping[str, Trajectory], seconds: float = 1.0
     """Draw the curvature along the body over time, a panel for each policy, on one scale.
 
     Stripes that lean are waves that travel along the body, upright ones are standing waves.
-
-    Parameters
-    ----------
-    trajectories : mapping of str to Trajectory
-        One of each policy.
-    seconds : float
-        Time that is shown, the last of each run (s).
-
-    Raises
-    ------
-    SwimError
-        If there is no trajectory, or one has no steps.
     """
     maps = {name: curvature(run)[1:] for name, run in trajectories.items()}
     return _draw_maps(trajectories, maps, seconds, "curvature (1/m)", "1/m")
@@ -118,12 +106,8 @@ def tail(values: Array, run: Trajectory, seconds: float) -> Array:
 def draw_wave_search(record: dict[str, Any]) -> Figure:
     """Draw how far travelling waves of torque swim, over frequency and wave number.
 
-    The picture shows the grid of the search at full amplitude, and the wave that was chosen.
-
-    Parameters
-    ----------
-    record : dict
-        From `swim_agents.tuning.check_candidates`.
+    The record is that of `swim_agents.tuning.check_candidates`. The picture shows the grid of the
+    search at full amplitude, and the wave that was chosen.
     """
     grid = record["search"]["grid"]
     values = np.array(grid["net_displacement"])

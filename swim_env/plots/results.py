@@ -7,12 +7,12 @@ import os
 from pathlib import Path
 from typing import Any
 
-from swim_env.files.folders import check_folder, write_folder
+from swim_env.files.folders import write_folder
 from swim_env.plots.stills import draw_path
 from swim_env.plots.style import save_figure
 from swim_env.sim.trajectory import Trajectory
 
-__all__ = ["RESULT_FILES", "check_result_folder", "write_results"]
+__all__ = ["RESULT_FILES", "write_results"]
 
 #: What a result folder holds.
 RESULT_FILES = ("summary.json", "trajectory.npz", "scene.yaml", "path.png")
@@ -23,10 +23,7 @@ def write_results(
 ) -> None:
     """Write summary, trajectory, scene and picture into a folder, all of them or none.
 
-    Raises
-    ------
-    SwimError
-        If the folder holds other files, or cannot be written.
+    It is a SwimError if the folder holds other files, or cannot be written.
     """
 
     def write(ready: Path) -> None:
@@ -37,8 +34,3 @@ def write_results(
         save_figure(draw_path(trajectory), ready / "path.png")
 
     write_folder(folder, RESULT_FILES, write)
-
-
-def check_result_folder(folder: str | os.PathLike[str]) -> None:
-    """Check that a result folder holds nothing but earlier results; else it is a SwimError."""
-    check_folder(folder, RESULT_FILES)

@@ -53,10 +53,8 @@ def draw_path(
         Number of shapes, the first and the last instant among them.
     name : str
         What swims, for the title.
-    target : (2,) array_like, optional
-        A point (m) that was to be reached, ...
-    radius : float
-        ... this close (m).
+    target, radius : (2,) array_like, float, optional
+        A point that was to be reached, and how close (m).
     """
     figure = style.new_figure(style.WIDTH, 1.0)
     instants = np.unique(np.linspace(0, trajectory.steps, shapes).round().astype(int))
@@ -65,7 +63,11 @@ def draw_path(
     # Shapes of a slow swimmer are moved down one after the other.
     down = step * np.arange(len(instants))[:, None, None] * np.array([0.0, 1.0])
     nodes, centres = trajectory.nodes[instants] - down, trajectory.centres[instants] - down
-    box = _box(nodes, [] if step else [trajectory.path], target, radius)
+    shown = [nodes.reshape(-1, 2)] if step else [nodes.reshape(-1, 2), trajectory.path]
+    if target is not None:
+        shown.append(np.add.outer([-radius, radius], np.asarray(target)))
+    points = np.concatenate(shown)
+    box = np.array([points.min(axis=0), points.max(axis=0)])
     director = _DIRECTOR * trajectory.scene.beam.element_length
     margin = director + 0.02 * float(box[1, 0] - box[0, 0])
     box += np.array([[-margin], [margin]])
@@ -120,16 +122,6 @@ def _step_apart(trajectory: Trajectory, instants: NDArray[np.int64]) -> float:
         return 0.0
     heights = np.ptp(trajectory.nodes[instants, :, 1], axis=1)
     return max(float(heights.max()), _APART * length)
-
-
-def _box(nodes: Array, paths: list[Array], target: ArrayLike | None, radius: float) -> Array:
-    """Return lower left and upper right corner (m) of shapes, paths and a target."""
-    points = np.concatenate([nodes.reshape(-1, 2), *paths])
-    low, high = points.min(axis=0), points.max(axis=0)
-    if target is not None:
-        low = np.minimum(low, np.asarray(target) - radius)
-        high = np.maximum(high, np.asarray(target) + radius)
-    return np.array([low, high])
 
 
 def _draw_shape(

@@ -10,7 +10,7 @@ from __future__ import annotations
 import importlib.util
 import os
 from collections.abc import Iterable, Mapping
-from typing import IO, TYPE_CHECKING, Any, TypedDict
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -56,23 +56,13 @@ _OTHERS = (SKY, AMBER, PINK, YELLOW, BLACK)
 _STROKES = ("-", "--", ":", "-.")
 
 
-class Look(TypedDict):
-    """How the lines of a policy look."""
-
-    color: str
-    linestyle: str
-
-
-def policy_looks(names: Iterable[str]) -> dict[str, Look]:
+def policy_looks(names: Iterable[str]) -> dict[str, dict[str, Any]]:
     """Return a colour for each policy, and a stroke for each of its training seeds.
 
-    Parameters
-    ----------
-    names : iterable of str
-        What policies are called; agents that differ in nothing but their training seed are called
-        ``NAME/seed_0``, ``NAME/seed_1`` ... and have the colour of NAME.
+    Agents that differ in nothing but their training seed are called ``NAME/seed_0``,
+    ``NAME/seed_1`` ... and have the colour of NAME.
     """
-    looks: dict[str, Look] = {}
+    looks: dict[str, dict[str, Any]] = {}
     colours = dict(_POLICY_COLOURS)
     members: dict[str, int] = {}
     for name in names:
@@ -119,13 +109,7 @@ def require_steps(trajectories: Mapping[str, Trajectory]) -> None:
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write a picture as PNG, whole or not at all.
-
-    Raises
-    ------
-    SwimError
-        If the file cannot be written.
-    """
+    """Write a picture as PNG, whole or not at all (then it is a SwimError)."""
 
     def write(file: IO[bytes]) -> None:
         # Without the version of matplotlib, so that the same picture is the same file.

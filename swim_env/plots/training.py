@@ -20,13 +20,9 @@ Curve = Mapping[str, Sequence[float]]
 def draw_training(curves: Mapping[str, Sequence[Curve]], task: str = "forward") -> Figure:
     """Draw periodic evaluations over steps and over time, a line for each training seed.
 
-    Parameters
-    ----------
-    curves : mapping of str to sequence of mapping
-        For each agent the columns of its runs' ``evaluations.csv``, from
-        `swim_agents.learning.logs.read_log`.
-    task : str
-        ``forward`` draws the net displacement, ``target`` the share of targets reached.
+    The curves are for each agent the columns of its runs' ``evaluations.csv``, see
+    `swim_agents.learning.logs.read_log`. With task ``forward`` they show the net displacement, with
+    ``target`` the share of targets reached.
     """
     figure = style.new_figure(style.WIDTH, 3.0)
     target = task == "target"

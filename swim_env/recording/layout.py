@@ -106,7 +106,10 @@ def lanes_of(
     reach = _ARROW_REACH * ARROW_EVERY * longest / CELLS_IN_LENGTH
     runs = [swimmer.trajectory for swimmer in swimmers]
     frames = [frames_of(run, rate) for run in runs]
-    shapes = [_shapes(run, instants) for run, instants in zip(runs, frames, strict=True)]
+    shapes = [
+        replace(run, time=run.time[at], centres=run.centres[at], angles=run.angles[at])
+        for run, at in zip(runs, frames, strict=True)
+    ]
     nodes = [shape.nodes for shape in shapes]
     offsets, corners = [], []
     for number, swimmer in enumerate(swimmers):
@@ -144,13 +147,6 @@ def lanes_of(
         energies = frames_of(runs[number], _ENERGIES_IN_FRAME * rate)
         lanes.append(Lane(swimmer, frames[number], energies, shapes[number], nodes[number], layout))
     return lanes
-
-
-def _shapes(run: Trajectory, instants: Indices) -> Trajectory:
-    """Return the run's positions at some instants."""
-    return replace(
-        run, time=run.time[instants], centres=run.centres[instants], angles=run.angles[instants]
-    )
 
 
 def _point(values: Array) -> Point:

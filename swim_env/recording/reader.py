@@ -6,7 +6,7 @@ import json
 import os
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -48,93 +48,62 @@ class Column:
 
 @dataclass(frozen=True, eq=False)
 class RecordedSwimmer:
-    """A swimmer of a recording.
+    """A swimmer of a recording."""
 
-    Attributes
-    ----------
-    label, name : str
-        Its name in entity paths, and the one that it was given.
-    scene : Scene
-        What was run.
-    termination_reason : str
-        Why its run ended early, empty where it did not.
-    time : (F,) array
-        Instants of nodes, path and series (s).
-    nodes : (F, N + 1, 2) array
-        Nodes of the centre line from head to tail (m), in single precision.
-    path : (F, 2) array
-        Mean element centre (m), in single precision.
-    series : dict of str to (F, n) array
-        By group, see `swim_env.recording.schema.GROUPS` and DETAILS; energy and rewards at
-        their own times.
-    names : dict of str to list of str
-        Names of the groups' columns, with their units.
-    energy_time : (E,) array
-        Instants of the energy (s).
-    reward_time : (A,) array
-        Ends of the actions (s), empty without rewards.
-    flow_time : (W,) array
-        Instants of the flow (s), empty without one.
-    pressures : (W, R, C) array
-        Pressure on the grid (Pa), rows upwards, in steps of the scale's 127th part; not a number
-        inside of the body.
-    velocities : (W, A, 2) array
-        Velocities (m/s).
-    grid : (W, 2) array
-        Left lower corner of the grid (m).
-    cell : float
-        Size of the grid's cells (m); 0 without flow.
-    """
-
+    #: Its name in entity paths, and the one that it was given.
     label: str
     name: str
+    #: What was run.
     scene: Scene
+    #: Why its run ended early, empty where it did not.
     termination_reason: str
+    #: Instants of nodes, path and series (s), (F,).
     time: Array
+    #: Nodes of the centre line from head to tail (m), in single precision, (F, N + 1, 2).
     nodes: Array
+    #: Mean element centre (m), in single precision, (F, 2).
     path: Array
+    #: By group, see `swim_env.recording.schema.GROUPS` and DETAILS; energy and rewards at their own
+    #: times.
     series: dict[str, Array]
+    #: Names of the groups' columns, with their units.
     names: dict[str, list[str]]
+    #: Instants of the energy (s), (E,).
     energy_time: Array
+    #: Ends of the actions (s), empty without rewards, (A,).
     reward_time: Array
-    flow_time: Array
-    pressures: Array
-    velocities: Array
-    grid: Array
-    cell: float
+    #: Instants of the flow (s), empty without one, (W,).
+    flow_time: Array = field(default_factory=lambda: np.zeros(0))
+    #: Pressure on the grid (Pa), rows upwards, in steps of the scale's 127th part; not a number
+    #: inside of the body, (W, R, C).
+    pressures: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
+    #: Velocities (m/s), (W, A, 2).
+    velocities: Array = field(default_factory=lambda: np.zeros((0, 0, 2)))
+    #: Left lower corner of the grid (m), (W, 2).
+    grid: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    #: Size of the grid's cells (m); 0 without flow.
+    cell: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class ReadRecording:
-    """A recording that was read.
+    """A recording that was read."""
 
-    Attributes
-    ----------
-    schema : int
-        Version of its layout.
-    swimmers : dict of str to RecordedSwimmer
-        By label, in their order.
-    about : dict
-        Where and when it was made.
-    columns : dict of (str, str) to Column
-        All that is in it, by entity path and component.
-    """
-
+    #: Version of its layout.
     schema: int
+    #: By label, in their order.
     swimmers: dict[str, RecordedSwimmer]
+    #: Where and when it was made.
     about: dict[str, Any]
+    #: All that is in it, by entity path and component.
     columns: Mapping[tuple[str, str], Column]
 
 
 def read_recording(path: str | os.PathLike[str]) -> ReadRecording:
     """Read the recording in a file that `write_recording` made, of this version or an older one.
 
-    Raises
-    ------
-    RecordingError
-        If it cannot be read, is no recording of this package, or is of a later version.
-    SwimError
-        If rerun is not installed.
+    It is a RecordingError if it cannot be read, is no recording of this package, or is of a later
+    version.
     """
     require_rerun()
     name = os.fspath(path)
@@ -175,8 +144,7 @@ def _columns(name: str) -> dict[tuple[str, str], Column]:
     """Read every component of every entity of the first recording in a file."""
     found: dict[tuple[str, str], list[tuple[Array, list[Any]]]] = {}
     try:
-        with open(name, "rb"):
-            pass
+        open(name, "rb").close()
         for chunk in _opened(name).stream():
             batch = chunk.to_record_batch()
             times = np.zeros(0)
@@ -185,11 +153,11 @@ def _columns(name: str) -> dict[tuple[str, str], Column]:
                     continue
                 nanoseconds = batch.column(TIMELINE).cast("int64").to_numpy()
                 times = nanoseconds.astype(np.float64) * 1e-9
-            for field in batch.schema:
-                if field.name == TIMELINE or field.name.startswith("rerun.controls"):
+            for part in batch.schema:
+                if part.name == TIMELINE or part.name.startswith("rerun.controls"):
                     continue
-                values = [_plain(value) for value in batch.column(field.name)]
-                found.setdefault((chunk.entity_path, field.name), []).append((times, values))
+                values = [_plain(value) for value in batch.column(part.name)]
+                found.setdefault((chunk.entity_path, part.name), []).append((times, values))
     except RecordingError:
         raise
     except OSError as error:
@@ -276,13 +244,7 @@ def _flow(columns: Mapping[tuple[str, str], Column], place: str, scale: float) -
     """Return the fields of a swimmer that are about its flow."""
     pictures = columns.get((f"{place}/pressure", "EncodedImage:blob"))
     if pictures is None:
-        return {
-            "flow_time": np.zeros(0),
-            "pressures": np.zeros((0, 0, 0)),
-            "velocities": np.zeros((0, 0, 2)),
-            "grid": np.zeros((0, 2)),
-            "cell": 0.0,
-        }
+        return {}
     from swim_env.recording.water import PIXELS, pressure_of
 
     moved = columns[(place, "Transform3D:translation")]

@@ -56,16 +56,8 @@ def typed_command() -> str:
 def open_viewer(path: str | os.PathLike[str]) -> str | None:
     """Open rerun's viewer with the recording in a file, in a process of its own.
 
-    Returns
-    -------
-    str or None
-        One line that says what to do where there is no display, or none that answers; None where
-        a window opens.
-
-    Raises
-    ------
-    SwimError
-        If rerun is not installed or cannot be started.
+    Returns one line that says what to do where there is no display, or none that answers; None
+    where a window opens.
     """
     command = rerun_command()
     has_display = sys.platform in ("darwin", "win32") or any(
@@ -96,13 +88,7 @@ def open_viewer(path: str | os.PathLike[str]) -> str | None:
 
 
 def check_picture(picture: str | os.PathLike[str]) -> None:
-    """Check that a picture can be written to a file, which ends with .png, .jpg or .jpeg.
-
-    Raises
-    ------
-    OptionError
-        If it ends otherwise, is a folder, or there is no folder for it.
-    """
+    """Check that a picture can be written to a file, which ends with .png, .jpg or .jpeg."""
     file = Path(picture)
     if file.suffix.lower() not in _PICTURES:
         raise OptionError(f"a picture's name ends with {', '.join(_PICTURES)} ({file})")
@@ -119,27 +105,9 @@ def take_picture(
 ) -> list[str]:
     """Open a recording in rerun's viewer without a window, and keep what it shows.
 
-    It takes a driver that draws, a graphics card's or Mesa's llvmpipe.
-
-    Parameters
-    ----------
-    recording, picture : str or os.PathLike
-        The recording, and the picture to be made of it: .png, .jpg or .jpeg.
-    time_shown : float
-        Simulated time to show (s), at least 0.
-
-    Returns
-    -------
-    list of str
-        What the viewer complains of in its views, empty where all is well.
-
-    Raises
-    ------
-    OptionError
-        If the picture's name cannot be one, or the time is no number of at least 0.
-    SwimError
-        If rerun is not installed or too old for this, if its viewer cannot show the recording, or
-        if the picture cannot be written.
+    It takes a driver that draws, a graphics card's or Mesa's llvmpipe. The picture is a .png, .jpg
+    or .jpeg file and shows some simulated time (s). Returns what the viewer complains of in its
+    views.
     """
     rerun_command()
     check_picture(picture)
@@ -172,30 +140,9 @@ def _tidy(content: bytes, kind: str) -> bytes:
     image = Image.open(io.BytesIO(content)).convert("RGB")
     menu = round(_MENU * image.height)
     out = io.BytesIO()
-    kept = image.crop((0, menu, image.width, image.height))
-    if kind == "JPEG":
-        kept.save(out, "JPEG", quality=85, subsampling=0, optimize=True)
-    else:
-        kept.save(out, "PNG", optimize=True)
+    options = {"quality": 85, "subsampling": 0} if kind == "JPEG" else {}
+    image.crop((0, menu, image.width, image.height)).save(out, kind, optimize=True, **options)
     return out.getvalue()
-
-
-@contextlib.contextmanager
-def _runtime_folder() -> Iterator[None]:
-    """Give child processes a folder for their sockets where the system has named none."""
-    name = "XDG_RUNTIME_DIR"
-    before = os.environ.get(name)
-    if before:
-        yield
-        return
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        os.environ[name] = folder
-        try:
-            yield
-        finally:
-            del os.environ[name]
-            if before is not None:
-                os.environ[name] = before
 
 
 @contextlib.contextmanager
@@ -207,7 +154,10 @@ def _viewer() -> Iterator[Any]:
     # Otherwise the viewer writes what it does to stderr.
     os.environ.setdefault("RUST_LOG", "error")
     viewer, failure = None, "cannot be started without a window"
-    with _runtime_folder():
+    # The viewer's sockets need a folder, which not every system names.
+    named = os.environ.get("XDG_RUNTIME_DIR")
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        os.environ["XDG_RUNTIME_DIR"] = named or folder
         try:
             from rerun.experimental import ViewerClient
 
@@ -228,3 +178,5 @@ def _viewer() -> Iterator[Any]:
             with contextlib.suppress(Exception):
                 if viewer is not None:
                     viewer.quit()
+            if not named:
+                del os.environ["XDG_RUNTIME_DIR"]

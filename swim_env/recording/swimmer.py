@@ -30,10 +30,8 @@ class Swimmer:
 
     Attributes
     ----------
-    name : str
-        What it is called.
-    trajectory : Trajectory
-        The run.
+    name, trajectory : str, Trajectory
+        What it is called, and the run.
     rewards : sequence of float, optional
         Reward of every action of an episode (BL).
     goal : (2,) array_like, optional
@@ -92,8 +90,7 @@ class Swimmer:
     def check_rewards(self) -> None:
         """Check that rewards are finite numbers, one for each action that the run has begun.
 
-        An action in which the physics made no step at all may have one too. Others raise an
-        OptionError.
+        An action in which the physics made no step at all may have one too.
         """
         if self.rewards is None:
             return
@@ -112,12 +109,8 @@ class Swimmer:
         """Return a group of series at some instants, a column for each of its `schema.names_of`.
 
         Work and drift are sums up to an instant, Newton corrections and residual the largest since
-        the instant before it in the list. Rewards are at `reward_times` instead.
-
-        Raises
-        ------
-        SwimError
-            If the run did not start with the given velocity.
+        the instant before it in the list. Rewards are at `reward_times` instead. If the run did not
+        start with the given velocity, the energy's is a SwimError.
         """
         series: Array = getattr(self, f"_{group}")(instants)
         return series
@@ -194,12 +187,8 @@ def checked_rate(rate: object, name: str) -> float:
 def frames_of(trajectory: Trajectory, rate: float) -> Indices:
     """Return the instants (F,) of a run that come closest to a number of frames a simulated second.
 
-    Every so many instants from the first, and the last one.
-
-    Raises
-    ------
-    OptionError
-        If the rate is not a number above 0, or the run has no step.
+    Every so many instants from the first, and the last one. A rate that is not above 0 and a run
+    without a step are OptionErrors.
     """
     checked_rate(rate, "the number of frames in a second")
     if trajectory.steps < 1:

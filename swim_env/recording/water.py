@@ -84,11 +84,7 @@ def compute_water(
 
     The rate is that of the frames (1/s); the grid reaches so far from the mean centre along x and
     y (BL); `progress` is called with the simulated seconds that were computed since its last call.
-
-    Raises
-    ------
-    OptionError
-        If the scene has no fluid, or the run has fewer than two steps.
+    A scene without fluid and a run of fewer than two steps are OptionErrors.
     """
     begin = time.perf_counter()
     run = swimmer.trajectory

@@ -29,6 +29,7 @@ class _Recorded:
     """What both wrappers share: the environment inside, the files so far, and the end."""
 
     _tape: Tape
+    _trigger: Trigger
 
     def _own(self, env: object, kind: type[Own], other: type, hint: str) -> Own:
         """Return the environment of this package inside of its wrappers."""
@@ -39,6 +40,10 @@ class _Recorded:
         raise OptionError(
             f"{type(self).__name__} needs a {kind.__name__}, got {type(inner).__name__}{tip}"
         )
+
+    def _keep(self, tape: Tape, trigger: Trigger | None) -> None:
+        self._tape, self._trigger = tape, trigger or _chosen_by_default
+        weakref.finalize(self, tape.finish_or_print)
 
     @property
     def written(self) -> list[WrittenRecording]:
@@ -87,23 +92,12 @@ class RecordEpisodes(
         Whether to split the kinetic energy between body and fluid. The torques are played again for
         it when the file is written, which takes as long as the episode's physics.
 
-    Attributes
-    ----------
-    written : list of WrittenRecording
-        The files so far.
-
     Raises
     ------
-    OptionError
-        If the environment is not one of this package, if it is being recorded already, or if
-        another argument cannot be used.
-    SwimError
-        If rerun is not installed, or the folder cannot be made or written to.
-
-    Warns
-    -----
-    UserWarning
-        If the folder holds recordings of these names: they will be overwritten.
+    OptionError, SwimError
+        If the environment is not one of this package or is being recorded already, if another
+        argument cannot be used, or if rerun is not installed. Recordings of these names in the
+        folder are overwritten, with a UserWarning.
     """
 
     def __init__(
@@ -127,11 +121,9 @@ class RecordEpisodes(
             split_energy=split_energy,
         )
         gymnasium.Wrapper.__init__(self, env)
-        self._trigger = episode_trigger or _chosen_by_default
-        prefix = self._prefix = _checked_prefix(name_prefix)
-        rates = flow_rate, frame_rate
-        self._tape = Tape(swimmer.episodes, folder, [prefix], *rates, split_energy)
-        weakref.finalize(self, self._tape.finish_or_print)
+        self._prefix = _checked_prefix(name_prefix)
+        tape = Tape(swimmer.episodes, folder, [self._prefix], flow_rate, frame_rate, split_energy)
+        self._keep(tape, episode_trigger)
         self._episode = -1
 
     def reset(
@@ -180,16 +172,6 @@ class RecordVectorEpisodes(_Recorded, gymnasium.vector.VectorWrapper):
         Which members; the first unless given.
     episode_trigger, name_prefix, flow_rate, frame_rate, split_energy
         As for `RecordEpisodes`; each member counts its own episodes.
-
-    Attributes
-    ----------
-    written : list of WrittenRecording
-        The files so far.
-
-    Raises
-    ------
-    OptionError
-        If there is no such member.
     """
 
     def __init__(
@@ -209,12 +191,11 @@ class RecordVectorEpisodes(_Recorded, gymnasium.vector.VectorWrapper):
         super().__init__(env)
         self._members = _checked_members(members, batch.num_envs)
         self._mode = batch.autoreset_mode
-        self._trigger = episode_trigger or _chosen_by_default
         prefix = _checked_prefix(name_prefix)
         self._names = {member: f"{prefix}-member-{member}" for member in self._members}
-        names, rates = self._names.values(), (flow_rate, frame_rate)
-        self._tape = Tape(batch.episodes, folder, names, *rates, split_energy)
-        weakref.finalize(self, self._tape.finish_or_print)
+        names = self._names.values()
+        tape = Tape(batch.episodes, folder, names, flow_rate, frame_rate, split_energy)
+        self._keep(tape, episode_trigger)
         self._counts = dict.fromkeys(self._members, 0)
         self._ended: set[int] = set()
         self._tape.attach()

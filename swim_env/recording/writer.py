@@ -27,17 +27,6 @@ if TYPE_CHECKING:
     from swim_env.recording.layout import Lane, Layout
     from swim_env.recording.water import Water
 
-__all__ = [
-    "COLOURS",
-    "FLOW_RATE",
-    "FRAME_RATE",
-    "WrittenRecording",
-    "has_flow",
-    "recording_file",
-    "require_rerun",
-    "write_recording",
-]
-
 #: Frames in a simulated second: of the body and all series, and of the flow.
 FRAME_RATE, FLOW_RATE = 50.0, 25.0
 
@@ -47,32 +36,19 @@ COLOURS = ("torque", "moment")
 
 @dataclass(frozen=True)
 class WrittenRecording:
-    """A recording that was written.
+    """A recording that was written."""
 
-    Attributes
-    ----------
-    file : str
-        The file.
-    size : int
-        Its size (bytes).
-    frames : int
-        Instants of all swimmers.
-    flow_frames : int
-        Instants with flow.
-    logging_seconds : float
-        Time to make the recording out of the runs and write it, without the flow.
-    flow_seconds : float
-        Time to compute the flow.
-    schema : int
-        Version of the recording's layout.
-    """
-
+    #: The file, and its size (bytes).
     file: str
     size: int
+    #: Instants of all swimmers, and those with flow.
     frames: int
     flow_frames: int
+    #: Time to make the recording out of the runs and write it, without the flow.
     logging_seconds: float
+    #: Time to compute the flow.
     flow_seconds: float
+    #: Version of the recording's layout.
     schema: int
 
     def to_dict(self) -> dict[str, Any]:
@@ -131,11 +107,9 @@ def write_recording(
 
     Raises
     ------
-    OptionError
-        If there is no swimmer, if an argument cannot be used, or if the number of a swimmer's
-        rewards does not fit its run.
-    SwimError
-        If rerun is not installed or the file cannot be written.
+    OptionError, SwimError
+        If there is no swimmer, if an argument cannot be used, if the number of a swimmer's rewards
+        does not fit its run; if rerun is not installed or the file cannot be written.
     """
     require_rerun()
     from swim_env.recording.layout import lanes_of
@@ -265,18 +239,8 @@ def _property(layouts: tuple[Layout, ...], reasons: tuple[str, ...], about: str)
 def recording_file(place: str | os.PathLike[str], name: str) -> Path:
     """Return the file that a recording goes to, and make its folder.
 
-    Parameters
-    ----------
-    place : str or os.PathLike
-        A file, if it ends with ``.rrd``, else a folder. Folders are made where they are missing.
-    name : str
-        What the file is called in a folder, without its ending.
-
-    Raises
-    ------
-    SwimError
-        If rerun is not installed, if the ending is that of another kind of file, if there is a
-        folder of the file's name, or if the folder cannot be made or written to.
+    The place is a file, if it ends with ``.rrd``, else a folder, in which the file has the name
+    (without its ending). A place that cannot be used is a SwimError.
     """
     require_rerun()
     given = Path(place)

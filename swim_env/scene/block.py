@@ -25,8 +25,6 @@ from swim_env.scene.checks import (
     check_text,
 )
 
-__all__ = ["Block", "block", "build_block", "integer", "one_of", "pair", "plain", "real", "text"]
-
 #: Returns a value in its stored form; the second argument is the field's name for messages.
 Check = Callable[[object, str], Any]
 _Block = TypeVar("_Block", bound="Block")

@@ -13,8 +13,6 @@ from swim_env.errors import SceneError
 from swim_env.scene.block import Block, build_block, integer, real
 from swim_env.scene.checks import check_fields, check_real, check_reals, got, is_number, listed
 
-__all__ = ["Beam", "LinearStiffness", "PiecewiseStiffness", "StiffnessPiece"]
-
 Floats = NDArray[np.float64]
 
 MOST_ELEMENTS = 1000

@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from swim_env.scene.block import Block, real
 from swim_env.scene.body import Beam
 
-__all__ = ["Actuation"]
-
 Floats = NDArray[np.float64]
 
 

@@ -11,19 +11,6 @@ from swim_env.scene.body import Beam
 from swim_env.scene.checks import Pair
 from swim_env.scene.fluid import Fluid
 
-__all__ = [
-    "EFFECT_BLOCKS",
-    "EFFECT_NAMES",
-    "AxialAddedMass",
-    "CrossFlowDrag",
-    "Damping",
-    "Effect",
-    "InternalForces",
-    "Recording",
-    "SelfContact",
-    "Stream",
-]
-
 
 @dataclass(frozen=True)
 class Effect(Block):

@@ -10,8 +10,6 @@ from swim_env.scene.block import Block, one_of, real
 from swim_env.scene.body import Beam
 from swim_env.scene.checks import check_integer, check_name, got
 
-__all__ = ["CENTRELINE_VARIANTS", "FLUID_MODEL_NAMES", "Fluid"]
-
 FLUID_MODEL_NAMES: tuple[str, ...] = (
     "none",
     "strip",

@@ -15,8 +15,6 @@ from swim_env.scene.block import Block, pair, real
 from swim_env.scene.body import Beam
 from swim_env.scene.checks import Pair, check_pair, check_real, check_reals, listed
 
-__all__ = ["Initial"]
-
 Floats = NDArray[np.float64]
 
 

@@ -13,8 +13,6 @@ from swim_env.errors import SceneError
 from swim_env.scene.checks import nearest
 from swim_env.scene.yaml import parse_yaml, read_text
 
-__all__ = ["find_scene_file", "read_scene_file", "scene_names"]
-
 
 def _scene_folder() -> Path | None:
     """Return the folder of the shipped scenes: in the wheel, or beside the package."""

@@ -10,15 +10,6 @@ from swim_env.errors import SceneError
 from swim_env.scene.block import Block, one_of, real
 from swim_env.scene.checks import Pair, check_pair
 
-__all__ = [
-    "ENERGY_EXCESSES",
-    "SCHEME_NAMES",
-    "STRAIN_NAMES",
-    "TOLERANCE_RANGE",
-    "Episode",
-    "Integrator",
-]
-
 SCHEME_NAMES: tuple[str, ...] = ("paper", "composed")
 """Names that `Integrator.scheme` may have: of first order, and of second."""
 

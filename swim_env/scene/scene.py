@@ -31,8 +31,6 @@ from swim_env.scene.library import find_scene_file, read_scene_file
 from swim_env.scene.run import Episode, Integrator
 from swim_env.scene.yaml import dump_yaml, parse_overrides, write_text
 
-__all__ = ["Scene", "load_scene", "register_choice"]
-
 _BLOCKS: dict[str, type[Block]] = {
     "beam": Beam,
     "fluid": Fluid,

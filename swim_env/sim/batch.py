@@ -1,7 +1,7 @@
 """The state of one or many bodies of one scene, and the kernel calls that move them.
 
 The simulator, the single environment and the batched one all step bodies through this class and
-so through the same compiled code: a body's motion is the same to the bit whoever steps it.
+so through the same compiled code: a body moves the same to the bit whichever of them steps it.
 """
 
 from __future__ import annotations
@@ -26,8 +26,6 @@ from swim_env.physics.status import STATE_NOT_FINITE, TERMINATION_REASONS, descr
 from swim_env.scene import Initial, Scene
 from swim_env.sim.constants import scene_constants
 from swim_env.sim.recorder import Recorder, trace_columns
-
-__all__ = ["Bodies", "aligned_zeros", "minimal_start"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

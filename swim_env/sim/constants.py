@@ -12,8 +12,6 @@ from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.solve.constants import SolverConstants
 from swim_env.scene import Fluid, Scene
 
-__all__ = ["scene_constants"]
-
 #: Time that an outer step may take before it ends unsolved (s), by rough figures of the costs: a
 #: core that is shared takes twice as long, and has to be done within a second.
 _LONGEST_STEP = 0.4

@@ -15,8 +15,6 @@ from swim_env.physics.solve.state import RECORD_NAMES
 from swim_env.scene import Scene
 from swim_env.sim.trajectory import Trajectory
 
-__all__ = ["Kept", "Recorder", "needs_recording", "trace_columns", "trajectory_of"]
-
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 

@@ -12,8 +12,6 @@ from swim_env.scene import Scene
 from swim_env.sim.simulator import Simulator
 from swim_env.sim.trajectory import Trajectory
 
-__all__ = ["replay", "steps_of"]
-
 #: Longest replay, whose trajectory is kept in memory.
 MOST_STEPS = 2_000_000
 
@@ -52,9 +50,7 @@ def steps_of(scene: Scene, duration: float | None = None) -> int:
 
 
 def replay(
-    scene: Scene,
-    duration: float | None = None,
-    progress: Callable[[int], object] | None = None,
+    scene: Scene, duration: float | None = None, progress: Callable[[int], object] | None = None
 ) -> tuple[Trajectory, dict[str, Any]]:
     """Play the scene's prescribed torque from its start.
 

@@ -21,8 +21,6 @@ from swim_env.sim.batch import Bodies, minimal_start
 from swim_env.sim.recorder import needs_recording, trajectory_of
 from swim_env.sim.trajectory import Trajectory
 
-__all__ = ["Simulator", "Snapshot"]
-
 Array = NDArray[np.float64]
 
 #: Steps per kernel call of a rollout that reports its progress.

@@ -22,8 +22,6 @@ from swim_env.physics.status import TERMINATION_REASONS
 from swim_env.scene import Scene
 from swim_env.scene.yaml import parse_yaml
 
-__all__ = ["Trajectory"]
-
 Array = NDArray[np.float64]
 
 #: Version of the file format; other versions cannot be read, except 2, which had no external

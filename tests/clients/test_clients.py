@@ -1,7 +1,7 @@
 """Learning libraries that this project did not write use its environments as they are.
 
 Each has a virtual environment of its own, filled with the pins next to its files here. It stays in
-pytest's cache folder and is made anew when the pins or the interpreter change.
+pytest's cache folder and is rebuilt when the pins or the interpreter change.
 """
 
 from __future__ import annotations
@@ -17,9 +17,8 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -31,75 +30,51 @@ from tests.support import FORWARD, ROOT, TARGET
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
 
 HERE = Path(__file__).parent
-TAIL = 60  # lines of output in a failure
 INSTALL_SECONDS = 1200
 RUN_SECONDS = 600
 
 
-@dataclass(frozen=True)
-class Client:
+class Client(NamedTuple):
     """A client's virtual environment, and the folder in which its commands run."""
 
     folder: Path
     work: Path
 
-    def run(self, *arguments: str | Path, seconds: float = RUN_SECONDS) -> str:
-        """Run the environment's python with arguments; return what it printed."""
-        command = [str(self.folder / "bin" / "python"), *map(str, arguments)]
-        return run(command, self.work, seconds, NUMBA_CACHE_DIR=str(self.folder / "kernels"))
+    def run(
+        self, *arguments: str | Path, seconds: float = RUN_SECONDS, python: str | None = None
+    ) -> str:
+        """Run the client's Python with nothing of this one around it; return what it printed.
 
-
-def run(command: list[str], work: Path, seconds: float, **variables: str) -> str:
-    """Run a command with nothing of this process's Python around it; fail with its last lines."""
-    clean = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "VIRTUAL_ENV")}
-    work.mkdir(parents=True, exist_ok=True)
-    log = work / "output.txt"
-    # Into a file: workers that outlive the command would keep a pipe open.
-    with log.open("wb") as output:
-        process = subprocess.Popen(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            cwd=work,
-            env={**clean, **variables},
-            start_new_session=True,
-        )
-        try:
-            outcome = f"exit code {process.wait(seconds)}"
-        except subprocess.TimeoutExpired:
-            outcome = f"not done after {seconds:.0f} s"
-        finally:
-            with contextlib.suppress(ProcessLookupError):  # the command and workers it left
-                os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-    printed = log.read_text(encoding="utf-8", errors="replace").replace("\r", "\n")
-    if outcome != "exit code 0":
-        tail = "\n".join(printed.splitlines()[-TAIL:])
-        pytest.fail(f"{outcome}: {' '.join(command)}\n{tail}", pytrace=False)
-    return printed
-
-
-def fill(folder: Path, pins: Path, work: Path) -> None:
-    """Make a virtual environment with the pinned packages, unless it is there already."""
-    stamp = folder / "complete"
-    mark = hashlib.sha256(f"{sys.base_prefix} {sys.version}\n{pins.read_text()}".encode())
-    if stamp.is_file() and stamp.read_text() == mark.hexdigest():
-        return
-    shutil.rmtree(folder, ignore_errors=True)
-    run([sys.executable, "-m", "venv", str(folder)], work, INSTALL_SECONDS)
-    Client(folder, work).run("-m", "pip", "install", "-r", pins, seconds=INSTALL_SECONDS)
-    stamp.write_text(mark.hexdigest())
-
-
-def install_project(client: Client, copy: Path) -> None:
-    """Install the checkout as it is now, from a copy: a build leaves folders in its source."""
-    copy_sources(copy)
-    options = ("--no-deps", "--no-build-isolation", "--force-reinstall")
-    client.run("-m", "pip", "install", *options, copy)
-    client.run("-m", "pip", "check")
-    place = client.run("-c", "import swim_env; print(swim_env.__file__)").splitlines()[-1]
-    assert Path(place).is_relative_to(client.folder)
+        A command that fails or takes too long fails the test with its last lines.
+        """
+        command = [python or str(self.folder / "bin" / "python"), *map(str, arguments)]
+        clean = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "VIRTUAL_ENV")}
+        self.work.mkdir(parents=True, exist_ok=True)
+        log = self.work / "output.txt"
+        # Into a file: workers that outlive the command would keep a pipe open.
+        with log.open("wb") as output:
+            process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                cwd=self.work,
+                env={**clean, "NUMBA_CACHE_DIR": str(self.folder / "kernels")},
+                start_new_session=True,
+            )
+            try:
+                outcome = f"exit code {process.wait(seconds)}"
+            except subprocess.TimeoutExpired:
+                outcome = f"not done after {seconds:.0f} s"
+            finally:
+                with contextlib.suppress(ProcessLookupError):  # the command and workers it left
+                    os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+        printed = log.read_text(encoding="utf-8", errors="replace").replace("\r", "\n")
+        if outcome != "exit code 0":
+            tail = "\n".join(printed.splitlines()[-60:])
+            pytest.fail(f"{outcome}: {' '.join(command)}\n{tail}", pytrace=False)
+        return printed
 
 
 @pytest.fixture
@@ -107,10 +82,21 @@ def install(pytestconfig: pytest.Config, tmp_path: Path) -> Callable[[str], Clie
     """Return a function that gives a client by its name, ready to run."""
 
     def ready(name: str) -> Client:
-        folder = pytestconfig.cache.mkdir("clients") / name
-        client = Client(folder, tmp_path / "work")
-        fill(folder, HERE / name / "requirements.txt", client.work)
-        install_project(client, tmp_path / "copy")
+        folder, pins = pytestconfig.cache.mkdir("clients") / name, HERE / name / "requirements.txt"
+        client, stamp = Client(folder, tmp_path / "work"), folder / "complete"
+        mark = hashlib.sha256(f"{sys.base_prefix} {sys.version}\n{pins.read_text()}".encode())
+        if not (stamp.is_file() and stamp.read_text() == mark.hexdigest()):
+            shutil.rmtree(folder, ignore_errors=True)
+            client.run("-m", "venv", folder, python=sys.executable)
+            client.run("-m", "pip", "install", "-r", pins, seconds=INSTALL_SECONDS)
+            stamp.write_text(mark.hexdigest())
+        # The checkout as it is now, from a copy: a build leaves folders in its source.
+        copy_sources(tmp_path / "copy")
+        options = ("--no-deps", "--no-build-isolation", "--force-reinstall")
+        client.run("-m", "pip", "install", *options, tmp_path / "copy")
+        client.run("-m", "pip", "check")
+        place = client.run("-c", "import swim_env; print(swim_env.__file__)").splitlines()[-1]
+        assert Path(place).is_relative_to(folder)
         return client
 
     return ready

@@ -70,7 +70,7 @@ def lines_of(axes: Axes, label: str) -> tuple[Array, Array]:
 # ---- the numbers in the pictures ---------------------------------------------------------------
 
 
-def test_maps_show_the_last_second_on_one_scale(runs: dict[str, Trajectory]) -> None:
+def test_maps_show_the_last_second_on_one_scale(runs):
     run = runs["tuned_wave"]
     assert curvature(run)[300, 4] == pytest.approx(9.0 * (run.angles[300, 5] - run.angles[300, 4]))
     for draw, values in (
@@ -91,16 +91,7 @@ def test_maps_show_the_last_second_on_one_scale(runs: dict[str, Trajectory]) -> 
         assert bar.get_ylabel() in ("curvature (1/m)", "joint torque (N m)")
 
 
-def test_maps_need_steps(run: Trajectory) -> None:
-    for draw in (draw_kymographs, draw_torques, draw_energy):
-        with pytest.raises(SwimError, match="nothing to draw"):
-            draw({})
-    still = Simulator("swimmer").rollout(np.zeros((0, 8)))
-    with pytest.raises(SwimError, match="without steps"):
-        draw_kymographs({"run": run, "still": still})
-
-
-def test_a_path_shows_shapes_where_they_were() -> None:
+def test_a_path_shows_shapes_where_they_were():
     """Shapes of a body that travels stand where they were, with a director at every centre."""
     scene = load_scene("paper_xi", {"initial.velocity": [0.5, 0.0]})
     run = Simulator(scene).rollout(np.zeros((200, scene.beam.elements - 1)))
@@ -125,7 +116,18 @@ def test_a_path_shows_shapes_where_they_were() -> None:
     assert figure.get_suptitle().startswith("somebody on paper_xi: 2 s")
 
 
-def test_shapes_of_a_slow_swimmer_are_moved_apart(run: Trajectory) -> None:
+def test_what_cannot_be_drawn_is_refused(run):
+    still = Simulator("swimmer").rollout(np.zeros((0, 8)))
+    for draw in (draw_kymographs, draw_torques, draw_energy):
+        with pytest.raises(SwimError, match="nothing to draw"):
+            draw({})
+        with pytest.raises(SwimError, match="without steps"):
+            draw({"run": run, "still": still})
+    with pytest.raises(SwimError, match="nothing to draw"):
+        draw_pareto({"zero": [Simulator("swimmer").rollout(np.zeros((5, 8)))]})
+
+
+def test_shapes_of_a_slow_swimmer_are_moved_apart(run):
     figure = draw_path(run, shapes=4)
     plane = figure.axes[0]
     tops = []
@@ -140,7 +142,7 @@ def test_shapes_of_a_slow_swimmer_are_moved_apart(run: Trajectory) -> None:
     assert f"moved apart by {-steps[0]:.2g} m" in figure.get_suptitle()
 
 
-def test_the_budget_shows_the_parts_and_what_is_left(run: Trajectory) -> None:
+def test_the_budget_shows_the_parts_and_what_is_left(run):
     start = Simulator(run.scene).velocity()
     parts, spent, drift = draw_energy({"tuned_wave": run}, {"tuned_wave": start}).axes
     labels = [layer.get_label() for layer in parts.collections]
@@ -163,24 +165,20 @@ def test_the_budget_shows_the_parts_and_what_is_left(run: Trajectory) -> None:
     assert np.abs(band).max() == pytest.approx(100.0 * run.energy_drift)
 
 
-def test_the_front_is_who_is_beaten_by_nobody() -> None:
+def test_the_front_is_what_nothing_beats():
     random = np.random.default_rng(3)
     for _ in range(20):
         costs, gains = random.integers(0, 6, (2, 9)).astype(float)
         front = pareto_front(costs.tolist(), gains.tolist())
+        no_worse = (costs[None] <= costs[:, None]) & (gains[None] >= gains[:, None])
+        same = (costs[None] == costs[:, None]) & (gains[None] == gains[:, None])
         for i in range(9):
-            beaten = any(
-                costs[j] <= costs[i]
-                and gains[j] >= gains[i]
-                and (costs[j] < costs[i] or gains[j] > gains[i])
-                for j in range(9)
-            )
-            same = [j for j in range(9) if costs[j] == costs[i] and gains[j] == gains[i]]
-            assert any(j in front for j in same) is not beaten
+            # One of equals is on it unless another beats them.
+            assert bool(same[i, front].any()) is not bool((no_worse[i] & ~same[i]).any())
         assert sorted(costs[front]) == costs[front].tolist()
 
 
-def test_the_pareto_plot_holds_work_and_displacement() -> None:
+def test_the_pareto_plot_holds_work_and_displacement():
     strengths = (0.3, 0.6, 1.0)
     some = [played("swimmer", 800, share) for share in strengths]
     backwards = played("swimmer", 40)
@@ -203,8 +201,6 @@ def test_the_pareto_plot_holds_work_and_displacement() -> None:
     assert y == pytest.approx(ahead[1:])
     names = [text.get_text() for text in axes.get_legend().get_texts()]
     assert "hollow: a finer computation disagrees" in names
-    with pytest.raises(SwimError, match="nothing to draw"):
-        draw_pareto({"zero": [Simulator("swimmer").rollout(np.zeros((5, 8)))]})
 
 
 def curve(values: list[float], every: float = 1e5) -> dict[str, list[float]]:
@@ -223,7 +219,7 @@ def curve(values: list[float], every: float = 1e5) -> dict[str, list[float]]:
 CURVES = [curve([0.0, 1.0, 3.0, 4.0]), curve([0.0, 2.0, 2.0]), curve([0.0, 3.0, 4.0, 4.5])]
 
 
-def test_learning_has_the_median_and_the_spread_over_seeds() -> None:
+def test_learning_has_the_median_and_the_spread_over_seeds():
     left, right = draw_learning(
         {"ppo_forward": CURVES}, {"ppo_target": CURVES[:1]}, ("tuned_wave", 2.4)
     ).axes
@@ -237,7 +233,7 @@ def test_learning_has_the_median_and_the_spread_over_seeds() -> None:
     assert not right.collections
 
 
-def test_every_policy_is_shown(run: Trajectory) -> None:
+def test_every_policy_is_shown(run):
     """Eight policies have eight rows in both pictures of a comparison."""
     eight = dict.fromkeys(EIGHT, run)
     figure = draw_paths(eight)
@@ -252,7 +248,7 @@ def test_every_policy_is_shown(run: Trajectory) -> None:
 # ---- the style ---------------------------------------------------------------------------------
 
 
-def test_a_policy_has_one_colour_everywhere() -> None:
+def test_a_policy_has_one_colour_everywhere():
     every = policy_looks(EIGHT)
     assert policy_looks(["sac_forward"])["sac_forward"]["color"] == every[EIGHT[-1]]["color"]
     assert len({look["color"] for look in every.values()}) == 4
@@ -285,7 +281,7 @@ def seen(colours: Array, kind: str) -> Array:
 
 
 @pytest.mark.parametrize("kind", BLIND)
-def test_colours_are_told_apart_by_the_colour_blind(kind: str) -> None:
+def test_colours_are_told_apart_by_the_colour_blind(kind):
     """Policies that stand beside each other, and both ends of the map of signs."""
     from matplotlib.colors import to_rgb
 
@@ -293,19 +289,15 @@ def test_colours_are_told_apart_by_the_colour_blind(kind: str) -> None:
     colours = np.array([to_rgb(look["color"]) for look in policy_looks(names).values()])
     for a, b in itertools.combinations(seen(colours, kind), 2):
         assert np.linalg.norm(a - b) > 10.0
+    # Blue below zero and orange above as in frames, near white at zero, clipped beyond one.
+    low, middle, high, beyond = torque_colours([-1.0, 0.0, 1.0, 7.0]).astype(int)
+    ours = (255.0 * diverging_map()([0.0, 0.5, 1.0])[:, :3]).round()
+    assert np.abs(ours - [low, middle, high]).max() <= 2 and (beyond == high).all()
+    assert low[2] > low[0] + 100 and high[0] > high[2] + 100 and middle.min() >= 240
     shades = seen(diverging_map()(np.linspace(0.0, 1.0, 21))[:, :3], kind)
     assert np.linalg.norm(shades[0] - shades[-1]) > 40.0
     assert (np.diff(shades[:11, 0]) > 0.0).all()  # lightest in the middle
     assert (np.diff(shades[10:, 0]) < 0.0).all()
-
-
-def test_signs_have_the_colours_of_the_frames() -> None:
-    """Blue below zero, orange above, near white at zero, clipped beyond one."""
-    shades = (255.0 * diverging_map()([0.0, 0.5, 1.0])[:, :3]).round()
-    low, middle, high, beyond = torque_colours([-1.0, 0.0, 1.0, 7.0]).astype(int)
-    assert np.abs(shades - [low, middle, high]).max() <= 2
-    assert low[2] > low[0] + 100 and high[0] > high[2] + 100 and middle.min() >= 240
-    assert (beyond == high).all()
 
 
 # ---- text --------------------------------------------------------------------------------------
@@ -372,7 +364,7 @@ PICTURES: dict[str, Callable[[dict[str, Trajectory]], Figure]] = {
 
 
 @pytest.mark.parametrize("name", PICTURES)
-def test_texts_can_be_read_and_numbers_have_units(name: str, runs: dict[str, Trajectory]) -> None:
+def test_texts_can_be_read_and_numbers_have_units(name, runs):
     """No text overlaps; every axis with numbers says of what, in which unit."""
     figure = PICTURES[name](runs)
     check_texts(figure)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import os
+import random
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -106,3 +108,31 @@ def contents(folder: Path) -> dict[str, bytes]:
 def hidden(folder: Path) -> list[str]:
     """Return the names of hidden files and folders in a run but its lock."""
     return sorted(path.name for path in folder.rglob(".*") if path.name != ".lock")
+
+
+class Bomb:
+    """Makes a folder when it is unpickled."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return os.mkdir, (str(self.folder),)
+
+
+def assert_damage_is_one_clear_error(
+    path: Path, load: Callable[[], object], error: type[Exception], tries: int
+) -> None:
+    """Spoil bytes of a file at random: it loads or is refused in one line, and often refused."""
+    content, numbers, caught = path.read_bytes(), random.Random(1), 0
+    for _ in range(tries):
+        damaged = bytearray(content)
+        for _ in range(numbers.choice([1, 10, 100])):
+            damaged[numbers.randrange(len(damaged))] = numbers.randrange(256)
+        path.write_bytes(damaged)
+        try:
+            load()
+        except error as refused:
+            caught += 1
+            assert str(refused).isprintable()
+    assert caught > tries // 5

@@ -8,7 +8,6 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -18,36 +17,32 @@ from swim_agents.learning.checkpoints import load_checkpoint
 from swim_agents.learning.config import TrainingConfig
 from swim_agents.learning.trainer import run_status, train
 
-from tests.learning.small_runs import assert_same_run, hidden, small_config, weights
+from tests.learning.small_runs import assert_same_run, hidden, small_config
 from tests.support import ENVIRONMENT, ROOT, interrupt_script, run_python, run_script
 
 SEED = 3
 PATIENCE = 120.0  # seconds for a process to come to a point, on a busy machine
 
 
-def arguments_of(config: Path, output: Path) -> list[str]:
+def arguments_of(config: TrainingConfig, output: Path) -> list[str]:
+    """Return the command's arguments for a run in the folder OUTPUT/seed_3."""
+    path = output.parent / "config.yaml"
+    config.save(path)
     options = ["--seeds", str(SEED), "--threads", "1", "--output", str(output), "--resume"]
-    return [str(config), *options]
-
-
-def finish(arguments: list[str]) -> None:
-    """Run a command to its end, which must be a good one."""
-    done = run_script("train", *arguments, timeout=PATIENCE)
-    assert done.code == 0, done.err[-2000:]
+    return [str(path), *options]
 
 
 def steps_reached(folder: Path) -> int:
     """Return the steps of the last whole line of the evaluations, -1 before the first."""
     try:
-        lines = (folder / "evaluations.csv").read_text().splitlines(keepends=True)
+        lines = (folder / "evaluations.csv").read_text().split("\n")[1:-1]
     except FileNotFoundError:
         return -1
-    whole = [line for line in lines[1:] if line.endswith("\n")]
-    return int(whole[-1].split(",")[0]) if whole else -1
+    return int(lines[-1].split(",")[0]) if lines else -1
 
 
-def kill_after(arguments: list[str], folder: Path, steps: int | None, seconds: float) -> None:
-    """Kill a process some time after its start, or after an evaluation at so many steps."""
+def kill_after(arguments: list[str], folder: Path, steps: int, seconds: float) -> None:
+    """Kill a process some time after its start (-1) or after an evaluation at so many steps."""
     process = subprocess.Popen(
         [sys.executable, str(ROOT / "scripts" / "train.py"), *arguments],
         cwd=ROOT,
@@ -57,16 +52,15 @@ def kill_after(arguments: list[str], folder: Path, steps: int | None, seconds: f
     )
     try:
         limit = time.monotonic() + PATIENCE
-        while steps is not None and steps_reached(folder) < steps:
+        while steps_reached(folder) < steps:
             assert process.poll() is None, "the run ended before it was to be killed"
-            assert time.monotonic() < limit, "the run does not come to the point"
+            assert time.monotonic() < limit, "the run does not get that far"
             time.sleep(0.01)
         time.sleep(seconds)
         assert process.poll() is None, "the run ended before it was killed"
     finally:
-        process.send_signal(signal.SIGKILL)
-        code = process.wait(PATIENCE)
-    assert code == -signal.SIGKILL
+        process.kill()
+        process.wait(PATIENCE)
 
 
 def checkpoint_steps(folder: Path) -> int:
@@ -77,17 +71,10 @@ def checkpoint_steps(folder: Path) -> int:
     return int(load_checkpoint(path)["model"]["counters"]["num_timesteps"])
 
 
-def written(config: TrainingConfig, folder: Path) -> Path:
-    path = folder / "config.yaml"
-    config.save(path)
-    return path
-
-
 def assert_finished_like(folder: Path, other: Path, steps: int) -> None:
     record = run_status(folder)
     assert record is not None
-    assert record["finished"]
-    assert record["steps"] == steps
+    assert (record["finished"], record["steps"]) == (True, steps)
     assert_same_run(other, folder)
     assert hidden(folder) == []
 
@@ -95,11 +82,11 @@ def assert_finished_like(folder: Path, other: Path, steps: int) -> None:
 def test_a_killed_run_continues_to_the_same_end(tmp_path: Path) -> None:
     steps = 3200
     config = small_config("ppo", steps=steps)
-    arguments = arguments_of(written(config, tmp_path), tmp_path / "killed")
+    arguments = arguments_of(config, tmp_path / "killed")
     folder = tmp_path / "killed" / f"seed_{SEED}"
     kill_after(arguments, folder, 1200, 0.1)
     assert 832 <= checkpoint_steps(folder) < steps
-    finish(arguments)
+    assert run_script("train", *arguments).code == 0
     train(config, tmp_path / "whole", SEED)
     assert_finished_like(folder, tmp_path / "whole", steps)
 
@@ -111,56 +98,52 @@ def test_a_killed_run_continues_to_the_same_end(tmp_path: Path) -> None:
 def test_a_run_that_was_killed_again_and_again_ends_like_one_that_was_not(
     kind: str, seed: int, tmp_path: Path
 ) -> None:
-    steps = 16000
-    path = written(small_config(kind, steps=steps), tmp_path)
-    arguments = arguments_of(path, tmp_path / "killed")
+    steps, numbers = 16000, random.Random(seed)
+    config = small_config(kind, steps=steps)
+    arguments = arguments_of(config, tmp_path / "killed")
     folder = tmp_path / "killed" / f"seed_{SEED}"
-    numbers = random.Random(seed)
     # While Python starts, while the run is set up, and three times along the way.
-    kill_after(arguments, folder, None, numbers.uniform(0.0, 1.0))
-    checkpoint_steps(folder)
-    kill_after(arguments, folder, None, numbers.uniform(1.0, 5.0))
-    before = checkpoint_steps(folder)
+    moments = [(-1, numbers.uniform(0.0, 1.0)), (-1, numbers.uniform(1.0, 5.0))]
     for share in sorted(numbers.uniform(0.15, 0.85) for _ in range(3)):
-        kill_after(arguments, folder, int(share * steps), numbers.uniform(0.0, 0.3))
+        moments.append((int(share * steps), numbers.uniform(0.0, 0.3)))
+    before = 0
+    for reached, seconds in moments:
+        kill_after(arguments, folder, reached, seconds)
         now = checkpoint_steps(folder)
         assert before <= now < steps
         before = now
     assert before > 0, "it was never killed after a checkpoint"
-    finish(arguments)
-    finish(arguments_of(path, tmp_path / "whole"))
-    assert_finished_like(folder, tmp_path / "whole" / f"seed_{SEED}", steps)
+    assert run_script("train", *arguments).code == 0
+    train(config, tmp_path / "whole", SEED)
+    assert_finished_like(folder, tmp_path / "whole", steps)
 
 
 # ---- kills at the worst moments ----------------------------------------------------------------
 
-#: Kills its own process just before or just after the N-th call of a function that moves a file or
-#: folder NAME into its place.
+#: Kills its own process just before or just after the N-th time that a function makes a file or
+#: folder NAME safe or moves it into its place.
 DRIVER = """
-import os, pathlib, signal
-function, name, number, after = {function!r}, {name!r}, {number}, {after}
-owner = os if function in ("replace", "fsync") else pathlib.Path
+import os, pathlib, signal, sys
+from swim_agents.learning.config import load_config
+from swim_agents.learning.trainer import train
+
+config, folder, seed, function, name, number, after = sys.argv[1:]
+owner = pathlib.Path if function == "rename" else os
 real, calls = getattr(owner, function), 0
 
-def named(arguments):
-    if function == "fsync":
-        return os.readlink(f"/proc/self/fd/{{arguments[0]}}")
-    return str(arguments[1])
-
-def patched(*arguments):
+def patched(first, *rest):
     global calls
-    calls += name in os.path.basename(named(arguments))
-    if calls == number and not after:
+    target = rest[0] if rest else os.readlink(f"/proc/self/fd/{first}")
+    calls += name in os.path.basename(target)
+    if calls == int(number) and after == "False":
         os.kill(os.getpid(), signal.SIGKILL)
-    result = real(*arguments)
-    if calls == number:
+    result = real(first, *rest)
+    if calls == int(number):
         os.kill(os.getpid(), signal.SIGKILL)
     return result
 
 setattr(owner, function, patched)
-from swim_agents.learning.config import load_config
-from swim_agents.learning.trainer import train
-train(load_config({config!r}), {folder!r}, {seed}, resume=True, threads=1)
+train(load_config(config), folder, int(seed), resume=True, threads=1)
 """
 
 MOMENTS: list[tuple[str, str, int, bool]] = [
@@ -187,23 +170,20 @@ MOMENTS: list[tuple[str, str, int, bool]] = [
 def test_a_kill_while_a_file_takes_its_place_does_no_harm(
     function: str, name: str, number: int, after: bool, tmp_path: Path
 ) -> None:
-    config = small_config("ppo", name="small", steps=1600)
-    path = written(config, tmp_path)
-    folder = tmp_path / "killed"
-    options: dict[str, Any] = {"config": str(path), "folder": str(folder), "seed": SEED}
-    code = DRIVER.format(function=function, name=name, number=number, after=after, **options)
-    done = run_python("-c", code, timeout=PATIENCE)
+    config, folder = small_config("ppo", name="small"), tmp_path / "killed"
+    config.save(tmp_path / "config.yaml")
+    moment = (function, name, str(number), str(after))
+    done = run_python("-c", DRIVER, tmp_path / "config.yaml", folder, str(SEED), *moment)
     assert done.code == -signal.SIGKILL, f"it was not killed: {done.err[-2000:]}"
     checkpoint_steps(folder)
     train(config, folder, SEED, resume=True)
     train(config, tmp_path / "whole", SEED)
-    assert weights(folder / "agent")
     assert_finished_like(folder, tmp_path / "whole", 1600)
 
 
 def test_an_interrupted_run_says_so_and_continues(tmp_path: Path) -> None:
     config = small_config("ppo", steps=3200)
-    arguments = arguments_of(written(config, tmp_path), tmp_path / "runs")
+    arguments = arguments_of(config, tmp_path / "runs")
     folder = tmp_path / "runs" / f"seed_{SEED}"
     done = interrupt_script("train", *arguments, when=lambda: steps_reached(folder) >= 1200)
     assert done.code == 130

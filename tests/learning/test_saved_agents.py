@@ -5,12 +5,11 @@ from __future__ import annotations
 import base64
 import io
 import json
-import os
 import pickle
-import random
 import shutil
 import zipfile
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -22,16 +21,24 @@ pytest.importorskip("stable_baselines3")
 import stable_baselines3
 import torch
 from gymnasium.vector import AutoresetMode
-from swim_agents.evaluation import play_episodes
 from swim_agents.learning.config import TrainingConfig
 from swim_agents.learning.environment import make_batch
 from swim_agents.learning.saved import AgentError, load_agent, load_bare_model, save_agent
 from swim_agents.learning.trainer import train
 from swim_agents.policies import load_policy
+from swim_agents.rollout import play_episodes
 
-from swim_env import OptionError, SwimError, load_scene
-from tests.learning.small_runs import KINDS, contents, hidden, small_config, untrained
-from tests.support import call_script, refuses, run_script
+from swim_env import OptionError, load_scene
+from tests.learning.small_runs import (
+    KINDS,
+    Bomb,
+    assert_damage_is_one_clear_error,
+    contents,
+    hidden,
+    small_config,
+    untrained,
+)
+from tests.support import call_script, refuses
 
 #: A function that returns a model of a kind and the folder it was saved to.
 Saved = Callable[[str], tuple[Any, Path]]
@@ -49,16 +56,13 @@ def model_of(config: TrainingConfig) -> Any:
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory: pytest.TempPathFactory) -> Saved:
     """Return a model of a kind and the folder that it was saved to, made once."""
-    made: dict[str, tuple[Any, Path]] = {}
 
+    @cache
     def make(kind: str) -> tuple[Any, Path]:
-        if kind not in made:
-            config = small_config(kind)
-            folder = tmp_path_factory.mktemp(kind) / "agent"
-            model = model_of(config)
-            save_agent(folder, model, config, {"seed": 3, "steps": 0})
-            made[kind] = (model, folder)
-        return made[kind]
+        config, folder = small_config(kind), tmp_path_factory.mktemp(kind) / "agent"
+        model = model_of(config)
+        save_agent(folder, model, config, {"seed": 3, "steps": 0})
+        return model, folder
 
     return make
 
@@ -83,10 +87,16 @@ def observations(model: Any, rows: int) -> np.ndarray:
     return numbers.astype(np.float32)
 
 
+#: In place of a value: the field is not there.
+MISSING = object()
+REQUIRED = ("name", "algorithm", "task", "scene", "network", "observation", "format_version")
+
+
 def describe(folder: Path, **changes: Any) -> None:
     """Change what `agent.json` says."""
     path = folder / "agent.json"
-    path.write_text(json.dumps({**json.loads(path.read_text()), **changes}))
+    data = {**json.loads(path.read_text()), **changes}
+    path.write_text(json.dumps({name: one for name, one in data.items() if one is not MISSING}))
 
 
 def rezip(folder: Path, changes: dict[str, bytes], compression: int = zipfile.ZIP_STORED) -> Path:
@@ -100,16 +110,6 @@ def rezip(folder: Path, changes: dict[str, bytes], compression: int = zipfile.ZI
     return path
 
 
-class Bomb:
-    """Makes a folder when it is unpickled."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return os.mkdir, (str(self.folder),)
-
-
 # ---- the same actions again --------------------------------------------------------------------
 
 
@@ -120,31 +120,21 @@ def test_a_loaded_agent_acts_like_the_model_that_was_saved(kind: str, saved: Sav
     batch = observations(model, 50)
     actions, state = agent.predict(batch)
     assert (actions == model.predict(batch, deterministic=True)[0]).all()
-    assert actions.shape == (50, 2)
-    assert np.abs(actions).max() <= 1.0
+    assert actions.shape == (50, 2) and np.abs(actions).max() <= 1.0
     assert actions.std() > 0.1, "all actions are the same"
     assert state is None
     for row in batch[:5]:
         one, state = agent.predict(row, "a state")
         assert (one == model.predict(row, deterministic=True)[0]).all()
-        assert one.shape == (2,)
-        assert state == "a state"
+        assert one.shape == (2,) and state == "a state"
     if kind == "ppo":  # the file is one that stable-baselines3 reads itself
         loaded = stable_baselines3.PPO.load(folder / "model.zip", device="cpu")
         assert (loaded.predict(batch, deterministic=True)[0] == actions).all()
-    # Double precision and lists are taken as well.
+    # Double precision and lists are accepted as well.
     assert (agent.predict(batch.astype(np.float64).tolist())[0] == actions).all()
-
-
-@pytest.mark.parametrize("kind", ["ppo", "sac"])
-def test_exploration_is_there_on_request(kind: str, saved: Saved) -> None:
-    model, folder = saved(kind)
-    agent, row = load_agent(folder), observations(model, 20)
-    quiet, _ = agent.predict(row, deterministic=True)
-    loud, _ = agent.predict(row, deterministic=False)
-    assert (quiet == agent.predict(row)[0]).all()
-    assert (loud != quiet).any()
-    assert np.abs(loud).max() <= 1.0
+    # Exploration is there on request.
+    loud, _ = agent.predict(batch, deterministic=False)
+    assert (loud != actions).any() and np.abs(loud).max() <= 1.0
 
 
 def test_the_description_says_what_the_agent_is(saved: Saved) -> None:
@@ -158,30 +148,6 @@ def test_the_description_says_what_the_agent_is(saved: Saved) -> None:
     assert about["observation"] == {"layout": 1, "size": 10}
     assert about["training"] == {"seed": 3, "steps": 0}
     assert sorted(contents(folder)) == ["agent.json", "model.zip"]
-
-
-def test_saving_replaces_the_agent_that_was_there(tmp_path: Path) -> None:
-    config = small_config()
-    model = model_of(config)
-    save_agent(tmp_path / "agent", model, config, {"seed": 1})
-    before = load_agent(tmp_path / "agent")
-    with torch.no_grad():
-        model.policy.action_net.bias.add_(0.5)
-    save_agent(tmp_path / "agent", model, config, {"seed": 2})
-    after = load_agent(tmp_path / "agent")
-    assert [one.description["training"]["seed"] for one in (before, after)] == [1, 2]
-    row = observations(model, 5)
-    assert (after.predict(row)[0] == model.predict(row, deterministic=True)[0]).all()
-    assert (after.predict(row)[0] != before.predict(row)[0]).any()
-    assert hidden(tmp_path) == []
-
-
-def test_saving_does_not_touch_a_folder_of_other_files(tmp_path: Path) -> None:
-    config = small_config()
-    (tmp_path / "notes.txt").write_text("mine")
-    with pytest.raises(SwimError, match=r"holds other files than earlier results.*notes\.txt"):
-        save_agent(tmp_path, model_of(config), config, {})
-    assert contents(tmp_path) == {"notes.txt": b"mine"}
 
 
 @pytest.mark.parametrize("kind", ["ppo", "target", "sac"])
@@ -199,7 +165,7 @@ def test_the_agent_of_a_run_plays_what_the_runs_evaluation_played(
     assert min(reached) == record["last"]["net_displacement_min"]
 
 
-@pytest.mark.parametrize("shape", [(), (8,), (10,), (2, 8), (2, 2, 9), (0,)])
+@pytest.mark.parametrize("shape", [(), (8,), (2, 10), (2, 2, 9), (0,)])
 def test_an_observation_of_another_shape_is_refused(shape: tuple[int, ...], saved: Saved) -> None:
     agent = load_agent(saved("ppo")[1])
     with refuses(OptionError, "observation must have shape (9,) or (M, 9)", f"got {shape}"):
@@ -233,13 +199,12 @@ def test_an_agent_is_loaded_without_unpickling_what_lies_beside_its_weights(
     assert target.exists(), "the bomb would not have gone off"
 
 
-@pytest.mark.parametrize("form", ["pickle", "torch", "torch of old"])
+@pytest.mark.parametrize("form", ["pickle", "torch", "old torch"])
 def test_weights_that_are_a_malicious_pickle_are_refused_and_not_run(
     form: str, copied: Path, tmp_path: Path
 ) -> None:
-    target = tmp_path / "touched"
+    target, file = tmp_path / "touched", io.BytesIO()
     bomb = {"log_std": Bomb(target)}
-    file = io.BytesIO()
     if form == "pickle":
         file.write(pickle.dumps(bomb, protocol=2))
     else:
@@ -248,17 +213,15 @@ def test_weights_that_are_a_malicious_pickle_are_refused_and_not_run(
     with refuses(AgentError, "model is damaged"):
         load_agent(copied)
     assert not target.exists()
-    if form == "pickle":
-        pickle.loads(file.getvalue())
-    else:
-        torch.load(io.BytesIO(file.getvalue()), weights_only=False)
+    file.seek(0)
+    pickle.load(file) if form == "pickle" else torch.load(file, weights_only=False)
     assert target.exists(), "the bomb would not have gone off"
 
 
 # ---- damaged and foreign files -----------------------------------------------------------------
 
 
-@pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.9, 0.999])
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.999])
 def test_a_truncated_model_is_one_clear_error(share: float, copied: Path) -> None:
     path = copied / "model.zip"
     content = path.read_bytes()
@@ -270,21 +233,8 @@ def test_a_truncated_model_is_one_clear_error(share: float, copied: Path) -> Non
 @pytest.mark.parametrize("compression", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
 def test_a_damaged_model_is_never_more_than_one_clear_error(compression: int, copied: Path) -> None:
     path = rezip(copied, {}, compression)
-    content = path.read_bytes()
     assert load_agent(copied).name == "small_ppo"
-    numbers = random.Random(1)
-    caught = 0
-    for _ in range(200):
-        damaged = bytearray(content)
-        for _ in range(numbers.choice([1, 20, 200])):
-            damaged[numbers.randrange(len(damaged))] = numbers.randrange(256)
-        path.write_bytes(damaged)
-        try:
-            load_agent(copied)
-        except AgentError as error:
-            caught += 1
-            assert str(error).isprintable()
-    assert caught > 50
+    assert_damage_is_one_clear_error(path, lambda: load_agent(copied), AgentError, 200)
 
 
 @pytest.mark.parametrize("name", ["agent.json", "model.zip"])
@@ -294,7 +244,7 @@ def test_a_missing_file_is_named(name: str, copied: Path) -> None:
         load_agent(copied)
 
 
-@pytest.mark.parametrize("content", ["", "{", "[" * 100_000, "\udcff", "[]", "3", "null"])
+@pytest.mark.parametrize("content", ["{", "[" * 100_000, "\udcff", "[]"])
 def test_a_description_that_is_none_is_one_clear_error(content: str, copied: Path) -> None:
     (copied / "agent.json").write_bytes(content.encode("utf-8", "surrogateescape"))
     with refuses(AgentError, "agent.json", str(copied)):
@@ -305,11 +255,9 @@ def test_a_description_that_is_none_is_one_clear_error(content: str, copied: Pat
     ("changes", "problem"),
     [
         ({"format_version": 2}, "must be of format version 1, got 2"),
-        ({"format_version": None}, "must be of format version 1, got None"),
         ({"observation": {"layout": 2, "size": 9}}, "observes layout 2 with 9 numbers, this"),
         ({"observation": {"layout": 1, "size": 8}}, "observes layout 1 with 8 numbers, this"),
         ({"observation": []}, "agent.json"),
-        ({"observation": None}, "agent.json"),
         ({"task": "target"}, "gives layout 1 with 10"),
         ({"task": "dance"}, "agent.json does not describe an agent"),
         ({"task": ["forward"]}, "agent.json does not describe an agent"),
@@ -317,15 +265,13 @@ def test_a_description_that_is_none_is_one_clear_error(content: str, copied: Pat
         ({"algorithm": "SAC"}, "weights in model.zip are not those of the agent"),
         ({"state_dependent_noise": False}, "weights in model.zip are not those of the agent"),
         ({"network": {"layers": [9]}}, "weights in model.zip are not those of the agent"),
-        ({"network": {"layers": [8, 8]}}, "weights in model.zip are not those of the agent"),
         ({"network": {"layers": 8}}, "network.layers must be a list"),
         ({"network": {"layer": [8]}}, "agent.json does not describe an agent"),
         ({"network": [8]}, "agent.json does not describe an agent"),
         ({"scene": 3}, "scene must be a mapping"),
         ({"scene": {"beam": {"elements": "x"}}}, "beam.elements must be an integer"),
-        ({"scene": {"beem": {}}}, "unknown field beem"),
-        ({"name": "two\nlines", "network": {"layers": [9]}}, "agent"),
-        ({"name": "two\nlines", "observation": {"layout": 2, "size": 9}}, "agent"),
+        ({"name": "two\nlines"}, "name must be text on one line"),
+        *(({name: MISSING}, name.replace("_", " ")) for name in REQUIRED),
     ],
 )
 def test_a_description_that_does_not_fit_is_one_clear_error(
@@ -333,17 +279,6 @@ def test_a_description_that_does_not_fit_is_one_clear_error(
 ) -> None:
     describe(copied, **changes)
     with refuses(AgentError, problem, str(copied)):
-        load_agent(copied)
-
-
-@pytest.mark.parametrize(
-    "name", ["name", "algorithm", "task", "scene", "network", "observation", "format_version"]
-)
-def test_a_description_without_a_field_is_one_clear_error(name: str, copied: Path) -> None:
-    data = json.loads((copied / "agent.json").read_text())
-    del data[name]
-    (copied / "agent.json").write_text(json.dumps(data))
-    with refuses(AgentError, name.replace("_", " ")):
         load_agent(copied)
 
 
@@ -364,7 +299,6 @@ def test_weights_that_are_none_are_refused(copied: Path) -> None:
     [
         (["beam.elements=8"], "beam.elements", "8", "9"),
         (["beam.bending_stiffness=4.0"], "beam.bending_stiffness", "4.0", "5.0"),
-        (["beam.line_density=0.3"], "beam.line_density", "0.3", "0.31"),
         (["actuation.torque_limit=2.0"], "torque_limit", "2.0", "1.0"),
         (["actuation.active_until=0.5"], "actuation.active_until", "0.5", "1.0"),
         (["episode.control_interval=0.04"], "episode.control_interval", "0.04", "0.02"),
@@ -372,12 +306,7 @@ def test_weights_that_are_none_are_refused(copied: Path) -> None:
         (["fluid.model=none"], "fluid.model", "none", "panels"),
         (["axial_added_mass=true"], "axial_added_mass", "{}", "None"),
         # The first difference is named and the others are counted.
-        (
-            ["fluid.density=20", "beam.elements=8"],
-            "beam.elements",
-            "8",
-            "9 in training (and 1 more)",
-        ),
+        (["fluid.density=20", "beam.elements=8"], "beam.elements", "8", "9 in training (and 1"),
     ],
 )
 def test_another_body_fluid_or_control_is_refused_and_the_field_named(
@@ -395,48 +324,44 @@ def test_another_body_fluid_or_control_is_refused_and_the_field_named(
 @pytest.mark.parametrize(
     ("name", "changes"),
     [
-        ("swimmer", []),
         ("paper_i", []),
-        ("swimmer", ["damping=null", "integrator.time_step=0.01"]),
-        ("swimmer", ["fluid.panels_per_element=6", "integrator.tolerance=1e-8"]),
-        ("swimmer", ["episode.duration=5", "episode.bend_noise=0.1", "episode.heading=[0, 1]"]),
-        ("swimmer", ["actuation.amplitude=0.5", "initial.heading=1.0", "description=x"]),
+        ("swimmer", ["damping=null", "integrator.time_step=0.01", "integrator.tolerance=1e-8"]),
+        ("swimmer", ["fluid.panels_per_element=6", "actuation.amplitude=0.5", "description=x"]),
+        ("swimmer", ["episode.duration=5", "episode.bend_noise=0.1", "initial.heading=1.0"]),
     ],
 )
 def test_another_solver_damping_or_start_is_no_obstacle(
     name: str, changes: list[str], swimmer_agent: Path
 ) -> None:
-    scene = load_scene(name, changes)
-    agent = load_policy(swimmer_agent, scene, task="forward")
+    agent = load_policy(swimmer_agent, load_scene(name, changes), task="forward")
     assert agent.predict(np.zeros(21))[0].shape == (8,)
 
 
-@pytest.mark.parametrize(("kind", "other"), [("ppo", "target"), ("target", "forward")])
-def test_another_task_is_refused(kind: str, other: str, saved: Saved) -> None:
-    scene, folder = small_config(kind).scene, saved(kind)[1]
-    own = "forward" if kind == "ppo" else "target"
-    with refuses(AgentError, f"agent small_{kind} was trained for task {own}, not for {other}"):
-        load_policy(folder, scene, task=other)
-    assert load_policy(folder, scene, task=own).predict(observations(saved(kind)[0], 1))
+def test_another_task_is_refused(saved: Saved) -> None:
+    for kind, own, other in (("ppo", "forward", "target"), ("target", "target", "forward")):
+        scene, (model, folder) = small_config(kind).scene, saved(kind)
+        with refuses(AgentError, f"agent small_{kind} was trained for task {own}, not for {other}"):
+            load_policy(folder, scene, task=other)
+        assert load_policy(folder, scene, task=own).predict(observations(model, 1))
 
 
 # ---- by path -----------------------------------------------------------------------------------
 
 
-def test_an_agent_is_found_by_its_folder_its_run_and_its_file(tmp_path: Path) -> None:
-    config = small_config()
+def test_an_agent_replaces_another_and_is_found_by_folder_run_and_file(tmp_path: Path) -> None:
+    config, place = small_config(), tmp_path / "agent"
     best, last = model_of(config), model_of(config)
     with torch.no_grad():
         last.policy.action_net.bias.add_(0.5)
-    save_agent(tmp_path / "agent", best, config, {})
-    save_agent(tmp_path / "final_agent", last, config, {})
     row = observations(best, 3)
-    expected = best.predict(row, deterministic=True)[0]
-    others = last.predict(row, deterministic=True)[0]
+    expected, others = (model.predict(row, deterministic=True)[0] for model in (best, last))
     assert (expected != others).any()
-    for path in (tmp_path, tmp_path / "agent", tmp_path / "agent" / "model.zip"):
-        for form in (path, str(path)):
-            assert (load_policy(form, config.scene).predict(row)[0] == expected).all()
+    for name, model, seed in (("agent", last, 1), ("final_agent", last, 1), ("agent", best, 2)):
+        save_agent(tmp_path / name, model, config, {"seed": seed})
+    assert load_agent(place).description["training"]["seed"] == 2
+    assert hidden(tmp_path) == []
+    for path in (tmp_path, place, place / "model.zip", str(tmp_path), str(place / "model.zip")):
+        assert (load_policy(path, config.scene).predict(row)[0] == expected).all()
     found = load_policy(tmp_path / "final_agent", config.scene)
     assert (found.predict(row)[0] == others).all()
 
@@ -472,37 +397,29 @@ def test_what_is_no_agent_is_refused(saved: Saved, tmp_path: Path) -> None:
         load_policy(tmp_path)
     with refuses(AgentError, "no such model file"):
         load_policy(tmp_path / "nothing.zip")
-    (tmp_path / "junk.zip").write_bytes(b"junk")
-    (tmp_path / "empty.zip").write_bytes(b"")
     whole = (saved("ppo")[1] / "model.zip").read_bytes()
-    (tmp_path / "half.zip").write_bytes(whole[: len(whole) // 2])
-    for name in ("junk", "empty", "half"):
-        path = tmp_path / f"{name}.zip"
+    for content in (b"junk", b"", whole[: len(whole) // 2]):
+        (tmp_path / "mine.zip").write_bytes(content)
         with refuses(AgentError, "the model is damaged or cut short, or neither PPO nor SAC"):
-            load_policy(path, trust=True)
+            load_policy(tmp_path / "mine.zip", trust=True)
     with refuses(OptionError, "unknown policy 'tuned_wav' (nearest: tuned_wave)"):
         load_policy("tuned_wav")
 
 
 # ---- the training script -----------------------------------------------------------------------
 
-BAD: list[tuple[list[str], str]] = [
-    (["ppo_forwrd"], "no such configuration: ppo_forwrd (nearest: ppo_forward)"),
-    (["ppo_forward", "--set", "step=3"], "unknown field step (nearest: steps)"),
-    (["ppo_forward", "--set", "ppo.epoch=3"], "unknown field ppo.epoch (nearest: epochs)"),
-    (["ppo_forward", "--set", "scene.beem.elements=3"], "unknown field beem.elements (nearest:"),
-    (["ppo_forward", "--set", "ppo.minibatch=1000"], "ppo.minibatch must divide"),
-    (["ppo_forward", "--set", "steps"], "override 'steps' must read"),
-    (["ppo_forward", "--seeds", "1", "2", "1"], "--seeds must differ, got 1 2 1"),
-    (["ppo_forward", "--seeds", "-1"], "seed must be a whole number from 0"),
-    (["ppo_forward", "--device", "gpu"], "cannot train on device 'gpu'"),
-    (["ppo_forward", "--device", "cuda:77"], "cannot train on device 'cuda:77'"),
-    (["ppo_forward", "--threads", "0"], "--threads must be at least 1, got 0"),
-    (["ppo_forward", "--threads", "-2"], "--threads must be at least 1, got -2"),
-]
 
-
-@pytest.mark.parametrize(("arguments", "problem"), BAD)
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (["ppo_forwrd"], "no such configuration: ppo_forwrd (nearest: ppo_forward)"),
+        (["ppo_forward", "--set", "step=3"], "unknown field step (nearest: steps)"),
+        (["ppo_forward", "--seeds", "1", "2", "1"], "--seeds must differ, got 1 2 1"),
+        (["ppo_forward", "--seeds", "-1"], "seed must be a whole number from 0"),
+        (["ppo_forward", "--device", "gpu"], "cannot train on device 'gpu'"),
+        (["ppo_forward", "--threads", "0"], "--threads must be at least 1, got 0"),
+    ],
+)
 def test_bad_input_of_the_training_script_is_one_line_and_exit_code_2(
     arguments: list[str], problem: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -523,10 +440,6 @@ def test_the_training_script_ends_with_its_runs_as_a_table_or_as_json(
     data = call_script(capsys, "train", *arguments, "--resume", "--json").figures()
     assert [one["seed"] for one in data["runs"]] == [3, 4]
     for one in data["runs"]:
-        assert one["finished"]
-        assert one["last"]["steps"] == 64
+        assert one["finished"] and one["last"]["steps"] == 64
         assert load_agent(Path(one["folder"]) / "agent").name == "small_ppo"
-    done = call_script(capsys, "train", *arguments)
-    done.assert_refused("the folder holds a run (finished)")
-    done = run_script("train", "ppo_forwrd", cwd=tmp_path)
-    done.assert_refused("no such configuration: ppo_forwrd")
+    call_script(capsys, "train", *arguments).assert_refused("the folder holds a run (finished)")

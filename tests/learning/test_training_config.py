@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import copy
+import json
 from dataclasses import replace
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -24,13 +26,6 @@ def written(folder: Path, text: str, name: str = "mine.yaml") -> Path:
     return path
 
 
-def error_of(path: str | Path, overrides: list[str] | Mapping[str, Any] | None = None) -> str:
-    """Return the message of the refusal, which must be one line."""
-    with refuses(ConfigError) as caught:
-        load_config(path, overrides)
-    return str(caught.value)
-
-
 # ---- to and from YAML --------------------------------------------------------------------------
 
 
@@ -42,11 +37,14 @@ def test_a_shipped_configuration_is_found_and_survives_the_way_through_a_file(
     assert config.name == name and config.description
     assert (config.ppo is None) == (config.algorithm == "SAC")
     assert (config.sac is None) == (config.algorithm == "PPO")
-    assert TrainingConfig.from_dict(config.to_dict()) == config
-    config.save(tmp_path / "saved.yaml")
-    again = load_config(tmp_path / "saved.yaml")
-    assert again == config
-    assert again.to_yaml() == config.to_yaml()
+    changes: dict[str, Any] = {"description": "ünï: # 'x'\nsecond", "final_learning_rate": None}
+    for one in (config, replace(config, **changes, environment={"effort_weight": 0.3})):
+        assert TrainingConfig.from_dict(one.to_dict()) == one
+        one.save(tmp_path / "saved.yaml")
+        assert load_config(tmp_path / "saved.yaml") == one
+    # What a configuration gives away does not change it.
+    config.to_dict()["environment"]["effort_weight"] = 5.0
+    assert config == load_config(name)
 
 
 @pytest.mark.parametrize("name", ["swimmer", "stiff_head"])
@@ -63,18 +61,7 @@ def test_a_resolved_configuration_holds_the_scene_in_full(name: str, tmp_path: P
     assert data["network"]["layers"] == [64, 64]
     assert data["ppo"]["rollout"] == 128
     assert "sac" not in data
-
-
-def test_every_field_survives_the_way_through_a_file(tmp_path: Path) -> None:
-    config = load_config("ppo_target", ["ppo.target_kl=0.02", "environment.target_radius=0.3"])
-    config = replace(config, description="ünï: # 'x'\nsecond line", final_learning_rate=None)
-    config.save(tmp_path / "saved.yaml")
-    again = load_config(tmp_path / "saved.yaml")
-    assert again == config
-    assert again.ppo is not None
-    assert again.ppo.target_kl == 0.02
-    assert again.environment == {"target_radius": 0.3}
-    assert again.final_learning_rate is None
+    assert (data["name"], data["steps"]) == ("mine", 1_000_000)  # named after the file
 
 
 def test_arguments_of_the_task_are_the_same_as_tuples_and_as_lists(tmp_path: Path) -> None:
@@ -84,46 +71,30 @@ def test_arguments_of_the_task_are_the_same_as_tuples_and_as_lists(tmp_path: Pat
     assert TrainingConfig.from_dict(config.to_dict()).to_dict() == config.to_dict()
 
 
-def test_what_a_configuration_gives_away_does_not_change_it() -> None:
-    config = load_config("ppo_forward")
-    config.to_dict()["environment"]["effort_weight"] = 5.0
-    assert config.environment == {}
-
-
-def test_a_file_without_a_name_is_named_after_it(tmp_path: Path) -> None:
-    config = load_config(written(tmp_path, "members: 16\n", "tuned.yaml"))
-    assert (config.name, config.members) == ("tuned", 16)
-    assert config.scene == load_scene("swimmer")
-
-
 # ---- overrides ---------------------------------------------------------------------------------
 
 
 def test_overrides_reach_fields_blocks_scene_and_task() -> None:
-    changes = [
-        "steps=1000",
-        "ppo.epochs=3",
-        "network.layers=[8, 4]",
-        "evaluation.every=77",
-        "scene.beam.elements=18",
-        "scene.fluid.density=20",
-        "environment.effort_weight=0.5",
-        "final_learning_rate=null",
-    ]
-    config = load_config("ppo_forward", changes)
-    assert config.steps == 1000
-    assert config.ppo is not None
-    assert (config.ppo.epochs, config.ppo.minibatch) == (3, 2048)
-    assert config.network.layers == (8, 4)
-    assert (config.evaluation.every, config.evaluation.episodes) == (77, 16)
-    assert config.scene.beam.elements == 18
-    assert config.scene.fluid is not None
-    assert config.scene.fluid.density == 20.0
-    assert config.make_task().effort_weight == 0.5
-    assert config.final_learning_rate is None
-    before = load_config("ppo_forward")
-    assert (before.scene.beam.elements, before.steps) == (9, 2_000_000)
-    assert load_config("ppo_forward", {"scene.beam.elements": 18}).scene.beam.elements == 18
+    before = load_config("ppo_forward").to_dict()
+    changes = {
+        "steps": 1000,
+        "ppo.epochs": 3,
+        "network.layers": [8, 4],
+        "evaluation.every": 77,
+        "scene.beam.elements": 18,
+        "scene.fluid.density": 20.0,
+        "environment.effort_weight": 0.5,
+        "final_learning_rate": None,
+    }
+    expected = copy.deepcopy(before)
+    for path, value in changes.items():
+        *blocks, name = path.split(".")
+        reduce(dict.__getitem__, blocks, expected)[name] = value
+    typed = [f"{path}={json.dumps(value)}" for path, value in changes.items()]
+    for given in (changes, typed):
+        assert load_config("ppo_forward", given).to_dict() == expected
+    assert load_config("ppo_forward", typed).make_task().effort_weight == 0.5
+    assert load_config("ppo_forward").to_dict() == before
 
 
 def test_overrides_hold_together() -> None:
@@ -138,30 +109,28 @@ def test_overrides_hold_together() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "parts"),
+    ("changes", "problem"),
     [
-        (["step=4"], ["unknown field step (nearest: steps)"]),
-        (["ppo.epoch=4"], ["unknown field ppo.epoch (nearest: epochs)"]),
-        (["netwrk.layers=[4]"], ["unknown field netwrk.layers", "network"]),
-        (["scene.beam.element=4"], ["unknown field beam.element (nearest: beam.elements)"]),
-        (["scene.beam.elements=1.5"], ["beam.elements must be an integer"]),
-        (["environment.efort_weight=1"], ["environment.efort_weight (nearest: effort_weight)"]),
-        (["steps"], ["override 'steps' must read"]),
-        (["steps="], ["steps must be an integer, got null"]),
-        (["steps=[1"], ["override 'steps=[1'", "not valid YAML"]),
-        (["algorithm=SAC"], ["a block ppo has no meaning with algorithm SAC"]),
-        (["ppo=3", "ppo.epochs=4"], ["ppo must be a mapping"]),
-        (["environment=3", "environment.effort_weight=4"], ["environment must be a mapping"]),
+        (["step=4"], "unknown field step (nearest: steps)"),
+        (["ppo.epoch=4"], "unknown field ppo.epoch (nearest: epochs)"),
+        (["netwrk.layers=[4]"], "unknown field netwrk.layers"),
+        (["scene.beam.element=4"], "unknown field beam.element (nearest: beam.elements)"),
+        (["scene.beam.elements=1.5"], "beam.elements must be an integer"),
+        (["environment.efort_weight=1"], "environment.efort_weight (nearest: effort_weight)"),
+        (["steps"], "override 'steps' must read"),
+        (["steps="], "steps must be an integer, got null"),
+        (["steps=[1"], "not valid YAML"),
+        (["algorithm=SAC"], "a block ppo has no meaning with algorithm SAC"),
+        (["ppo=3", "ppo.epochs=4"], "ppo must be a mapping"),
+        (["environment=3", "environment.effort_weight=4"], "environment must be a mapping"),
     ],
 )
-def test_a_bad_override_is_named_with_its_file(changes: list[str], parts: list[str]) -> None:
-    message = error_of("ppo_forward", changes)
-    for part in parts:
-        assert part in message
-    assert message.endswith("(configs/agents/ppo_forward.yaml with overrides)")
+def test_a_bad_override_is_named_with_its_file(changes: list[str], problem: str) -> None:
+    with refuses(ConfigError, problem, "(configs/agents/ppo_forward.yaml with overrides)"):
+        load_config("ppo_forward", changes)
 
 
-# ---- misspelt fields ---------------------------------------------------------------------------
+# ---- misspelt fields and wrong values ----------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -176,20 +145,15 @@ def test_a_bad_override_is_named_with_its_file(changes: list[str], parts: list[s
         ("environment: {effort_wieght: 0.1}", "environment.effort_wieght", "effort_weight"),
         ("scene: swimmer\noverrides: {beam.elemets: 4}", "beam.elemets", "beam.elements"),
         ("scene: swimmer\noverrides: ['beam.elemets=4']", "beam.elemets", "beam.elements"),
-        ("scene: {beem: {}}", "beem", "beam"),
         ("scene: {beam: {elemets: 4}}", "beam.elemets", "elements"),
     ],
 )
-def test_a_misspelt_field_is_told_with_the_nearest_one_and_the_file(
+def test_a_misspelt_field_is_named_with_the_nearest_one_and_the_file(
     text: str, field: str, close: str, tmp_path: Path
 ) -> None:
     path = written(tmp_path, text)
-    message = error_of(path)
-    assert f"unknown field {field} (nearest: {close})" in message
-    assert str(path) in message
-
-
-# ---- values ------------------------------------------------------------------------------------
+    with refuses(ConfigError, f"unknown field {field} (nearest: {close})", str(path)):
+        load_config(path)
 
 
 @pytest.mark.parametrize(
@@ -197,7 +161,6 @@ def test_a_misspelt_field_is_told_with_the_nearest_one_and_the_file(
     [
         ("discount: 1.0", "discount must be below 1, got 1"),
         ("discount: 0", "discount must be above 0, got 0"),
-        ("discount: high", "discount must be a number, got text 'high'"),
         ("learning_rate: .nan", "learning_rate must be a finite number, got nan"),
         ("learning_rate: 0", "learning_rate must be above 0, got 0"),
         ("final_learning_rate: -0.1", "final_learning_rate must be at least 0, got -0.1"),
@@ -205,7 +168,6 @@ def test_a_misspelt_field_is_told_with_the_nearest_one_and_the_file(
         ("members: true", "members must be an integer, got true"),
         ("members: 0", "members must be at least 1, got 0"),
         ("steps: 1e6", "steps must be an integer, got 1000000.0"),
-        ("steps: null", "steps must be an integer, got null"),
         ("checkpoint_every: 0", "checkpoint_every must be at least 1, got 0"),
         ("torch_threads: 0", "torch_threads must be at least 1, got 0"),
         ("noise_hold: -1", "noise_hold must be at least 1, got -1"),
@@ -213,13 +175,11 @@ def test_a_misspelt_field_is_told_with_the_nearest_one_and_the_file(
         ("algorithm: DDPG", "algorithm must be one of PPO, SAC, got 'DDPG'"),
         ("task: froward", "task must be one of forward, target, got 'froward' (nearest: forward)"),
         ("name: a/b", "name must be a short text without slashes, got 'a/b'"),
-        ("name: ''", "name must be a short text without slashes, got ''"),
         ("name: ..", "name must be"),
         ("name: 7", "name must be text, got 7"),
         ("description: [a]", "description must be text, got a list of 1"),
         ("network: 3", "network must be a mapping of fields, got 3"),
         ("network: {layers: []}", "network.layers must be a list of widths such as [64, 64]"),
-        ("network: {layers: 64}", "network.layers must be a list of widths such as [64, 64]"),
         ("network: {layers: [64, true]}", "network.layers[1] must be an integer, got true"),
         ("network: {layers: [0]}", "network.layers[0] must be at least 1, got 0"),
         ("network: {activation: gelu}", "network.activation must be one of tanh, relu, elu"),
@@ -229,7 +189,6 @@ def test_a_misspelt_field_is_told_with_the_nearest_one_and_the_file(
         ("ppo: {gae_lambda: 1.1}", "ppo.gae_lambda must be at most 1, got 1.1"),
         ("ppo: {target_kl: 0}", "ppo.target_kl must be above 0, got 0"),
         ("sac: {}", "a block sac has no meaning with algorithm PPO"),
-        ("algorithm: SAC\nppo: {}", "a block ppo has no meaning with algorithm SAC"),
         (
             "algorithm: SAC\nreward_scale: 1\nsac: {buffer: 8}",
             "sac.buffer must be at least members = 64, got 8",
@@ -241,7 +200,6 @@ def test_a_misspelt_field_is_told_with_the_nearest_one_and_the_file(
         ("evaluation: {episodes: 0}", "evaluation.episodes must be at least 1, got 0"),
         ("evaluation: {seed: -1}", "evaluation.seed must be at least 0, got -1"),
         ("environment: [1]", "environment must be a mapping of arguments, got a list of 1"),
-        ("environment: {target_radius: 1}", "unknown field environment.target_radius"),
         ("environment: {effort_weight: -1}", "effort_weight must be at least 0"),
         ("task: target\nenvironment: {target_radius: 0}", "target_radius must be above 0"),
         ("scene: 3", "a scene must be given as a name"),
@@ -250,35 +208,31 @@ def test_a_misspelt_field_is_told_with_the_nearest_one_and_the_file(
         ("- members", "a configuration must be a mapping of fields, got a list of 1"),
         ("", "the file is empty, must hold a training configuration"),
         ("members: 4\nmembers: 8", "line 2: field 'members' is given twice"),
-        ("members: [4", "not valid YAML"),
         ("1: 2", "a field's name must be text"),
         ("members: !!python/object:os.system x", "not valid YAML"),
         ('environment: {"a\\nb": 1}', "unknown field environment."),
     ],
 )
-def test_a_wrong_value_is_told_in_one_line_with_its_file(
+def test_a_wrong_value_is_reported_in_one_line_with_its_file(
     text: str, problem: str, tmp_path: Path
 ) -> None:
     path = written(tmp_path, text)
-    message = error_of(path)
-    assert problem in message
-    assert message.endswith(f"({path})") or (text.startswith("scene") and str(path) in message)
+    with refuses(ConfigError, problem, str(path)) as caught:
+        load_config(path)
+    assert text.startswith("scene") or str(caught.value).endswith(f"({path})")
 
 
-def test_a_missing_file_is_told_with_the_nearest_name() -> None:
-    assert "no such configuration: ppo_forwrd (nearest: ppo_forward)" in error_of("ppo_forwrd")
-    message = error_of("somewhere/sac_forwad.yaml")
-    assert "somewhere/sac_forwad.yaml (nearest: sac_forward)" in message
-    assert "shipped: " in message
-
-
-def test_a_file_that_is_no_text_and_a_folder_are_refused(tmp_path: Path) -> None:
+def test_what_is_no_file_of_text_is_refused(tmp_path: Path) -> None:
+    with refuses(ConfigError, "no such configuration: ppo_forwrd (nearest: ppo_forward)"):
+        load_config("ppo_forwrd")
+    with refuses(ConfigError, "somewhere/sac_forwad.yaml (nearest: sac_forward)", "shipped: "):
+        load_config("somewhere/sac_forwad.yaml")
     path = tmp_path / "latin.yaml"
     path.write_bytes("description: Wärme".encode("latin-1"))
-    message = error_of(path)
-    assert "the file must be UTF-8 text, byte 14 is not" in message
-    assert str(path) in message
-    assert "cannot read the configuration: Is a directory" in error_of(tmp_path)
+    with refuses(ConfigError, "the file must be UTF-8 text, byte 14 is not", str(path)):
+        load_config(path)
+    with refuses(ConfigError, "cannot read the configuration: Is a directory"):
+        load_config(tmp_path)
 
 
 # ---- what follows from it ----------------------------------------------------------------------

@@ -276,27 +276,19 @@ class FailingBatch(gymnasium.vector.VectorWrapper):
         raise RuntimeError("the battery is empty")
 
 
-@pytest.mark.parametrize("after", [False, True])
-def test_a_step_that_fails_leaves_a_file(tmp_path, after):
+@pytest.mark.parametrize(("kind", "rewards"), [("before", 3), ("after", 4), ("batch", 1)])
+def test_a_step_that_fails_leaves_a_file(tmp_path, kind, rewards):
     """The error comes through, and an action that was played has its reward."""
     failing = Failing(SwimEnv(overrides=SHORT))
-    failing.after = after
+    failing.after = kind == "after"
     env = RecordEpisodes(failing, tmp_path, always)
+    if kind == "batch":
+        env = RecordVectorEpisodes(FailingBatch(SwimVectorEnv(2, overrides=SHORT)), tmp_path, [1])
     with pytest.raises(RuntimeError, match="battery"):
         play(env, 0)
-    one = only(tmp_path / "swimmer-episode-0.rrd")
-    assert one.series["reward"].shape == (4 if after else 3, 1)
-    assert one.series["reward"].sum() == pytest.approx(one.series["progress"][-1, 0])
-
-
-def test_a_batch_that_fails_behind_the_physics(tmp_path):
-    env = RecordVectorEpisodes(FailingBatch(SwimVectorEnv(2, overrides=SHORT)), tmp_path, [1])
-    env.reset(seed=0)
-    with pytest.raises(RuntimeError, match="battery"):
-        env.step(np.ones((2, 8)))
     one = only(env.written[-1].file)
-    assert one.series["reward"].shape == (1, 1)
-    assert one.series["reward"][0, 0] == pytest.approx(one.series["progress"][-1, 0])
+    assert one.series["reward"].shape == (rewards, 1)
+    assert one.series["reward"].sum() == pytest.approx(one.series["progress"][-1, 0])
 
 
 def test_a_failing_disk_costs_no_episode(tmp_path, monkeypatch):
@@ -331,32 +323,26 @@ def test_a_failing_disk_costs_no_episode(tmp_path, monkeypatch):
 # ---- one wrapper at a time ---------------------------------------------------------------------
 
 
-def test_a_second_wrapper_waits_for_the_first_to_be_closed(tmp_path):
+@pytest.mark.parametrize("batch", [False, True])
+def test_a_second_wrapper_waits_for_the_first_to_be_closed(tmp_path, batch):
     """A closed one that is reset records again, unless another one does by now."""
-    first = record(tmp_path / "a")
-    swimmer = first.unwrapped
+    swimmer = (SwimVectorEnv(2, overrides=SHORT) if batch else SwimEnv(overrides=SHORT)).unwrapped
+    wrapper = RecordVectorEpisodes if batch else RecordEpisodes
+    first = wrapper(swimmer, tmp_path / "a")
     first.close()
     first.reset(seed=0)
     with pytest.raises(OptionError, match=TAKEN):
-        RecordEpisodes(swimmer, tmp_path / "b")
+        wrapper(swimmer, tmp_path / "b", **({"members": [1]} if batch else {}))
     first.close()
-    second = RecordEpisodes(swimmer, tmp_path / "b")
+    second = wrapper(swimmer, tmp_path / "b")
     with pytest.raises(OptionError, match=TAKEN):
         first.reset(seed=0)
     first.close()
     with pytest.raises(OptionError, match=TAKEN):
-        RecordEpisodes(swimmer, tmp_path / "c")
+        wrapper(swimmer, tmp_path / "c")
     play(second, 0)
+    second.close()
     assert len(second.written) == 1
-
-    one = record_batch(tmp_path / "d", 2, [0])
-    with pytest.raises(OptionError, match=TAKEN):
-        RecordVectorEpisodes(one.unwrapped, tmp_path / "e", [1])
-    one.close()
-    other = RecordVectorEpisodes(one.unwrapped, tmp_path / "e", [1])
-    with pytest.raises(OptionError, match=TAKEN):
-        one.reset(seed=0)
-    other.close()
 
 
 def test_after_close_nothing_is_recorded(tmp_path):
@@ -376,29 +362,24 @@ def test_after_close_nothing_is_recorded(tmp_path):
     assert len(one.written) == 2
 
 
-def test_a_scene_that_records_by_itself(tmp_path):
+@pytest.mark.parametrize("batch", [False, True])
+def test_a_scene_that_records_by_itself(tmp_path, batch):
     """Continues to do so; a wrapper in the middle of an episode begins with the next."""
     scene = {**SHORT, "recording": {}}
-    env = record(tmp_path / "a", scene=scene)
-    play(env, 0)
-    assert env.unwrapped.recorded().steps == 40
-    assert only(tmp_path / "a" / "swimmer-episode-0.rrd").time[-1] == pytest.approx(0.2)
-    batch = SwimVectorEnv(2, overrides=scene)
-    batch.reset(seed=0)
-    wrapped = RecordVectorEpisodes(batch, tmp_path / "b", [0])
-    wrapped.step(np.zeros((2, 8)))
-    assert batch.episodes.counters[:, 0].tolist() == [1, 1]
-    assert batch.episodes.bodies.steps_taken.tolist() == [4.0, 4.0]
-    wrapped.close()
-
-    env = SwimEnv(overrides=scene)
+    if not batch:
+        env = record(tmp_path / "a", scene=scene)
+        play(env, 0)
+        assert env.unwrapped.recorded().steps == 40
+        one = only(tmp_path / "a" / "swimmer-episode-0.rrd")
+        assert one.time[-1] == pytest.approx(0.2)
+    env = SwimVectorEnv(2, overrides=scene) if batch else SwimEnv(overrides=scene)
     env.reset(seed=0)
-    env.step(np.zeros(8))
-    late = RecordEpisodes(env, tmp_path / "b", always)
+    late = (RecordVectorEpisodes if batch else RecordEpisodes)(env, tmp_path / "b")
     with pytest.raises(OptionError):
         late.reset(options={"noise": "bad"})
-    late.step(np.zeros(8))
-    assert env.episodes.counters[0, 0] == 2
+    late.step(np.zeros(env.action_space.shape))
+    assert (env.episodes.counters[:, 0] == 1).all()
+    assert (env.episodes.bodies.steps_taken == 4.0).all()
     late.close()
     assert not names_in(tmp_path / "b")
 

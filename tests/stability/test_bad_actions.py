@@ -19,7 +19,6 @@ from tests.support import (
     FORWARD,
     LIVELY,
     TARGET,
-    assert_one_line,
     assert_same,
     each_mode,
     each_task,
@@ -27,13 +26,11 @@ from tests.support import (
     make_batch,
     refuses,
     state_of,
-    uniform,
 )
 
 #: Joints of scene swimmer, and members of batches.
 JOINTS, MEMBERS = 8, 3
 LONG = np.finfo(np.longdouble)
-RECORDED = {"recording": True, "internal_forces": True}
 
 
 class Player(NamedTuple):
@@ -42,26 +39,20 @@ class Player(NamedTuple):
     step: Callable[[Any], Any]
     state: Callable[[], Any]
     shape: tuple[int, ...]
-    error: type[Exception]
-    #: What it has recorded, if it records.
-    recorded: Callable[[], Any] = lambda: None
-    #: Kinds of NOT_NUMBERS that mean something else to it.
-    leave_out: str = ""
+    error: type[Exception] = ActionError
 
 
-def single(task: str = FORWARD, recording: bool = False) -> Player:
-    env = make(task, overrides=RECORDED if recording else {}, effort_weight=0.3)
+def single(task: str = FORWARD) -> Player:
+    overrides = {"recording": True, "internal_forces": True}
+    env = make(task, overrides=overrides, effort_weight=0.3)
     env.reset(seed=3)
-    recorded = env.recorded if recording else lambda: None
-    return Player(env.step, lambda: state_of(env), (JOINTS,), ActionError, recorded)
+    return Player(env.step, lambda: state_of(env), (JOINTS,))
 
 
 def batch(task: str) -> Player:
     envs = make_batch(task, MEMBERS, overrides={"recording": True}, num_threads=2)
     envs.reset(seed=3)
-    shape = (MEMBERS, JOINTS)
-    recorded = lambda: [envs.recorded(member) for member in range(MEMBERS)]  # noqa: E731
-    return Player(envs.step, lambda: state_of(envs), shape, ActionError, recorded)
+    return Player(envs.step, lambda: state_of(envs), (MEMBERS, JOINTS))
 
 
 def simulator() -> Player:
@@ -75,16 +66,12 @@ def vec_env() -> Player:
 
     venv = make_swim_vec_env(FORWARD, MEMBERS, seed=3)
     venv.reset()
-    shape = (MEMBERS, JOINTS)
-    # None is for it what `step_async` was not called with.
-    return Player(venv.step, lambda: state_of(venv.env), shape, ActionError, leave_out="none")
+    return Player(venv.step, lambda: state_of(venv.env), (MEMBERS, JOINTS))
 
 
 PLAYERS: dict[str, Callable[[], Player]] = {
-    "single": lambda: single(),
-    "single, recording": lambda: single(recording=True),
+    "single": single,
     "single, target": lambda: single(TARGET),
-    "single, target, recording": lambda: single(TARGET, recording=True),
     "batch": lambda: batch(FORWARD),
     "batch, target": lambda: batch(TARGET),
     "simulator": simulator,
@@ -96,9 +83,8 @@ def refused(player: Player, action: Any, *parts: str) -> None:
     """Let a player refuse an action: one line that says this much, and nothing else happens."""
     before = player.state()
     given = action.copy() if isinstance(action, np.ndarray) else None
-    with pytest.raises(player.error) as caught:
+    with refuses(player.error, *parts) as caught:
         player.step(action)
-    assert_one_line(str(caught.value), *parts)
     assert isinstance(caught.value, ValueError)
     assert_same(player.state(), before, f"after a refusal ({caught.value})")
     if given is not None and given.dtype != object:
@@ -139,46 +125,42 @@ NOT_NUMBERS: dict[str, Callable[[tuple[int, ...]], Any]] = {
 }
 
 
-def refuse_all(player: Player) -> None:
-    """Let a player refuse everything that is no array of numbers of the right shape."""
-    shape = player.shape
-    for kind, made in NOT_NUMBERS.items():
-        if kind != player.leave_out:
-            refused(player, made(shape), f"must be numbers of shape {shape}")
-    longer, shorter = (*shape[:-1], JOINTS + 1), (*shape[:-1], JOINTS - 1)
-    for other in [(), (0,), (1,), longer, shorter, (1, *shape), (*shape, 1), shape[::-1] + (2,)]:
-        refused(player, np.zeros(other), f"must have shape {shape}, got {other}")
-
-
 @pytest.mark.parametrize("kind", PLAYERS)
-def test_an_episode_full_of_refused_actions_is_the_one_without_them(kind: str) -> None:
+def test_an_episode_full_of_refused_actions_is_the_one_without_them(kind):
     """Between any two actions come all kinds of bad ones, in the caller's one buffer at last."""
     player, twin = PLAYERS[kind](), PLAYERS[kind]()
+    shape = player.shape
     rng = np.random.default_rng(1)
-    buffer = np.empty(player.shape, order="F")
+    buffer = np.empty(shape, order="F")
     for step in range(12):
-        at = tuple(int(rng.integers(size)) for size in player.shape[:-1]) + (step % JOINTS,)
+        at = tuple(int(rng.integers(size)) for size in shape[:-1]) + (step % JOINTS,)
         place = f"joint {at[-1]}" + (f" of member {at[0]}" if len(at) > 1 else "")
         for value in (np.nan, np.inf, -np.inf):
             for dtype in (np.float16, np.float32, np.float64, np.longdouble):
-                bad = with_one(player.shape, at, value, dtype)
+                bad = with_one(shape, at, value, dtype)
                 refused(player, bad, f"must be finite, got {value} at {place}")
             refused(player, bad.tolist(), f"must be finite, got {value} at {place}")
         if step in (4, 9):
-            refuse_all(player)
-        good = rng.uniform(-1.0, 1.0, player.shape)
+            for name, made in NOT_NUMBERS.items():
+                # None is for stable-baselines3 what `step_async` was not called with.
+                if (kind, name) != ("vec_env", "none"):
+                    refused(player, made(shape), f"must be numbers of shape {shape}")
+            longer, shorter = (*shape[:-1], JOINTS + 1), (*shape[:-1], JOINTS - 1)
+            for wrong in ((), (0,), longer, shorter, (1, *shape), (*shape, 1), shape[::-1] + (2,)):
+                refused(player, np.zeros(wrong), f"must have shape {shape}, got {wrong}")
+        good = rng.uniform(-1.0, 1.0, shape)
         buffer[:] = good
         buffer[at] = np.inf
         refused(player, buffer, f"got inf at {place}")
         buffer[at] = good[at]
         assert_same(player.step(buffer), twin.step(good.copy()), f"step {step}")
         buffer[:] = np.nan
+        # With the recording, where there is one.
         assert_same(player.state(), twin.state(), f"state after step {step}")
-    assert_same(player.recorded(), twin.recorded(), "recorded")
 
 
 @each_task
-def test_what_overflows_is_refused_and_what_is_huge_counts_as_one(task: str) -> None:
+def test_what_overflows_is_refused_and_what_is_huge_counts_as_one(task):
     """Numbers of any size are clipped, those that their type made infinite are refused."""
     player, twin = single(task), single(task)
     sign = np.where(np.arange(JOINTS) % 3 == 0, -1.0, 1.0)
@@ -211,38 +193,17 @@ def test_what_overflows_is_refused_and_what_is_huge_counts_as_one(task: str) -> 
 
 
 @each_task
-def test_refused_actions_do_not_count_for_the_wrappers(task: str) -> None:
-    """An episode cut to six actions has six good ones, and its statistics are theirs."""
-    results = []
-    for bad in (False, True):
-        made = gymnasium.make(task, max_episode_steps=6)
-        env = gymnasium.wrappers.RecordEpisodeStatistics(made)
-        env.reset(seed=0)
-        ends, total, last = [], 0.0, {}
-        for step in range(6):
-            for action in (np.full(JOINTS, np.nan), np.zeros(3), None) if bad and step else ():
-                with pytest.raises(ActionError):
-                    env.step(action)
-            _, reward, terminated, truncated, last = env.step(np.full(JOINTS, 0.1 * step))
-            ends.append((terminated, truncated))
-            total += float(reward)
-        assert ends == [(False, False)] * 5 + [(False, True)], f"with bad actions: {bad}"
-        results.append((total, float(last["episode"]["r"]), int(last["episode"]["l"])))
-    assert results[0] == results[1]
-
-
-@each_task
-def test_without_an_episode_bad_actions_are_not_looked_at(task: str) -> None:
+def test_without_an_episode_bad_actions_are_not_looked_at(task):
     """Before the first reset and after an end the error is about that, and nothing changes."""
     env = make(task, overrides=LIVELY)
-    for action in (np.full(3, np.nan), None, np.zeros(9)):
+    bad = (np.full(3, np.nan), None, np.zeros(9))
+    for action in bad:
         with pytest.raises(gymnasium.error.ResetNeeded):
             env.step(action)
     env.reset(seed=0)
-    for action in uniform(1000, 3).round():
-        if env.step(action)[2]:
-            break
-    for action in (np.full(3, np.nan), None, np.zeros(9), np.zeros(3)):
+    while not env.step(np.ones(3))[2]:
+        pass
+    for action in bad:
         with refuses(SimulationEndedError, "call reset", leaving=env):
             env.step(action)
 
@@ -250,9 +211,7 @@ def test_without_an_episode_bad_actions_are_not_looked_at(task: str) -> None:
 @each_task
 @pytest.mark.parametrize("threads", [1, 2, 5])
 @each_mode
-def test_one_bad_member_among_many_changes_nothing_of_anybody(
-    task: str, threads: int, mode: AutoresetMode
-) -> None:
+def test_one_bad_member_among_many_changes_nothing_of_anybody(task, threads, mode):
     """Members end and start anew at all times; in between come bad actions of one, or of some."""
     members, joints = 7, 3
     envs, twin = (
@@ -271,7 +230,7 @@ def test_one_bad_member_among_many_changes_nothing_of_anybody(
     rng = np.random.default_rng(threads)
     assert_same(envs.reset(seed=11), twin.reset(seed=11), "reset")
     ended = np.zeros(members, dtype=np.bool_)
-    ignored, lengths = 0, set()
+    ignored, ends = 0, []
     for step in range(90):
         good = rng.uniform(-1.0, 1.0, shape).round()
         value = float(rng.choice([np.nan, np.inf, -np.inf]))
@@ -307,32 +266,9 @@ def test_one_bad_member_among_many_changes_nothing_of_anybody(
         given[:] = np.nan
         assert_same(one, other, f"step {step}")
         ended = one[2] | one[3]
+        if ended.any():
+            ends.append(step)
         if step % 10 == 9:
-            for member in range(members):
-                recorded = envs.recorded(member)
-                assert_same(recorded, twin.recorded(member), f"recorded, {member}, step {step}")
-                assert np.isfinite(recorded.torques).all()
-                lengths.add(recorded.steps)
-    assert_same(state_of(envs), state_of(twin), "at the end")
+            assert_same(state_of(envs), state_of(twin), f"state and recording after step {step}")
     assert mode is not AutoresetMode.NEXT_STEP or ignored > members, "nobody has ever waited"
-    assert len(lengths) > 3, f"all members did the same: {lengths}"
-
-
-@pytest.mark.parametrize("threads", [1, 4])
-def test_a_bad_member_is_found_among_many(threads: int) -> None:
-    """Every member in turn is the bad one of 24; bodies move only by the good actions."""
-    members = 24
-    envs, twin = (make_batch(FORWARD, members, num_threads=threads) for _ in range(2))
-    rng = np.random.default_rng(0)
-    for each in (envs, twin):
-        each.reset(seed=2)
-    for member in range(members):
-        joint = int(rng.integers(JOINTS))
-        bad = rng.uniform(-1.0, 1.0, (members, JOINTS)).astype(np.float32)
-        bad[member, joint] = np.nan
-        for given in (bad, list(bad)):
-            with refuses(ActionError, f"got nan at joint {joint} of member {member}", leaving=envs):
-                envs.step(given)
-        if member % 6 == 0:
-            good = rng.uniform(-1.0, 1.0, (members, JOINTS))
-            assert_same(envs.step(good), twin.step(good), f"after member {member}")
+    assert len(ends) > 3, f"all members did the same: {ends}"

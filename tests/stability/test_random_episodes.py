@@ -16,8 +16,19 @@ LIMIT = 1000
 PHYSICS = {"", *TERMINATION_REASONS} - {"", "target_reached"}
 
 
-def _check(task: str, episodes: int, members: int, seed: int) -> None:
-    """Play at least that many whole episodes with uniform actions and look at all of it."""
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize(
+    ("episodes", "members", "seed"),
+    [
+        (5, 5, 2024),
+        pytest.param(20, 20, 2025, marks=[pytest.mark.slow, pytest.mark.ci_slice]),
+        pytest.param(1000, 64, 7, marks=pytest.mark.slow),
+    ],
+)
+@pytest.mark.parametrize("kind", ["uniform", "bang-bang"])
+@each_task
+def test_random_episodes_are_finite_and_end_by_name(task, kind, episodes, members, seed):
+    """At least that many whole episodes."""
     envs = make_batch(task, members, autoreset_mode="SameStep")
     rng = np.random.default_rng(seed)
     observations, _ = envs.reset(seed=seed)
@@ -29,8 +40,9 @@ def _check(task: str, episodes: int, members: int, seed: int) -> None:
     quota = -(-episodes // members)
     total = np.zeros(members)
     while (played < quota).any():
+        actions = rng.uniform(-1.0, 1.0, envs.action_space.shape)
         observations, rewards, terminated, truncated, infos = envs.step(
-            rng.uniform(-1.0, 1.0, envs.action_space.shape)
+            actions if kind == "uniform" else np.sign(actions)
         )
         length += 1
         total += rewards
@@ -65,17 +77,3 @@ def _check(task: str, episodes: int, members: int, seed: int) -> None:
     assert set(ends) <= allowed, ends
     if task == FORWARD:
         assert ends["time limit"] >= 0.99 * count, ends
-
-
-@pytest.mark.slow
-@pytest.mark.ci_slice
-@each_task
-def test_a_few_random_episodes_are_finite_and_end_by_name(task: str) -> None:
-    _check(task, episodes=5, members=5, seed=2024)
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(1800)
-@each_task
-def test_a_thousand_random_episodes_are_finite_and_end_by_name(task: str) -> None:
-    _check(task, episodes=1000, members=64, seed=7)

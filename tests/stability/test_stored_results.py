@@ -16,14 +16,14 @@ STORED = json.loads((FOLDER / "stability.json").read_text(encoding="utf-8"))
 
 
 @pytest.mark.release
-def test_the_kernels_have_not_changed_since_the_last_full_run() -> None:
+def test_the_kernels_have_not_changed_since_the_last_full_run():
     assert STORED["kernels"] == kernel_digest(), (
         "the kernels, or swim_env/sim/batch.py, have changed since docs/stability was measured: "
         "run make stability and keep its results"
     )
 
 
-def test_the_stored_run_was_a_full_one_in_which_all_was_right() -> None:
+def test_the_stored_run_was_a_full_one_in_which_all_was_right():
     assert failures_of(STORED) == []
     labels = [(run.case, run.label) for run in hard_runs()]
     assert [(run["case"], run["label"]) for run in STORED["runs"]] == labels
@@ -31,5 +31,5 @@ def test_the_stored_run_was_a_full_one_in_which_all_was_right() -> None:
     assert STORED["date"] and STORED["commit"] and not STORED["commit"].endswith("+")
 
 
-def test_the_tables_are_made_of_the_stored_run() -> None:
+def test_the_tables_are_made_of_the_stored_run():
     assert (FOLDER / "tables.md").read_text(encoding="utf-8") == stability_tables(STORED)

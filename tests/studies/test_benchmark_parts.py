@@ -13,13 +13,13 @@ from swim_env.sim.batch import Bodies, minimal_start
 
 
 @pytest.mark.parametrize("elements", [2, 9, 13])
-def test_the_floor_gives_the_added_mass_either_way(elements: int) -> None:
+def test_the_floor_gives_the_added_mass_either_way(elements):
     """-rho sym(B^T L phi) of the floor's potentials is the matrix that the step works with."""
     bend = [0.1 * (-1.0) ** k for k in range(elements - 1)]
     scene = load_scene("paper_i", {"beam.elements": elements, "initial.joint_angles": bend})
     bodies = Bodies(scene)
     bodies.start(0, *minimal_start(scene, scene.initial))
-    wanted = bodies.views(0).step.added_mass[: 2 * elements, : 2 * elements]
+    wanted = bodies.views(0).body.mass.added[: 2 * elements, : 2 * elements]
     for way in FLOOR_WAYS.values():
         floor = floor_arrays(scene)
         potentials_of_motions(1, way, floor)
@@ -32,12 +32,12 @@ def test_the_floor_gives_the_added_mass_either_way(elements: int) -> None:
         np.testing.assert_array_equal(floor.out, before)
 
 
-def test_there_is_no_floor_without_panels() -> None:
+def test_there_is_no_floor_without_panels():
     with pytest.raises(SceneError, match="floor is that of fluid.model panels"):
         floor_calls(load_scene("paper_i", {"fluid.model": "none"}))
 
 
-def test_parts_add_up_to_the_step() -> None:
+def test_parts_add_up_to_the_step():
     """What parts do not account for is the rest, round by round."""
     microseconds = {
         "step": 40.0, "outline": 0.5, "influence": 6.0, "factorisation": 5.0, "added mass": 16.0,
@@ -52,7 +52,7 @@ def test_parts_add_up_to_the_step() -> None:
 
 
 @pytest.mark.parametrize("model", ["panels", "none"])
-def test_the_parts_of_a_scene(model: str) -> None:
+def test_the_parts_of_a_scene(model):
     cell = measure_parts(load_scene("paper_i", {"fluid.model": model}), 3)
     assert tuple(cell["parts"]) == PARTS
     medians = {name: part["median"] for name, part in cell["parts"].items()}
@@ -69,13 +69,13 @@ def test_the_parts_of_a_scene(model: str) -> None:
 
 
 @pytest.mark.release
-def test_a_step_takes_longer_than_its_floor_and_a_pose_than_its_added_mass() -> None:
+def test_a_step_takes_longer_than_its_floor_and_a_pose_than_its_added_mass():
     cell = measure_parts(load_scene("paper_i"), 5)
     assert cell["step_to_floor"]["median"] > 1.0
     assert cell["parts"]["mass matrix"]["median"] > 0.0
 
 
-def test_a_step_takes_few_evaluations_of_the_shape_force() -> None:
+def test_a_step_takes_few_evaluations_of_the_shape_force():
     """Two or three whole evaluations a step, and corrections in between, on the usual scenes."""
     for name, most in (("paper_i", 3.0), ("swimmer", 2.2)):
         simulator = Simulator(name)

@@ -14,16 +14,16 @@ from studies.fresh_processes import Call, in_fresh_processes
 from swim_env.errors import SwimError
 
 
-def test_results_come_with_the_index_of_their_call() -> None:
+def test_results_come_with_the_index_of_their_call():
     calls: list[Call] = [(pow, (2, n)) for n in range(5)]
     assert dict(in_fresh_processes(calls, 2)) == {n: 2**n for n in range(5)}
-
-
-def test_no_calls_are_no_work() -> None:
     assert list(in_fresh_processes([], 2)) == []
+    # Large arguments and results come whole.
+    calls = [(bytes.upper, (bytes([97 + n]) * 5_000_000,)) for n in range(4)]
+    assert dict(in_fresh_processes(calls, 2)) == {n: bytes([65 + n]) * 5_000_000 for n in range(4)}
 
 
-def test_an_error_of_a_call_ends_all() -> None:
+def test_an_error_of_a_call_ends_all():
     calls: list[Call] = [(int, ("no number",)), (time.sleep, (60.0,))]
     begin = time.monotonic()
     with pytest.raises(ValueError, match="no number"):
@@ -32,7 +32,7 @@ def test_an_error_of_a_call_ends_all() -> None:
     assert multiprocessing.active_children() == []
 
 
-def test_a_dead_process_is_one_clear_line() -> None:
+def test_a_dead_process_is_one_clear_line():
     with pytest.raises(SwimError) as caught:
         list(in_fresh_processes([(os._exit, (9,))], 1, advice="start again"))
     text = str(caught.value)
@@ -40,34 +40,22 @@ def test_a_dead_process_is_one_clear_line() -> None:
     assert "\n" not in text
 
 
-def test_whoever_stops_early_does_not_wait() -> None:
-    calls: list[Call] = [(pow, (2, 3)), (time.sleep, (60.0,))]
-    begin = time.monotonic()
-    with closing(in_fresh_processes(calls, 2)) as results:
-        assert next(results) == (0, 8)
-    assert time.monotonic() - begin < 30.0
-    assert multiprocessing.active_children() == []
-
-
 def large(seconds: float) -> bytes:
     time.sleep(seconds)
     return bytes(40_000_000)
 
 
-def test_whoever_stops_while_a_result_comes_does_not_wait() -> None:
-    """A worker that is ended in the middle of its answer leaves nobody listening for the rest."""
-    for seconds in (0.0, 0.01, 0.02, 0.05):
-        with closing(in_fresh_processes([(pow, (2, 3)), (large, (seconds,))], 2)) as results:
-            # Processes start in any order, so either may be the first.
-            index, value = next(results)
-            assert value == (8, bytes(40_000_000))[index]
-        assert multiprocessing.active_children() == []
-
-
-def test_large_arguments_and_results_come_whole() -> None:
-    calls: list[Call] = [(bytes.upper, (bytes([97 + n]) * 5_000_000,)) for n in range(4)]
-    found = dict(in_fresh_processes(calls, 2))
-    assert found == {n: bytes([65 + n]) * 5_000_000 for n in range(4)}
+@pytest.mark.parametrize("other", [(time.sleep, 60.0), *((large, s) for s in (0.0, 0.02, 0.05))])
+def test_whoever_stops_early_does_not_wait(other):
+    """Nor where a worker is ended in the middle of its answer, the rest of which nobody gets."""
+    work, seconds = other
+    begin = time.monotonic()
+    with closing(in_fresh_processes([(pow, (2, 3)), (work, (seconds,))], 2)) as results:
+        # Processes start in any order, so either may be the first.
+        index, value = next(results)
+        assert value == (8, bytes(40_000_000))[index]
+    assert time.monotonic() - begin < 30.0
+    assert multiprocessing.active_children() == []
 
 
 class Awkward(Exception):
@@ -83,7 +71,7 @@ def fail(kind: str) -> None:
     raise ConnectionError("the disk's own trouble")
 
 
-def test_errors_are_those_of_the_call() -> None:
+def test_errors_are_those_of_the_call():
     """Also those that look like a dead worker, and those that cannot be sent as they are."""
     with pytest.raises(ConnectionError, match="the disk's own trouble") as caught:
         list(in_fresh_processes([(fail, ("connection",))], 1))

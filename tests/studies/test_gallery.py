@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,7 +30,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     return run_script("gallery", *arguments, cwd=place).figures(), place / "docs"
 
 
-def test_the_folder_holds_pictures_and_figures(made: Made) -> None:
+def test_the_folder_holds_pictures_and_figures(made):
     record, place = made
     assert sorted(path.name for path in place.iterdir()) == ["gallery", "gallery.md"]
     assert sorted(path.name for path in (place / "gallery").iterdir()) == sorted(GALLERY_FILES)
@@ -44,7 +43,7 @@ def test_the_folder_holds_pictures_and_figures(made: Made) -> None:
 
 
 @pytest.mark.parametrize("name", PICTURES)
-def test_pictures_fit_a_page(made: Made, name: str) -> None:
+def test_pictures_fit_a_page(made, name):
     record, place = made
     path = place / "gallery" / name
     assert path.stat().st_size == record["pictures"][name] < 200_000
@@ -53,7 +52,7 @@ def test_pictures_fit_a_page(made: Made, name: str) -> None:
         assert picture.width == 1200 and 400 < picture.height < 1500
 
 
-def test_the_page_shows_every_picture_and_says_what_it_was_made_of(made: Made) -> None:
+def test_the_page_shows_every_picture_and_says_what_it_was_made_of(made):
     record, place = made
     text = (place / "gallery.md").read_text(encoding="utf-8")
     for name in PICTURES:
@@ -66,7 +65,7 @@ def test_the_page_shows_every_picture_and_says_what_it_was_made_of(made: Made) -
     assert "{" not in text
 
 
-def test_figures_are_those_of_an_episode(made: Made) -> None:
+def test_figures_are_those_of_an_episode(made):
     """The run at full strength is the one that replay plays with the same seed."""
     record, _ = made
     for name in ("tuned_wave", "ppo_forward"):
@@ -76,7 +75,7 @@ def test_figures_are_those_of_an_episode(made: Made) -> None:
         assert row["positive_work"] == pytest.approx(summary["positive_work"], rel=1e-9)
 
 
-def test_progress_comes_to_what_was_announced() -> None:
+def test_progress_comes_to_what_was_announced():
     steps: list[float] = []
     plan = replace(QUICK, duration=0.1, paper_duration=0.1, strengths=(1.0,))
     runs = play_all(plan, steps.append)
@@ -84,7 +83,7 @@ def test_progress_comes_to_what_was_announced() -> None:
     assert runs.forward["paper_wave"].trajectory.duration == pytest.approx(0.1)
 
 
-def test_curves_of_all_training_seeds_are_there() -> None:
+def test_curves_of_all_training_seeds_are_there():
     forward, target = stored_curves()
     counts = {name: len(curves) for name, curves in (forward | target).items()}
     assert counts == {"ppo_forward": 3, "sac_forward": 3, "ppo_target": 1}
@@ -100,13 +99,7 @@ def test_curves_of_all_training_seeds_are_there() -> None:
     ],
     ids=["a file", "others' folder", "a folder for the page", "a negative seed"],
 )
-def test_bad_input_is_refused_at_once(
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    prepare: Callable[[Path], object],
-    part: str,
-) -> None:
+def test_bad_input_is_refused_at_once(tmp_path, capsys, monkeypatch, prepare, part):
     monkeypatch.setattr(gallery, "play_all", lambda *_: pytest.fail("was played"))
     prepare(tmp_path)
     before = sorted(tmp_path.rglob("*"))

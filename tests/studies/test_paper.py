@@ -5,10 +5,8 @@ from __future__ import annotations
 import copy
 import json
 import math
-import os
 import re
 import shutil
-import signal
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +32,6 @@ from studies.paper.verdicts import (
     at_least_one_of,
 )
 from swim_env import load_scene
-from swim_env.errors import SwimError
 from tests.support import ROOT, call_script, interrupt_script
 
 # ---- a world in which the paper is right -------------------------------------------------------
@@ -158,7 +155,7 @@ def verdicts(data: dict[str, Any]) -> dict[str, str]:
     return {statement.key: finding.verdict for statement, finding in find_all(data)}
 
 
-def test_in_the_papers_world_everything_agrees() -> None:
+def test_in_the_papers_world_everything_agrees():
     found = verdicts(the_papers_world())
     # That steps are large can be measured here, and the comparison with other schemes cannot.
     assert found.pop("steps") == UNDECIDED
@@ -243,13 +240,13 @@ WRONG: dict[str, Any] = {
 
 
 @pytest.mark.parametrize("key", [statement.key for statement in STATEMENTS])
-def test_a_statement_can_be_found_wrong(key: str) -> None:
+def test_a_statement_can_be_found_wrong(key):
     data = the_papers_world()
     WRONG[key](data)
     assert verdicts(data)[key] == DIFFER
 
 
-def test_error_bars_that_overlap_leave_an_order_undecided() -> None:
+def test_error_bars_that_overlap_leave_an_order_undecided():
     data = the_papers_world()
     data["runs"]["i_fine"]["speed"] *= 0.5
     found = verdicts(data)
@@ -265,7 +262,7 @@ WITHOUT_BARS = {"momentum", "energy", "steps", "viii as i", "equilibrium", "alon
 
 
 @pytest.mark.parametrize("key", sorted({one.key for one in STATEMENTS} - WITHOUT_BARS))
-def test_a_bar_that_spans_the_limit_leaves_every_statement_undecided(key: str) -> None:
+def test_a_bar_that_spans_the_limit_leaves_every_statement_undecided(key):
     """Half the step makes nonsense of all figures: nothing is known then, and nothing is said."""
     data = the_papers_world()
     for i, name in enumerate(NUMERALS):
@@ -290,7 +287,7 @@ def test_a_bar_that_spans_the_limit_leaves_every_statement_undecided(key: str) -
 @pytest.mark.parametrize(
     ("bar", "verdict"), [(0.0, AGREE), (0.9, AGREE), (1.1, UNDECIDED), (50.0, UNDECIDED)]
 )
-def test_one_rule_makes_verdicts(bar: float, verdict: str) -> None:
+def test_one_rule_makes_verdicts(bar, verdict):
     against = {AGREE: DIFFER, UNDECIDED: UNDECIDED}[verdict]
     figure = Value(3.0, bar)
     assert figure.above(2.0) == figure.at_most(4.0) == verdict
@@ -301,17 +298,14 @@ def test_one_rule_makes_verdicts(bar: float, verdict: str) -> None:
     assert Value(2.0, 0.0).larger_than(figure) == against
     # A figure that is exactly the limit is not above it.
     assert Value(2.0, 0.0).above(2.0) == DIFFER
-
-
-def test_parts_and_alternatives_make_one_verdict() -> None:
+    # Parts and alternatives make one verdict.
     assert all_of([AGREE, UNDECIDED, DIFFER]) == DIFFER
-    assert all_of([AGREE, UNDECIDED]) == UNDECIDED
-    assert all_of([AGREE, AGREE]) == AGREE
-    found = [at_least_one_of(some) for some in ([DIFFER, UNDECIDED, AGREE], [DIFFER, UNDECIDED])]
-    assert found == [AGREE, UNDECIDED] and at_least_one_of([DIFFER]) == DIFFER
+    assert all_of([AGREE, UNDECIDED]) == UNDECIDED and all_of([AGREE]) == AGREE
+    assert at_least_one_of([DIFFER, UNDECIDED, AGREE]) == AGREE
+    assert at_least_one_of([DIFFER, UNDECIDED]) == UNDECIDED and at_least_one_of([DIFFER]) == DIFFER
 
 
-def test_what_is_missing_short_or_ended_is_said_and_not_judged() -> None:
+def test_what_is_missing_short_or_ended_is_said_and_not_judged():
     data = the_papers_world()
     data["runs"]["v"]["end"] = "step_not_solved"
     data["runs"]["vi"]["duration"] = 5.0
@@ -368,7 +362,7 @@ def _columns(page: str) -> list[tuple[str, list[str]]]:
     return found
 
 
-def test_no_number_of_ours_is_written_by_hand() -> None:
+def test_no_number_of_ours_is_written_by_hand():
     """Where all figures change, every number changes that is not a setting or the paper's."""
     data = _kept()
     before, after = _columns(_page(data)), _columns(_page(_changed(data, np.random.default_rng(1))))
@@ -380,7 +374,7 @@ def test_no_number_of_ours_is_written_by_hand() -> None:
 
 
 @pytest.mark.parametrize("level", ["_half", "_fine"])
-def test_error_bars_count_the_step_and_the_panels(level: str) -> None:
+def test_error_bars_count_the_step_and_the_panels(level):
     data, rng = _kept(), np.random.default_rng(1)
     changed = {k: _changed(v, rng) if k.endswith(level) else v for k, v in data["runs"].items()}
     before, after = _columns(_page(data)), _columns(_page({**data, "runs": changed}))
@@ -397,31 +391,26 @@ def test_error_bars_count_the_step_and_the_panels(level: str) -> None:
     }
 
 
-def test_the_end_of_the_page_counts_every_statement_once() -> None:
-    counted = re.findall(r"[0-9]+ of ([0-9]+) statements hold", _page(the_papers_world()))
+def test_the_page_says_what_differs_counts_it_and_tells_the_commits_apart():
+    data = the_papers_world()
+    page = make_page(data, {}, "a test", "2" * 40 + "+")
+    assert f"{len(STATEMENTS)} statements: {len(STATEMENTS) - 1} agree, 1 undecided." in page
+    counted = re.findall(r"[0-9]+ of ([0-9]+) statements hold", page)
     assert sum(map(int, counted)) == len(STATEMENTS)
-
-
-def test_the_page_tells_the_commit_of_the_figures_from_its_own() -> None:
-    page = make_page(the_papers_world(), {}, "a test", "2" * 40 + "+")
     assert "figures computed at commit 0000000000 on 2020-01-01, page written by commit" in page
     assert page.count("commit 2222222222+") == 2
     assert "are missing" not in page
-    assert "**1 of them are missing.**" in _page({**the_papers_world(), "done": 0})
-
-
-def test_the_page_says_what_differs_and_counts_it() -> None:
-    data = the_papers_world()
-    assert f"{len(STATEMENTS)} statements: {len(STATEMENTS) - 1} agree, 1 undecided." in _page(data)
     WRONG["vi bends"](data)
-    page = _page(data)
+    page = _page({**data, "done": 0})
     assert "1 differ, 1 undecided." in page
     assert "* vi bends in its rear half only\n" in page
+    assert "**1 of them are missing.**" in page
 
 
-def test_an_empty_page_has_no_numbers_of_ours() -> None:
-    data = {key: type(value)() for key, value in the_papers_world().items()}
-    page = _page(data)
+def test_an_empty_page_has_no_numbers_of_ours(tmp_path):
+    summary = write_book(tmp_path / "none", [], unit_store(tmp_path), {}, "a test")
+    assert summary["counts"] == {NOT_MEASURED: len(STATEMENTS)}
+    page = (tmp_path / "none.md").read_text(encoding="utf-8")
     assert "0 records of figures were there" in page
     assert f"{len(STATEMENTS)} not measured" in page
     rows = [line.split(" | ") for line in page.splitlines() if line.startswith("| section")]
@@ -435,7 +424,7 @@ def test_an_empty_page_has_no_numbers_of_ours() -> None:
     assert re.search(r"[0-9] ± ", page) is None
 
 
-def test_numbers_have_no_minus_before_a_zero_and_bars_one_digit() -> None:
+def test_numbers_have_no_minus_before_a_zero_and_bars_one_digit():
     numbers = [number_text(-1e-9, form) for form in ("+.3f", ".3f")] + [number_text(-0.25, "+.2f")]
     assert numbers == ["+0.000", "0.000", "-0.25"]
     assert [bar_text(bar) for bar in (0.0, 0.0123, 17.0, 1e-9)] == ["0", "0.01", "20", "1e-09"]
@@ -446,17 +435,13 @@ def test_numbers_have_no_minus_before_a_zero_and_bars_one_digit() -> None:
     assert with_bar(0.5, None, "+") == "+0.5"
 
 
-@pytest.mark.parametrize("order", [1.0, 2.0])
-@pytest.mark.parametrize("ratio", [2.0, 3.0])
-def test_error_bars_are_the_errors_of_figures_of_that_order(order: float, ratio: float) -> None:
+def test_error_bars_are_the_errors_of_figures_of_their_order():
     limit, size, constant = 5.0, 0.1, -0.7
-    coarse = limit + constant * size**order
-    fine = limit + constant * (size / ratio) ** order
-    assert coarse_error(fine - coarse, ratio, order) == pytest.approx(abs(coarse - limit))
-    assert fine_error(fine - coarse, ratio, order) == pytest.approx(abs(fine - limit))
-
-
-def test_a_bar_counts_first_order_in_the_step_and_in_the_panels() -> None:
+    for order, ratio in ((1.0, 2.0), (1.0, 3.0), (2.0, 2.0), (2.0, 3.0)):
+        coarse = limit + constant * size**order
+        fine = limit + constant * (size / ratio) ** order
+        assert coarse_error(fine - coarse, ratio, order) == pytest.approx(abs(coarse - limit))
+        assert fine_error(fine - coarse, ratio, order) == pytest.approx(abs(fine - limit))
     # Half the step: twice the change. A third of the panels' length: one and a half times.
     assert bar_of(1.0, 1.1, 0.7) == pytest.approx(0.2 + 0.45)
     assert bar_of(1.0, None, 0.7) is None
@@ -479,19 +464,12 @@ class _Worker:
         return {"number": unit.options["number"]}, {"square": np.arange(3.0)}
 
 
-def _dies(unit: Unit) -> tuple[Figures, Arrays]:
-    """Do the longest unit, and be killed in the next one."""
-    if unit.name != "run_3":
-        os.kill(os.getpid(), signal.SIGKILL)
-    return {"number": unit.options["number"]}, {}
-
-
 def _units(work: Any) -> list[Unit]:
     scene = load_scene("paper_x")
     return [Unit(f"run_{i}", work, scene, {"number": i}, cost=float(i)) for i in range(4)]
 
 
-def test_an_interrupted_run_continues_where_it_stopped(tmp_path: Path) -> None:
+def test_an_interrupted_run_continues_where_it_stopped(tmp_path):
     first, second = _Worker(stops_at="run_1"), _Worker()
     with pytest.raises(KeyboardInterrupt):
         do_units(_units(first), unit_store(tmp_path), 1)
@@ -507,9 +485,7 @@ def test_an_interrupted_run_continues_where_it_stopped(tmp_path: Path) -> None:
     assert store.arrays("run_3")["square"].tolist() == [0.0, 1.0, 2.0]
 
 
-def test_what_has_changed_or_is_damaged_is_done_anew(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_has_changed_or_is_damaged_is_done_anew(tmp_path, monkeypatch):
     store, again = unit_store(tmp_path), _Worker()
     do_units(_units(_Worker()), store, 1)
     units = _units(again)
@@ -526,30 +502,10 @@ def test_what_has_changed_or_is_damaged_is_done_anew(
     assert (tmp_path / "units" / "units.jsonl").read_bytes().count(b"\n") == 4
 
 
-def test_a_dead_worker_is_one_clear_line_and_what_was_done_is_kept(tmp_path: Path) -> None:
-    store = unit_store(tmp_path)
-    # One process of two: run_3 is begun before run_2, which ends all.
-    with pytest.raises(SwimError) as caught:
-        do_units(_units(_dies), store, workers=2)
-    text = str(caught.value)
-    assert "a worker process has died" in text and "start again to continue" in text
-    assert "\n" not in text
-    left = 4 - len(done_units(_units(_dies), store))
-    assert do_units(_units(_Worker()), store, 1) == left
-
-
-def test_ctrl_c_leaves_what_is_done_and_the_next_start_continues(tmp_path: Path) -> None:
-    file = tmp_path / "out" / "units" / "units.jsonl"
-    options = (
-        "--quick",
-        "--only",
-        "modes",
-        "onset",
-        "--workers",
-        "2",
-        "--output",
-        tmp_path / "out",
-    )
+def test_ctrl_c_leaves_what_is_done_and_the_next_start_continues(tmp_path):
+    out = tmp_path / "out"
+    file = out / "units" / "units.jsonl"
+    options = ("--quick", "--only", "modes", "onset", "--workers", "2", "--output", out)
 
     def when() -> bool:
         return file.exists() and file.read_bytes().count(b"\n") >= 3
@@ -559,57 +515,37 @@ def test_ctrl_c_leaves_what_is_done_and_the_next_start_continues(tmp_path: Path)
     assert "interrupted; what was done is kept, start again to continue" in done.err
     assert "Traceback" not in done.err
     chosen = all_units(quick=True, only=("modes", "onset"))
-    store = unit_store(tmp_path / "out")
+    store = unit_store(out)
     assert 3 <= len(done_units(chosen, store)) == len(store.records) < len(chosen)
 
 
-def test_keys_know_the_code_that_makes_figures_and_no_other(tmp_path: Path) -> None:
+def test_keys_know_the_code_that_makes_figures_and_no_other(tmp_path):
     for folder in ("studies/paper", "swim_env/analysis"):
         shutil.copytree(ROOT / folder, tmp_path / folder)
     modules = {unit.kind: unit.work.__module__ for unit in all_units()}
 
-    def digests(root: Path) -> dict[str, str]:
+    def digests(root: Path = tmp_path) -> dict[str, str]:
         code_digest.cache_clear()
         return {kind: code_digest(module, root) for kind, module in modules.items()}
 
-    before = digests(tmp_path)
+    before = digests()
     assert before == digests(ROOT)
-
-    def changed(module: str, text: str = "\nADDED = 1\n") -> set[str]:
-        file = tmp_path / module
+    for module, kinds in {
+        "studies/paper/constants": {"run", "onset", "variant"},
+        "studies/paper/variants": {"variant"},
+        "studies/paper/modes": {"modes"},
+        "swim_env/analysis/kirchhoff": {"onset", "variant", "modes", "map"},
+        "studies/paper/page": set(),
+        "studies/paper/statements/limits": set(),
+    }.items():
+        file = tmp_path / f"{module}.py"
         source = file.read_text()
-        file.write_text(source + text)
-        after = digests(tmp_path)
-        file.write_text(source)
-        return {kind for kind in before if before[kind] != after[kind]}
-
-    assert changed("studies/paper/runs.py") == {"run", "onset", "variant"}
-    assert changed("studies/paper/constants.py") == {"run", "onset", "variant"}
-    assert changed("studies/paper/onset.py") == {"onset", "variant"}
-    assert changed("studies/paper/variants.py") == {"variant"}
-    assert changed("studies/paper/modes.py") == {"modes"}
-    assert changed("studies/paper/maps.py") == {"map"}
-    assert changed("swim_env/analysis/modes.py") == {"modes", "map"}
-    assert changed("swim_env/analysis/kirchhoff.py") == {"onset", "variant", "modes", "map"}
-    for module in (
-        *("page", "charts", "measures", "verdicts", "bars", "book", "units", "suite"),
-        *("statements/limits", "statements/passive", "sections/onset", "sections/scenes"),
-    ):
-        assert changed(f"studies/paper/{module}.py") == set(), module
-    assert changed("studies/paper/runs.py", "\n# A comment.\n") == set()
+        file.write_text(source + "\nADDED = 1\n")
+        after = digests()
+        assert {kind for kind in before if before[kind] != after[kind]} == kinds, module
+        file.write_text(source + "\n# A comment.\n")
+        assert digests() == before
     code_digest.cache_clear()
-
-
-def test_units_have_names_of_their_own_and_keys_that_last() -> None:
-    keys = {}
-    for quick in (False, True):
-        units = all_units(quick)
-        keys[quick] = {unit.name: unit.key for unit in units}
-        assert len(keys[quick]) == len(units)
-        assert {unit.kind for unit in units} == {"run", "onset", "variant", "modes", "map"}
-    for unit in all_units(quick=True, only=("runs",)):
-        assert keys[True][unit.name] == unit.key and unit.kind == "run"
-    assert keys[True]["run_i"] != keys[False]["run_i"]
 
 
 # ---- the command -------------------------------------------------------------------------------
@@ -622,17 +558,13 @@ def test_units_have_names_of_their_own_and_keys_that_last() -> None:
         (["--only", "runs", "figures"], "--only must be among runs, onset, variants, modes, maps"),
     ],
 )
-def test_bad_options_are_one_clear_error(
-    options: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_options_are_one_clear_error(options, message, tmp_path, capsys):
     out = tmp_path / "out"
     call_script(capsys, "reproduce_paper", *options, "--output", out).assert_refused(message)
     assert not out.exists()
 
 
-def test_the_command_makes_a_page_of_its_records_and_of_nothing_else(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_makes_a_page_of_its_records_and_of_nothing_else(tmp_path, capsys):
     folder, page = tmp_path / "out", tmp_path / "out.md"
     options = ["--quick", "--only", "modes", "--workers", "2", "--output", str(folder), "--json"]
     done = call_script(capsys, "reproduce_paper", *options)
@@ -655,9 +587,7 @@ def test_the_command_makes_a_page_of_its_records_and_of_nothing_else(
 
 
 @pytest.mark.slow
-def test_the_quick_command_from_end_to_end(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_quick_command_from_end_to_end(tmp_path, capsys):
     folder = tmp_path / "quick"
     found = call_script(
         capsys, "reproduce_paper", "--quick", "--output", folder, "--json"
@@ -671,17 +601,11 @@ def test_the_quick_command_from_end_to_end(
         assert f"(quick/{name}.png)" in page
 
 
-def test_a_book_of_nothing_can_be_written(tmp_path: Path) -> None:
-    summary = write_book(tmp_path / "none", [], unit_store(tmp_path), {}, "a test")
-    assert summary["counts"] == {NOT_MEASURED: len(STATEMENTS)}
-    assert (tmp_path / "none.md").exists()
-
-
 # ---- what is kept ------------------------------------------------------------------------------
 
 
 @pytest.mark.release
-def test_the_kept_page_is_made_of_the_kept_records() -> None:
+def test_the_kept_page_is_made_of_the_kept_records():
     folder = ROOT / "docs" / "paper"
     data = _kept()
     assert data["done"] == data["units"]
@@ -699,7 +623,7 @@ def test_the_kept_page_is_made_of_the_kept_records() -> None:
 
 
 @pytest.mark.release
-def test_the_kept_records_belong_to_the_code_that_is_here() -> None:
+def test_the_kept_records_belong_to_the_code_that_is_here():
     units = all_units()
     done = done_units(units, unit_store(ROOT / "docs" / "paper"))
     stale = [unit.name for unit in units if unit.name not in done]

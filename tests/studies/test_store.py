@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import json
-import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from studies import store as store_module
 from studies.fingerprint import code_of, files_digest, kernel_digest, text_digest, with_imports
 from studies.store import Store
 from swim_env.errors import SwimError
 from swim_env.files.tables import markdown_table, text_table
-
-ROOT = Path(__file__).parents[2]
+from tests.stability.test_interrupts import files_of_at_most
 
 
 def opened(folder: Path) -> Store:
@@ -26,7 +22,7 @@ def opened(folder: Path) -> Store:
 # ---- the store ---------------------------------------------------------------------------------
 
 
-def test_what_is_added_is_there_at_the_next_start(tmp_path: Path) -> None:
+def test_what_is_added_is_there_at_the_next_start(tmp_path):
     store = opened(tmp_path)
     assert store.records == [] and store.get("a") is None
     store.add({"name": "a", "value": 0.1})
@@ -37,7 +33,7 @@ def test_what_is_added_is_there_at_the_next_start(tmp_path: Path) -> None:
     assert sorted(path.name for path in store.path.parent.iterdir()) == ["b.npz", "results.jsonl"]
 
 
-def test_the_last_record_of_a_name_counts_and_others_leave_when_tidied(tmp_path: Path) -> None:
+def test_the_last_record_of_a_name_counts_and_others_leave_when_tidied(tmp_path):
     store = opened(tmp_path)
     for name, value in (("a", 1), ("b", 2), ("a", 3)):
         store.add({"name": name, "value": value})
@@ -49,7 +45,7 @@ def test_the_last_record_of_a_name_counts_and_others_leave_when_tidied(tmp_path:
     assert opened(tmp_path).records == again.records
 
 
-def test_a_line_that_was_cut_off_is_done_anew(tmp_path: Path) -> None:
+def test_a_line_that_was_cut_off_is_done_anew(tmp_path):
     """Wherever a kill has come between."""
     store = opened(tmp_path)
     store.add({"name": "a", "value": 1})
@@ -67,7 +63,7 @@ def test_a_line_that_was_cut_off_is_done_anew(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["dear diary\n", '{"value": 1}\n', "[1]\n", '{"name": "a"\n{}\n'])
-def test_a_file_of_anything_else_is_left_alone(text: str, tmp_path: Path) -> None:
+def test_a_file_of_anything_else_is_left_alone(text, tmp_path):
     path = tmp_path / "found" / "results.jsonl"
     path.parent.mkdir()
     path.write_text(text, encoding="utf-8")
@@ -77,40 +73,21 @@ def test_a_file_of_anything_else_is_left_alone(text: str, tmp_path: Path) -> Non
     assert path.read_text(encoding="utf-8") == text
 
 
-def test_what_cannot_be_written_leaves_the_file_as_it_was(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_written_leaves_the_file_as_it_was(tmp_path):
     store = opened(tmp_path)
     store.add({"name": "a"})
     before = store.path.read_bytes()
     with pytest.raises(ValueError, match="JSON"):
         store.add({"name": "b", "value": float("nan")})
-
-    class Full:
-        """A file on a disk with room for half a line."""
-
-        def __init__(self, path: Path, mode: str) -> None:
-            self.file = os.open(path, os.O_WRONLY | os.O_APPEND)
-
-        def __enter__(self) -> Full:
-            return self
-
-        def __exit__(self, *_: object) -> None:
-            os.close(self.file)
-
-        def write(self, line: bytes) -> None:
-            os.write(self.file, line[:5])
-            raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(store_module, "open", Full, raising=False)
-    with pytest.raises(SwimError, match="No space left on device") as caught:
+    # A disk with room for half a line.
+    with files_of_at_most(len(before) + 5), pytest.raises(SwimError, match="too large") as caught:
         store.add({"name": "b"})
     assert str(store.path) in str(caught.value)
     assert store.path.read_bytes() == before and store.get("b") is None
 
 
 @pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "no archive", "gone"])
-def test_broken_arrays_count_as_missing(tmp_path: Path, damage: str) -> None:
+def test_broken_arrays_count_as_missing(tmp_path, damage):
     store = opened(tmp_path)
     record = {"name": "a", "arrays": True}
     store.add(record, {"square": np.arange(3.0)})
@@ -131,7 +108,7 @@ def test_broken_arrays_count_as_missing(tmp_path: Path, damage: str) -> None:
 # ---- fingerprints ------------------------------------------------------------------------------
 
 
-def test_comments_and_docstrings_do_not_count_but_code_does() -> None:
+def test_comments_and_docstrings_do_not_count_but_code_does():
     plain = 'def f(x):\n    """Say."""\n    # why\n    return x + 1\n'
     other = 'def f(x):\n    """Say it in other words."""\n    return x+1  # else\n'
     assert code_of(plain) == code_of(other)
@@ -140,37 +117,37 @@ def test_comments_and_docstrings_do_not_count_but_code_does() -> None:
     assert text_digest("ab") == text_digest("a", "b") != text_digest("ba")
 
 
-def test_kernels_count_at_any_depth_and_so_does_the_batch(tmp_path: Path) -> None:
-    def changed(place: str) -> bool:
-        """Whether the kernels' fingerprint changes with a file, once it is there."""
+def test_kernels_count_at_any_depth_and_so_does_the_batch(tmp_path):
+    changed = {}
+    for place in (
+        *("swim_env/sim/batch.py", "swim_env/physics/step.py"),
+        *("swim_env/physics/planar/deep/law.py", "swim_env/physics/loading.py"),
+        "swim_env/sim/simulator.py",
+    ):
         file = tmp_path / place
         file.parent.mkdir(parents=True, exist_ok=True)
-        found = []
+        found = set()
         for text in ("A = 1\n", "A = 2\n"):
             file.write_text(text, encoding="utf-8")
             kernel_digest.cache_clear()
-            found.append(kernel_digest(tmp_path))
-        kernel_digest.cache_clear()
-        return found[0] != found[1]
-
-    assert changed("swim_env/sim/batch.py")
-    assert changed("swim_env/physics/step.py")
-    assert changed("swim_env/physics/planar/deep/law.py")
-    assert not changed("swim_env/physics/loading.py")
-    assert not changed("swim_env/sim/simulator.py")
+            found.add(kernel_digest(tmp_path))
+        changed[file.name] = len(found) == 2
+    kernel_digest.cache_clear()
+    kernels = {"batch.py": True, "step.py": True, "law.py": True}
+    assert changed == {**kernels, "loading.py": False, "simulator.py": False}
 
 
-def test_the_place_of_a_file_counts_and_where_the_checkout_is_does_not(tmp_path: Path) -> None:
-    def digest(checkout: str, place: str) -> str:
-        root = tmp_path / checkout
-        (root / place).parent.mkdir(parents=True, exist_ok=True)
-        (root / place).write_text("A = 1\n", encoding="utf-8")
-        return files_digest([root / place], root)
+def test_the_place_of_a_file_counts_and_where_the_checkout_is_does_not(tmp_path):
+    found = []
+    for place in ("one/a/b.py", "other/a/b.py", "one/c/b.py"):
+        file = tmp_path / place
+        file.parent.mkdir(parents=True)
+        file.write_text("A = 1\n", encoding="utf-8")
+        found.append(files_digest([file], tmp_path / place.split("/")[0]))
+    assert found[0] == found[1] != found[2]
 
-    assert digest("one", "a/b.py") == digest("other", "a/b.py") != digest("one", "c/b.py")
 
-
-def test_imports_are_followed_in_all_their_forms(tmp_path: Path) -> None:
+def test_imports_are_followed_in_all_their_forms(tmp_path):
     sources = {
         "a/start.py": "from a.one import x\nimport a.two\nfrom a import three\nimport b.away\n",
         "a/one.py": "from a.four import y\nfrom a.left import z\n",
@@ -189,24 +166,13 @@ def test_imports_are_followed_in_all_their_forms(tmp_path: Path) -> None:
 ROWS: list[list[Any]] = [["one", 1, None], ["a|b", 22, "x"]]
 
 
-def test_a_table_in_markdown() -> None:
+def test_tables_in_markdown_and_for_a_terminal():
     assert markdown_table(["n", "", "c"], ROWS) == (
         "| n |  | c |\n|---|---|---|\n| one | 1 |  |\n| a\\|b | 22 | x |"
     )
     assert markdown_table(["n", "", "c"], ROWS, padded=True) == (
         "| n    |     |   c |\n| ---- | --: | --: |\n| one  |   1 |     |\n| a\\|b |  22 |   x |"
     )
-
-
-def test_a_table_for_a_terminal() -> None:
     assert text_table([["n", "m", "c"], *ROWS]) == "n     m  c\none   1\na|b  22  x"
-
-
-def test_a_row_that_does_not_fit_is_an_error() -> None:
     with pytest.raises(ValueError, match="a row of 1 cells in a table of 2"):
         markdown_table(["a", "b"], [["c"]])
-
-
-def test_both_stored_studies_can_be_read() -> None:
-    runs = Store(ROOT / "docs" / "accuracy" / "runs.jsonl", lambda run: json.dumps(run)).records
-    assert len(runs) > 1000 and {"scene", "case", "reason"} <= set(runs[0])

@@ -123,26 +123,14 @@ def played_scene(scene: Scene, duration: float | None) -> Scene:
 
 
 def refuse(options: argparse.Namespace, names: Sequence[str], problem: str) -> None:
-    """Refuse options if they were given, all for one reason.
-
-    Raises
-    ------
-    SwimError
-        If one was given: its name and the problem.
-    """
+    """Refuse options that were given, all for one reason."""
     for name in names:
         if getattr(options, name) not in (None, []):
             raise SwimError(f"--{name.replace('_', '-')} {problem}")
 
 
 def check_file(file: str) -> None:
-    """Refuse a path at which no file can be written.
-
-    Raises
-    ------
-    SwimError
-        If it is a folder, or its folder is missing or not writable.
-    """
+    """Refuse a path that is a folder, or whose folder is missing or not writable."""
     folder = Path(file).resolve().parent
     if not folder.is_dir() or not os.access(folder, os.W_OK) or Path(file).is_dir():
         raise SwimError(f"cannot write a file there: {file}")

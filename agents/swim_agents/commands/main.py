@@ -49,10 +49,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="swim-env", description="An elastic beam that swims in an ideal fluid."
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
+    parser.add_argument("--version", action="store_true", help="print the version and exit")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
     for name, about in COMMANDS.items():
         commands.add_parser(name, help=about)
+    if given[:1] == ["--version"]:
+        print(f"swim-env {_version()}")
+        return 0
     if not given or given[0] not in COMMANDS:
         parser.parse_args(given)  # exits: help, version or a usage error
     from swim_agents.commands.command_line import run
@@ -60,13 +63,11 @@ def main(arguments: list[str] | None = None) -> int:
     return run(command(given[0], f"swim-env {given[0]}"), given[1:])
 
 
-class _Version(argparse.Action):
-    """Prints the version; a checkout that is not installed has to import the library for it."""
+def _version() -> str:
+    """Return the version; a checkout that is not installed has to import the library for it."""
+    try:
+        return version("swim-env")
+    except PackageNotFoundError:
+        from swim_env import __version__
 
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        try:
-            found = version("swim-env")
-        except PackageNotFoundError:
-            from swim_env import __version__ as found
-        print(f"swim-env {found}")
-        parser.exit()
+        return __version__

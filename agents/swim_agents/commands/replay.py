@@ -11,9 +11,10 @@ from swim_agents.commands.playing import play_policy, play_prescribed, record, r
 from swim_agents.policies import policy_names
 from swim_env.envs.assessment import load_assessment
 from swim_env.errors import SwimError
+from swim_env.files.folders import check_folder
 from swim_env.physics.loading import load_kernels
 from swim_env.plots import require_matplotlib
-from swim_env.plots.results import check_result_folder, write_results
+from swim_env.plots.results import RESULT_FILES, write_results
 from swim_env.recording import recording_file
 from swim_env.sim.replay import steps_of
 
@@ -55,7 +56,7 @@ def main(options: argparse.Namespace) -> int:
     scene = cli.scene_of(options)
     if options.output is not None:
         require_matplotlib()
-        check_result_folder(options.output)
+        check_folder(options.output, RESULT_FILES)
     steps_of(scene, options.duration)  # refuses a duration before anything is played
     file = None if options.record is None else recording_file(options.record, scene.name)
     if options.env:

@@ -80,18 +80,18 @@ def _train_all(
 
     folders = {seed: base / f"seed_{seed}" for seed in options.seeds}
     settings: dict[str, Any] = {"resume": options.resume, "device": options.device}
-    finished = set()
+    steps = dict.fromkeys(folders, config.steps)
     for seed, folder in folders.items():
         before = check_run(config, folder, seed, **settings)
         if before is not None and before["finished"]:
             print(f"seed {seed}: finished before, left as it is", file=sys.stderr)
-            finished.add(seed)
+            steps[seed] = 0
     load_assessment()
     runs = []
+    bar = {"unit_scale": True, "mininterval": 0.5, "leave": True}
     for seed, folder in folders.items():
-        steps, label = 0 if seed in finished else config.steps, f"{config.name} seed {seed}"
-        bar = {"unit_scale": True, "mininterval": 0.5, "leave": True}
-        with cli.progress_bar(steps, "step", label, **bar) as progress:
+        label = f"{config.name} seed {seed}"
+        with cli.progress_bar(steps[seed], "step", label, **bar) as progress:
             result = train(
                 config,
                 folder,

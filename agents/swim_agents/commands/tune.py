@@ -7,6 +7,7 @@ import json
 import time
 
 from swim_agents.commands import command_line as cli
+from swim_agents.files import as_json
 from swim_agents.tuning import check_candidates, search_wave
 from swim_agents.verification import fine_scene
 from swim_env.errors import SwimError
@@ -61,8 +62,7 @@ def main(options: argparse.Namespace) -> int:
     with cli.progress_bar(fine.actions_per_episode * fine.steps_per_action, "step", "check") as bar:
         record = check_candidates(scene, found, bar)
     record["seconds"] = round(time.perf_counter() - start, 1)
-    text = json.dumps(record, indent=1, allow_nan=False) + "\n"
-    write_atomically(options.output, lambda file: file.write(text.encode()))
+    write_atomically(options.output, lambda file: file.write(as_json(record)))
     if options.plot is not None:
         save_figure(draw_wave_search(record), options.plot)
     if record["wave"] is None:

@@ -6,7 +6,7 @@ import math
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +14,10 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from swim_agents.baselines import Policy
+from swim_agents.comparison.gait import Gait
 from swim_agents.comparison.performance import Performance, measure_performance
-from swim_agents.evaluation import play_episodes
 from swim_agents.policies import load_policy, policy_names
-from swim_agents.rollout import Rollout
+from swim_agents.rollout import Rollout, play_episodes
 from swim_agents.tuned_wave import load_tuned_wave
 from swim_agents.verification import TOLERANCE, fine_scene, verify_rollout
 from swim_env import __version__
@@ -29,16 +29,6 @@ from swim_env.physics.runtime.threads import usable_threads
 from swim_env.recording import Swimmer
 from swim_env.scene import Scene
 from swim_env.sim.trajectory import Trajectory
-
-__all__ = [
-    "FIRST_SEED",
-    "REFERENCES",
-    "Contest",
-    "Entry",
-    "entries_of",
-    "hold_contest",
-    "steps_to_play",
-]
 
 #: The policies that every score is compared with.
 REFERENCES = ("paper_wave", "tuned_wave")
@@ -59,14 +49,7 @@ _FIGURES = (
     "heading_change",
     "energy_drift",
 )
-_GAIT_FIGURES = (
-    "frequency",
-    "torque_frequency",
-    "wave_number",
-    "travelling_share",
-    "mode_share",
-    "torque_travelling_share",
-)
+_GAIT_FIGURES = tuple(spec.name for spec in fields(Gait) if spec.type == "float")
 #: Figures whose spread over training seeds is given; of displacements it is that of the medians.
 _SPREADS = (
     "net_displacement",
@@ -77,60 +60,38 @@ _SPREADS = (
     "success_rate",
     "verified_success_rate",
 )
-_WAVE_FIGURES = ("amplitude", "frequency", "wave_number", "phase", "explained")
 
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """One policy in a contest.
+    """One policy in a contest."""
 
-    Attributes
-    ----------
-    name : str
-        Its name in the tables.
-    group : str
-        The same for agents that differ in nothing but their training seed.
-    policy : Policy
-        The policy itself.
-    about : dict
-        For an agent what ``agent.json`` says of its training, else empty.
-    source : str
-        The name or path that it was loaded from.
-    """
-
+    #: Its name in the tables.
     name: str
+    #: The same for agents that differ in nothing but their training seed.
     group: str
     policy: Policy
+    #: For an agent what ``agent.json`` says of its training, else empty.
     about: dict[str, Any]
+    #: The name or path that it was loaded from.
     source: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class Contest:
-    """The result of a contest.
-
-    Attributes
-    ----------
-    scene : Scene
-        The scene.
-    task : str
-        ``forward`` or ``target``.
-    seeds : tuple of int
-        Of the starts.
-    performances : dict of str to list of Performance
-        For each entry one for each seed.
-    rollouts, trajectories : dict of str to list
-        For each entry its first `keep` episodes.
-    record : dict
-        All figures as plain values; see `hold_contest`.
-    """
+    """The result of a contest."""
 
     scene: Scene
+    #: ``forward`` or ``target``.
     task: str
+    #: Of the starts.
     seeds: tuple[int, ...]
+    #: For each entry one for each seed.
     performances: dict[str, list[Performance]]
+    #: For each entry its first `keep` episodes.
     rollouts: dict[str, list[Rollout]]
     trajectories: dict[str, list[Trajectory]]
+    #: All figures as plain values; see `hold_contest`.
     record: dict[str, Any]
 
     def swimmers(self) -> list[Swimmer]:
@@ -147,26 +108,18 @@ class Contest:
 def entries_of(
     names: Sequence[str], scene: Scene, task: str = "forward", trust: bool = False
 ) -> list[Entry]:
-    """Load the policies of a contest.
+    """Load the policies of a contest, with the REFERENCES in front.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Names and paths for `load_policy`. A folder with runs ``seed_0``, ``seed_1`` ... stands for
-        all of them, which then form one group. The REFERENCES are added in front.
-    scene, task, trust
-        As for `load_policy`.
-
-    Raises
-    ------
-    OptionError, AgentError
-        If a policy cannot be found, read, or used on the scene.
+    Arguments and errors are those of `load_policy`. A folder with runs ``seed_0``, ``seed_1`` ...
+    stands for all of them, which then form one group.
     """
     found: list[Entry] = []
     for name in dict.fromkeys([*REFERENCES, *names]):
-        runs = [] if name in policy_names() else _runs_in(Path(name))
-        places: list[Path | None] = [*runs] if runs else [None]
-        for path in places:
+        runs: list[Path | None] = []
+        if name not in policy_names():
+            runs += [path for path in Path(name).glob("seed_*") if (path / "agent").is_dir()]
+            runs.sort(key=lambda path: (len(str(path)), str(path)))
+        for path in runs or [None]:
             policy = load_policy(name if path is None else path, scene, 0, task, trust)
             about = dict(getattr(policy, "description", {}))
             label, group = _labels(name, path, policy)
@@ -174,12 +127,6 @@ def entries_of(
                 label, group = label.replace(group, f"{group}'", 1), f"{group}'"
             found.append(Entry(label, group, policy, dict(about.get("training", {})), name))
     return found
-
-
-def _runs_in(folder: Path) -> list[Path]:
-    """Return the runs seed_0, seed_1 ... of a folder that have an agent, in that order."""
-    found = (path for path in folder.glob("seed_*") if (path / "agent").is_dir())
-    return sorted(found, key=lambda path: (len(path.name), path.name))
 
 
 def _labels(name: str, run: Path | None, policy: Policy) -> tuple[str, str]:
@@ -218,7 +165,7 @@ def hold_contest(
     entries : sequence of Entry
         The policies; in the forward task the REFERENCES must be among them.
     seeds : sequence of int
-        Of the starts and, in the target task, of the targets.
+        Of the starts and, in the target task, of the targets; all different.
     task : str
         ``forward`` or ``target``.
     noise : float
@@ -247,8 +194,7 @@ def hold_contest(
     Raises
     ------
     OptionError
-        If there are no seeds, or some are equal or negative; if there is no such task, or one of
-        the REFERENCES does not take part in the forward task.
+        If the seeds or the task cannot be used, or a reference is missing.
     """
     count = len(seeds)
     if not seeds or len(set(seeds)) < count or min(seeds) < 0:
@@ -333,7 +279,8 @@ def _record(
         "task": task,
         "duration": scene.episode.duration,
         **settings,
-        "tuned_on": _tuned_on(scene),
+        # Where the tuned wave comes from, whatever scene it plays here.
+        "tuned_on": str(load_tuned_wave()["scene"]),
         "seeds": list(seeds),
         "tolerance": TOLERANCE,
         "net_displacement": {name: one["net_displacement"] for name, one in policies.items()},
@@ -364,29 +311,21 @@ def _median(values: Sequence[float | None], missing: float | None = None) -> flo
     return median if math.isfinite(median) else None
 
 
-def _tuned_on(scene: Scene) -> str | None:
-    """Return the name of the scene that the tuned wave was tuned on, None where it is this one."""
-    record = load_tuned_wave()
-    kept, here = record["scene_fields"], scene.to_dict()
-    same = all(kept.get(block) == here.get(block) for block in ("beam", "fluid", "damping"))
-    return None if same else str(record["scene"])
-
-
 def _summary(performances: Sequence[Performance], radius: float | None) -> dict[str, Any]:
     """Return lists over seeds, and their medians."""
     rows = [performance.to_dict() for performance in performances]
-    gaits = [row.pop("gait") for row in rows]
     data: dict[str, Any] = {name: [row[name] for row in rows] for name in rows[0]}
-    data["gait"] = gaits
     # A start that gets nowhere has an infinite cost, which counts.
     missing = {"cost_of_transport": math.inf}
     data["median"] = {name: _median(data[name], missing.get(name)) for name in _FIGURES}
-    known = [gait for gait in gaits if gait is not None]
+    swimming = [row for row in rows if row["gait"] is not None]
     data["median"]["gait"] = {
-        name: _median([gait[name] for gait in known]) for name in _GAIT_FIGURES
+        name: _median([row["gait"][name] for row in swimming]) for name in _GAIT_FIGURES
     }
-    # Medians of phases mean nothing; the wave is that of the episode in the middle.
-    data["median"]["wave"] = _middle_wave(rows, gaits)
+    # Medians of phases mean nothing; the wave is that of the episode in the (lower) middle.
+    swimming.sort(key=lambda row: row["net_displacement"])
+    middle = swimming[(len(swimming) - 1) // 2]["gait"]["wave"] if swimming else None
+    data["median"]["wave"] = middle
     data["verified_share"] = float(np.mean(data["verified"]))
     successes = [row["success"] for row in rows]
     data["success_rate"] = None if successes[0] is None else float(np.mean(successes))
@@ -398,21 +337,6 @@ def _summary(performances: Sequence[Performance], radius: float | None) -> dict[
         ]
         data["verified_success_rate"] = float(np.mean(sure))
     return data
-
-
-def _middle_wave(
-    rows: Sequence[dict[str, Any]], gaits: Sequence[dict[str, Any] | None]
-) -> dict[str, float] | None:
-    """Return the wave of the episode whose net displacement is the (lower) median."""
-    known = sorted(
-        (i for i, gait in enumerate(gaits) if gait is not None),
-        key=lambda i: rows[i]["net_displacement"],
-    )
-    if not known:
-        return None
-    gait = gaits[known[(len(known) - 1) // 2]]
-    assert gait is not None
-    return {name: gait["wave"][name] for name in _WAVE_FIGURES}
 
 
 def _groups(entries: Sequence[Entry], policies: dict[str, dict[str, Any]]) -> dict[str, Any]:

@@ -16,17 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from swim_env.errors import OptionError
 
-__all__ = [
-    "Gait",
-    "OrthogonalModes",
-    "WaveFit",
-    "analyse_gait",
-    "dominant_frequency",
-    "fit_wave",
-    "orthogonal_modes",
-    "phase_lags",
-]
-
 Array = NDArray[np.float64]
 
 #: Frequencies (Hz) that a gait is looked for in begin here, or at one period in the record.
@@ -41,85 +30,56 @@ _STILL = 0.01
 
 @dataclass(frozen=True)
 class WaveFit:
-    """The travelling wave A cos(f t - kappa s/l + phase) that fits signals best.
+    """The travelling wave A cos(f t - kappa s/l + phase) that fits signals best."""
 
-    Attributes
-    ----------
-    amplitude : float
-        A, in the signals' unit, at least 0.
-    frequency : float
-        f (rad/s), above 0.
-    wave_number : float
-        kappa (rad per body length); positive runs from head to tail.
-    phase : float
-        rad, in [0, 2 pi), at time 0 and s = 0.
-    explained : float
-        Share of the signals' mean square: 1 minus the mean square of the residual over that of
-        the signals.
-    """
-
+    #: A, in the signals' unit, at least 0.
     amplitude: float
+    #: f (rad/s), above 0.
     frequency: float
+    #: kappa (rad per body length); positive runs from head to tail.
     wave_number: float
+    #: rad, in [0, 2 pi), at time 0 and s = 0.
     phase: float
+    #: Share of the signals' mean square: 1 minus the mean square of the residual over that of the
+    #: signals.
     explained: float
 
 
 @dataclass(frozen=True)
 class OrthogonalModes:
-    """The complex orthogonal decomposition of signals along the body (Feeny 2008).
+    """The complex orthogonal decomposition of signals along the body (Feeny 2008)."""
 
-    Attributes
-    ----------
-    modes : (J, J) complex array
-        Orthonormal columns, the strongest first.
-    shares : (J,) array
-        Their shares of the signals' mean square.
-    travelling_share : float
-        Travelling index of the strongest mode, 0 for a standing wave and 1 for one that only
-        travels: the smaller over the larger singular value of its real and imaginary part.
-    """
-
+    #: Orthonormal columns, the strongest first, (J, J).
     modes: NDArray[np.complex128]
+    #: Their shares of the signals' mean square, (J,).
     shares: Array
+    #: Travelling index of the strongest mode, 0 for a standing wave and 1 for one that only
+    #: travels: the smaller over the larger singular value of its real and imaginary part.
     travelling_share: float
 
 
 @dataclass(frozen=True)
 class Gait:
-    """A gait in figures.
+    """A gait in figures."""
 
-    Attributes
-    ----------
-    frequency : float
-        Dominant frequency of the bending (Hz).
-    torque_frequency : float
-        Dominant frequency of the torques (Hz).
-    bending_amplitude : (J,) tuple of float
-        Amplitudes of the joint angles at the bending's frequency (rad).
-    phase_lags : (J,) tuple of float
-        By how much each joint's bending comes after the first joint's (rad), unwrapped along the
-        body.
-    wave_number : float
-        Slope of the phase lags (rad per body length), weighted with the squared amplitudes.
-    travelling_share : float
-        Travelling index of the bending's strongest orthogonal mode, see `OrthogonalModes`.
-    mode_share : float
-        Share of the bending's mean square in that mode.
-    torque_travelling_share : float
-        The same index of the torques.
-    wave : WaveFit
-        The travelling wave nearest to the torques (N m).
-    """
-
+    #: Dominant frequency of the bending (Hz).
     frequency: float
+    #: Dominant frequency of the torques (Hz).
     torque_frequency: float
+    #: Amplitudes of the joint angles at the bending's frequency (rad), (J,).
     bending_amplitude: tuple[float, ...]
+    #: By how much each joint's bending comes after the first joint's (rad), unwrapped along the
+    #: body, (J,).
     phase_lags: tuple[float, ...]
+    #: Slope of the phase lags (rad per body length), weighted with the squared amplitudes.
     wave_number: float
+    #: Travelling index of the bending's strongest orthogonal mode, see `OrthogonalModes`.
     travelling_share: float
+    #: Share of the bending's mean square in that mode.
     mode_share: float
+    #: The same index of the torques.
     torque_travelling_share: float
+    #: The travelling wave nearest to the torques (N m).
     wave: WaveFit
 
     def to_dict(self) -> dict[str, Any]:
@@ -155,11 +115,7 @@ def analyse_gait(
 def dominant_frequency(times: ArrayLike, signals: ArrayLike) -> float:
     """Return the frequency (Hz) with the largest power, summed over signals without their means.
 
-    Returns
-    -------
-    float
-        The maximum of a cosine sum that is evaluated between the lines of the discrete spectrum
-        too; 0 where the signals are constant.
+    It may lie between the lines of the discrete spectrum; 0 where the signals are constant.
     """
     moments, values, _ = _checked(times, signals)
     values = _swing(values)
@@ -184,13 +140,9 @@ def dominant_frequency(times: ArrayLike, signals: ArrayLike) -> float:
 def phase_lags(times: ArrayLike, signals: ArrayLike, frequency: float) -> tuple[Array, Array]:
     """Return the lags of signals behind the first one at a frequency (Hz), and their amplitudes.
 
-    Returns
-    -------
-    lags : (J,) array
-        rad, unwrapped from signal to signal; 0 for the first one that moves, and for those that
-        hardly do.
-    amplitudes : (J,) array
-        Of the least-squares cosine of each signal.
+    The lags, (J,) (rad), are unwrapped from signal to signal; they are 0 for the first one that
+    moves, and for those that hardly do. The amplitudes, (J,), are those of the least-squares cosine
+    of each signal.
     """
     moments, values, _ = _checked(times, signals)
     angle = 2.0 * math.pi * frequency * moments
@@ -285,16 +237,12 @@ def _peaks(power: Array) -> list[tuple[int, int]]:
 
     Between the grid's points a peak may be higher than another one that looks higher.
     """
-    rim = np.pad(power, 1)
-    peak = power >= 0.6 * power.max()
-    for i in range(3):
-        for j in range(3):
-            peak &= power >= rim[i : i + power.shape[0], j : j + power.shape[1]]
-    rows, columns = np.nonzero(peak)
-    order = np.argsort(-power[rows, columns])[:_MOST_PEAKS]
-    return [
-        (int(row), int(column)) for row, column in zip(rows[order], columns[order], strict=True)
-    ]
+    from scipy.ndimage import maximum_filter
+
+    peak = power >= np.maximum(0.6 * power.max(), maximum_filter(power, 3, mode="constant"))
+    places = np.argwhere(peak)
+    order = np.argsort(-power[peak])[:_MOST_PEAKS]
+    return [(int(row), int(column)) for row, column in places[order]]
 
 
 def _wave_at(

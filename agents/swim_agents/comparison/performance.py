@@ -23,60 +23,40 @@ _FEWEST_ACTIONS = 16
 
 @dataclass(frozen=True)
 class Performance:
-    """The figures of an episode.
+    """The figures of an episode."""
 
-    Attributes
-    ----------
-    seed : int
-        Of the start.
-    net_displacement : float
-        Along the goal's direction or towards its point (BL).
-    fine_displacement : float
-        The same from the trust check's finer computation (BL).
-    verified : bool
-        Whether the two agree, see `swim_agents.verify_rollout`.
-    duration : float
-        Simulated time (s), shorter than the scene's where an end came early.
-    speed : float
-        Net displacement per time (BL/s).
-    displacement_per_cycle : float
-        Net displacement per period of the bending's dominant frequency (BL); NaN without a gait.
-    positive_work : float
-        Work of the torques, its positive parts over joints and time steps (J).
-    cost_of_transport : float
-        Positive work per body mass and net displacement (J/(kg m)); infinite where there is none
-        or it is backwards.
-    torque_squared : float
-        Integral of the squared torques over time, summed over joints (N^2 m^2 s).
-    heading_change : float
-        Change of the mean element angle (rad).
-    energy_drift : float
-        Of the run, see `swim_env.Trajectory.summary`.
-    success : bool or None
-        Whether the target was reached; None where there is none.
-    fine_distance : float or None
-        How near the finer computation comes to the target (BL).
-    termination_reason : str
-        Why it ended early, empty where it did not.
-    gait : Gait or None
-        None where the episode is too short for one or nothing moves.
-    """
-
+    #: Of the start.
     seed: int
+    #: Along the goal's direction or towards its point (BL).
     net_displacement: float
+    #: The same from the trust check's finer computation (BL).
     fine_displacement: float
+    #: Whether the two agree, see `swim_agents.verify_rollout`.
     verified: bool
+    #: Simulated time (s), shorter than the scene's where an end came early.
     duration: float
+    #: Net displacement per time (BL/s).
     speed: float
+    #: Net displacement per period of the bending's dominant frequency (BL); NaN without a gait.
     displacement_per_cycle: float
+    #: Work of the torques, its positive parts over joints and time steps (J).
     positive_work: float
+    #: Positive work per body mass and net displacement (J/(kg m)); infinite where there is none or
+    #: it is backwards.
     cost_of_transport: float
+    #: Integral of the squared torques over time, summed over joints (N^2 m^2 s).
     torque_squared: float
+    #: Change of the mean element angle (rad).
     heading_change: float
+    #: Of the run, see `swim_env.Trajectory.summary`.
     energy_drift: float
+    #: Whether the target was reached; None where there is none.
     success: bool | None
+    #: How near the finer computation comes to the target (BL).
     fine_distance: float | None
+    #: Why it ended early, empty where it did not.
     termination_reason: str
+    #: None where the episode is too short for one or nothing moves.
     gait: Gait | None
 
     def to_dict(self) -> dict[str, Any]:

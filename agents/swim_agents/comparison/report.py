@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 import os
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from swim_agents import files
 from swim_agents.comparison.contest import Contest
 from swim_agents.comparison.performance import Performance
 from swim_env.files.folders import write_folder
@@ -60,14 +58,10 @@ _GAITS = (
 
 
 def _rows(record: dict[str, Any], columns: Sequence[tuple[str, str, str]]) -> list[list[str]]:
-    head = ["policy", *(name for name, _, _ in columns)]
-    return [
-        head,
-        *(
-            [policy, *(_cell(one, place, form) for _, place, form in columns)]
-            for policy, one in record["policies"].items()
-        ),
-    ]
+    rows = [["policy", *(name for name, _, _ in columns)]]
+    for policy, one in record["policies"].items():
+        rows.append([policy, *(_cell(one, place, form) for _, place, form in columns)])
+    return rows
 
 
 def _cell(value: Any, place: str, form: str) -> str:
@@ -80,28 +74,21 @@ def _cell(value: Any, place: str, form: str) -> str:
 
 def _spread_rows(record: dict[str, Any]) -> list[list[str]]:
     rows = [["trained with several seeds", "runs", "figure", "median", "least", "most"]]
-    names = {
-        "net_displacement": "net displacement (BL)",
-        "fine_displacement": "finer computation (BL)",
-        "ratio_to_paper_wave": "to paper's wave",
-        "ratio_to_tuned_wave": "to tuned wave",
-        "success_rate": "targets reached",
-        "verified_success_rate": "the same, finer",
-    }
+    shown = (*_SCORES[:2], *_SCORES[3:5], *_TARGETS)
     for group, found in record["groups"].items():
-        for key, label in names.items():
+        for label, place, _ in shown:
+            key = place.removeprefix("median.")
             if key in found:
                 spread = found[key]
                 values = [f"{spread[part]:.3f}" for part in ("median", "min", "max")]
                 rows.append([group, str(len(found["members"])), label, *values])
-    return rows if len(rows) > 1 else []
+    return rows
 
 
 def _tables(record: dict[str, Any]) -> list[list[list[str]]]:
     scores = _SCORES + (_TARGETS if record["task"] == "target" else ())
-    tables = [_rows(record, scores), _rows(record, _GAITS)]
-    spread = _spread_rows(record)
-    return [*tables, spread] if spread else tables
+    tables = [_rows(record, scores), _rows(record, _GAITS), _spread_rows(record)]
+    return [table for table in tables if len(table) > 1]
 
 
 def _caption(record: dict[str, Any]) -> str:
@@ -155,23 +142,17 @@ def as_markdown(record: dict[str, Any]) -> str:
 def as_csv(record: dict[str, Any]) -> str:
     """Return a line for each policy and start, with all its figures."""
     names = [one.name for one in fields(Performance) if one.name not in ("seed", "gait")]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["policy", "seed", *names])
+    rows = [["policy", "seed", *names]]
     for policy, one in record["policies"].items():
         for i, seed in enumerate(record["seeds"]):
-            row = [one[name][i] for name in names]
-            writer.writerow([policy, seed, *("" if value is None else value for value in row)])
-    return text.getvalue()
+            rows.append([policy, seed, *(one[name][i] for name in names)])
+    return files.as_csv(rows)
 
 
 def write_contest(contest: Contest, folder: str | os.PathLike[str]) -> None:
     """Write record, tables and pictures into a folder, all of them or none.
 
-    Raises
-    ------
-    SwimError
-        If the folder holds other files, or cannot be written.
+    It is a SwimError if the folder holds other files, or cannot be written.
     """
     record = contest.record
     first = {name: runs[0] for name, runs in contest.trajectories.items()}
@@ -181,8 +162,7 @@ def write_contest(contest: Contest, folder: str | os.PathLike[str]) -> None:
         goals = {name: rollouts[0].goal for name, rollouts in contest.rollouts.items()}
 
     def write(ready: Path) -> None:
-        text = json.dumps(record, indent=1, allow_nan=False)
-        (ready / "comparison.json").write_text(text + "\n", encoding="utf-8")
+        (ready / "comparison.json").write_bytes(files.as_json(record))
         (ready / "comparison.csv").write_text(as_csv(record), encoding="utf-8")
         (ready / "comparison.md").write_text(as_markdown(record), encoding="utf-8")
         save_figure(draw_scores(record), ready / "scores.png")

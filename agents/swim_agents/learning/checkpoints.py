@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from swim_agents.learning.files import DAMAGED
+from swim_agents.files import DAMAGED
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
 
@@ -34,17 +34,8 @@ class CheckpointError(SwimError):
 def save_checkpoint(path: str | os.PathLike[str], state: Mapping[str, Any]) -> None:
     """Write a checkpoint; the one before stays until the new one is complete.
 
-    Parameters
-    ----------
-    path : str or os.PathLike
-        The file.
-    state : mapping
-        Nested mappings, lists and tuples of numbers, texts, arrays and tensors.
-
-    Raises
-    ------
-    CheckpointError
-        If it cannot be written, as on a full disk.
+    The state is nested mappings, lists and tuples of numbers, texts, arrays and tensors. What
+    cannot be written, as on a full disk, is a CheckpointError.
     """
     content = {"format_version": FORMAT_VERSION, **_copied(state, _pack)}
     try:
@@ -60,13 +51,7 @@ def save_checkpoint(path: str | os.PathLike[str], state: Mapping[str, Any]) -> N
 
 
 def load_checkpoint(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Read a checkpoint.
-
-    Raises
-    ------
-    CheckpointError
-        If it is missing, damaged, no checkpoint, or of another version.
-    """
+    """Read a checkpoint, or raise a CheckpointError that says why it cannot be."""
     name = os.fspath(path)
     damaged = f"the checkpoint is damaged or cut short, or no checkpoint at all ({name})"
     try:

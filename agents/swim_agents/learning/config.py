@@ -21,28 +21,16 @@ from swim_env.envs.task import TASKS, Task
 from swim_env.errors import SceneError, SettingsError, SwimError
 from swim_env.files.atomic import write_atomically
 from swim_env.scene import Scene, load_scene
-from swim_env.scene.block import Block, block, integer, one_of, plain, real, text
+from swim_env.scene.block import Block, Check, block, integer, one_of, plain, real, text
 from swim_env.scene.checks import check_fields, check_real, check_text, got, nearest
 from swim_env.scene.yaml import dump_yaml, parse_overrides, parse_yaml, read_text
 
-__all__ = [
-    "ConfigError",
-    "TrainingConfig",
-    "config_names",
-    "load_config",
-]
-
+_FORWARD_OPTIONS = ("effort_weight", "heading_weight")
+#: Arguments of each task that `TrainingConfig.environment` may hold.
 _TASK_OPTIONS = {
-    "forward": ("effort_weight", "heading_weight"),
-    "target": (
-        "effort_weight",
-        "heading_weight",
-        "target_bearing",
-        "target_distance",
-        "target_radius",
-    ),
+    "forward": _FORWARD_OPTIONS,
+    "target": (*_FORWARD_OPTIONS, "target_bearing", "target_distance", "target_radius"),
 }
-
 
 _BLOCKS = ("network", "ppo", "sac", "evaluation")
 
@@ -67,16 +55,15 @@ def _name(value: object, field: str) -> str:
     return name
 
 
-def _flag(value: object, field: str) -> bool:
-    if not isinstance(value, bool):
-        raise ConfigError(f"{field} must be true or false, got {got(value)}")
-    return value
+def _is_a(kind: type, what: str) -> Check:
+    """Return a check for an instance of a type."""
 
+    def check(value: object, field: str) -> object:
+        if not isinstance(value, kind):
+            raise ConfigError(f"{field} must be {what}, got {got(value)}")
+        return value
 
-def _is_scene(value: object, field: str) -> Scene:
-    if not isinstance(value, Scene):
-        raise ConfigError(f"{field} must be a Scene, got {got(value)}")
-    return value
+    return check
 
 
 def _discount(value: object, field: str) -> float:
@@ -88,81 +75,56 @@ def _discount(value: object, field: str) -> float:
 
 @dataclass(frozen=True)
 class TrainingConfig(Block):
-    """Everything that determines a training run but its seed.
+    """Everything that determines a training run but its seed."""
 
-    Attributes
-    ----------
-    name : str
-        Of the agent.
-    description : str
-        What it is for, and why the settings are what they are.
-    algorithm : str
-        One of ALGORITHMS.
-    task : str
-        A key of TASKS.
-    scene : Scene
-        The scene.
-    environment : dict
-        Arguments of the task, such as ``effort_weight`` or ``target_distance``.
-    members : int
-        Episodes that are played side by side.
-    steps : int
-        Environment steps (actions) in all.
-    discount : float
-        gamma, in (0, 1).
-    learning_rate, final_learning_rate : float
-        Of Adam, at the start and at the end, linear in between; constant where the final one is
-        not given.
-    reward_scale : float or None
-        What the learner sees is the reward times this. With PPO it may be None: the reward over the
-        running standard deviation of the discounted return.
-    state_dependent_noise, noise_hold : bool, int
-        Whether exploration is a random function of the state (gSDE, Raffin et al. 2022), drawn anew
-        every `noise_hold` actions, instead of independent noise at every joint and action.
-    network : Network
-        Of policy and critic.
-    ppo : PPOSettings or None
-        With algorithm PPO, and with it alone.
-    sac : SACSettings or None
-        With algorithm SAC, and with it alone.
-    evaluation : Evaluations
-        The periodic evaluation.
-    checkpoint_every : int
-        Environment steps between checkpoints.
-    torch_threads : int
-        Threads of PyTorch. One is fastest for networks of this size, and only a fixed number gives
-        the same run twice.
-    """
-
+    #: Of the agent.
     name: Annotated[str, _name] = "agent"
+    #: What it is for, and why the settings are what they are.
     description: Annotated[str, text] = ""
+    #: One of ALGORITHMS.
     algorithm: Annotated[str, one_of(ALGORITHMS)] = "PPO"
+    #: A key of TASKS.
     task: Annotated[str, one_of(tuple(TASKS))] = "forward"
-    scene: Annotated[Scene, _is_scene] = field(default_factory=lambda: load_scene("swimmer"))
+    scene: Annotated[Scene, _is_a(Scene, "a Scene")] = field(
+        default_factory=lambda: load_scene("swimmer")
+    )
+    #: Arguments of the task, such as ``effort_weight`` or ``target_distance``.
     environment: dict[str, Any] = field(default_factory=dict)
+    #: Episodes that are played side by side.
     members: Annotated[int, integer(1, 100_000)] = 64
+    #: Environment steps (actions) in all.
     steps: Annotated[int, integer(1, MOST)] = 1_000_000
+    #: gamma, in (0, 1).
     discount: Annotated[float, _discount] = 0.998
+    #: Of Adam, at the start and at the end, linear in between; constant where the final one is not
+    #: given.
     learning_rate: Annotated[float, real(above=0.0, at_most=1.0)] = 3e-4
     final_learning_rate: Annotated[float | None, real(at_least=0.0, at_most=1.0)] = None
+    #: What the learner sees is the reward times this. With PPO it may be None: the reward over the
+    #: running standard deviation of the discounted return.
     reward_scale: Annotated[float | None, real(above=0.0)] = None
-    state_dependent_noise: Annotated[bool, _flag] = True
+    #: Whether exploration is a random function of the state (gSDE, Raffin et al. 2022), drawn anew
+    #: every `noise_hold` actions, instead of independent noise at every joint and action.
+    state_dependent_noise: Annotated[bool, _is_a(bool, "true or false")] = True
     noise_hold: Annotated[int, integer(1, 1_000_000)] = 4
+    #: Of policy and critic.
     network: Annotated[Network, block(Network)] = field(default_factory=Network)
+    #: With algorithm PPO, and with it alone.
     ppo: Annotated[PPOSettings | None, block(PPOSettings)] = None
+    #: With algorithm SAC, and with it alone.
     sac: Annotated[SACSettings | None, block(SACSettings)] = None
+    #: The periodic evaluation.
     evaluation: Annotated[Evaluations, block(Evaluations)] = field(default_factory=Evaluations)
+    #: Environment steps between checkpoints.
     checkpoint_every: Annotated[int, integer(1, MOST)] = 250_000
+    #: Threads of PyTorch. One is fastest for networks of this size, and only a fixed number gives
+    #: the same run twice.
     torch_threads: Annotated[int, integer(1, 1024)] = 1
 
     def __post_init__(self) -> None:
         """Check every field, and that they fit together."""
         with _located():
             super().__post_init__()
-        self._check_algorithm()
-        self._check_task()
-
-    def _check_algorithm(self) -> None:
         own, other = ("ppo", "sac") if self.algorithm == "PPO" else ("sac", "ppo")
         if getattr(self, other) is not None:
             raise ConfigError(f"a block {other} has no meaning with algorithm {self.algorithm}")
@@ -173,19 +135,15 @@ class TrainingConfig(Block):
                 "reward_scale must be a number with algorithm SAC, whose buffer keeps rewards for "
                 "long, got null"
             )
-        if self.ppo is not None:
-            samples = self.members * self.ppo.rollout
-            if samples % self.ppo.minibatch:
-                raise ConfigError(
-                    f"ppo.minibatch must divide members * ppo.rollout = {samples}, "
-                    f"got {self.ppo.minibatch}"
-                )
+        if self.ppo is not None and self.round_steps % self.ppo.minibatch:
+            raise ConfigError(
+                f"ppo.minibatch must divide members * ppo.rollout = {self.round_steps}, "
+                f"got {self.ppo.minibatch}"
+            )
         if self.sac is not None and self.sac.buffer < self.members:
             raise ConfigError(
                 f"sac.buffer must be at least members = {self.members}, got {self.sac.buffer}"
             )
-
-    def _check_task(self) -> None:
         known = _TASK_OPTIONS[self.task]
         if not isinstance(self.environment, Mapping):
             raise ConfigError(
@@ -244,33 +202,16 @@ class TrainingConfig(Block):
         return dump_yaml(self.to_dict())
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the resolved configuration as YAML, whole or not at all.
-
-        Raises
-        ------
-        OSError
-            If the file cannot be written.
-        """
-        text = self.to_yaml().encode("utf-8")
-        write_atomically(path, lambda file: file.write(text))
+        """Write the resolved configuration as YAML, whole or not at all (else OSError)."""
+        content = self.to_yaml().encode("utf-8")
+        write_atomically(path, lambda file: file.write(content))
 
     @classmethod
     def from_dict(cls, mapping: Mapping[str, Any], source: str | None = None) -> TrainingConfig:
-        """Make a configuration from plain values.
+        """Make a configuration from plain values, or raise ConfigError.
 
-        Parameters
-        ----------
-        mapping : mapping
-            The fields. ``scene`` is a shipped name, a path, or the scene's own fields; beside it
-            there may be ``overrides``, changes to the scene by dotted path.
-        source : str, optional
-            Where the mapping came from, for messages.
-
-        Raises
-        ------
-        ConfigError
-            If a field is unknown (the nearest known one is named), of the wrong type, out of range,
-            or if fields do not fit together.
+        ``scene`` is a shipped name, a path, or the scene's own fields; beside it there may be
+        ``overrides``, changes to the scene by dotted path. Messages name the source.
         """
         known = [spec.name for spec in fields(cls)]
         with _located(source):
@@ -285,18 +226,10 @@ class TrainingConfig(Block):
             return cls(**{name: value for name, value in given.items() if name not in absent})
 
     def change(self, changes: Mapping[str, Any]) -> TrainingConfig:
-        """Return a configuration with fields changed.
+        """Return a configuration with fields changed, or raise ConfigError.
 
-        Parameters
-        ----------
-        changes : mapping
-            New values by name or dotted path: ``steps``, ``ppo.epochs``,
-            ``scene.beam.elements``.
-
-        Raises
-        ------
-        ConfigError
-            If a path is unknown or the changed configuration is not valid.
+        New values are given by name or dotted path: ``steps``, ``ppo.epochs``,
+        ``scene.beam.elements``.
         """
         data = self.to_dict()
         scene: dict[str, Any] = {}

@@ -43,15 +43,8 @@ class TrainingEnv(VecEnvWrapper):  # type: ignore[misc]
 
     Episode statistics in the infos are those of the unscaled rewards.
 
-    Parameters
-    ----------
-    venv : VecMonitor
-        Around a `SwimVecEnv`.
-    reward_scale : float, optional
-        Factor on rewards. Unless given they are divided by the running standard deviation of the
-        discounted return, which is the scale of what a critic has to learn.
-    discount : float
-        Of that return.
+    Without a `reward_scale` rewards are divided by the running standard deviation of the return
+    with that discount, which is the scale of what a critic has to learn.
     """
 
     def __init__(

@@ -8,7 +8,7 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from swim_agents.learning.files import INTACT, writing
+from swim_agents.files import INTACT, as_csv, writing
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
 
@@ -16,20 +16,11 @@ __all__ = ["CsvLog", "TensorBoardLog", "read_log"]
 
 
 def read_log(path: str | os.PathLike[str]) -> dict[str, list[float]]:
-    """Return the columns of a CSV log; empty cells are NaN.
-
-    Raises
-    ------
-    SwimError
-        If the file cannot be read or is no such log.
-    """
+    """Return the columns of a CSV log; empty cells are NaN. SwimError if it cannot be read."""
     try:
         with open(path, newline="", encoding="utf-8") as file:
             header, *rows = csv.reader(file)
-        return {
-            name: [float(row[i]) if row[i] else float("nan") for row in rows]
-            for i, name in enumerate(header)
-        }
+        return {name: [float(row[i] or "nan") for row in rows] for i, name in enumerate(header)}
     except (OSError, ValueError, IndexError) as error:
         raise SwimError(f"cannot read the log: {error} ({os.fspath(path)})") from None
 
@@ -38,12 +29,7 @@ class CsvLog:
     """A CSV file that grows by a line at a time, its first column the environment steps.
 
     Where a run continues at a number of steps, lines beyond it, and half a line at the end, are
-    removed; at 0 the file starts anew.
-
-    Raises
-    ------
-    SwimError
-        If the file cannot be written.
+    removed; at 0 the file starts anew. What cannot be written is a SwimError.
     """
 
     def __init__(
@@ -52,7 +38,7 @@ class CsvLog:
         self.path = Path(path)
         self.columns = tuple(columns)
         kept = [row for row in self._rows() if steps and float(row[0]) <= steps]
-        text = _lines([self.columns, *kept]).encode("utf-8")
+        text = as_csv([self.columns, *kept]).encode("utf-8")
         with writing("the log", self.path, advice=INTACT):
             write_atomically(self.path, lambda file: file.write(text))
 
@@ -75,7 +61,7 @@ class CsvLog:
             writing("the log", self.path, advice=INTACT),
             open(self.path, "a", encoding="utf-8", newline="") as file,
         ):
-            file.write(_lines([row]))
+            file.write(as_csv([row]))
 
 
 class TensorBoardLog:
@@ -89,18 +75,12 @@ class TensorBoardLog:
 
         self._writer = SummaryWriter(os.fspath(folder), purge_step=steps + 1 if steps else None)
 
-    def add(self, values: Mapping[str, float], steps: int) -> None:
-        """Log values by name at a number of steps."""
+    def add(self, group: str, values: Mapping[str, float], steps: int) -> None:
+        """Log a group of values by name at a number of steps."""
         for name, value in values.items():
-            self._writer.add_scalar(name, value, steps)
+            self._writer.add_scalar(f"{group}/{name}", value, steps)
         self._writer.flush()
 
     def close(self) -> None:
         """Close the event file."""
         self._writer.close()
-
-
-def _lines(rows: Sequence[Sequence[str]]) -> str:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue()

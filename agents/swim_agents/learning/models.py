@@ -22,16 +22,6 @@ import torch  # isort: skip
 from stable_baselines3.common.base_class import BaseAlgorithm  # isort: skip
 from stable_baselines3.common.policies import BasePolicy  # isort: skip
 
-__all__ = [
-    "checked_device",
-    "make_model",
-    "make_policy",
-    "model_state",
-    "policy_arguments",
-    "set_model_state",
-    "torch_threads",
-]
-
 _ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
 
 
@@ -47,13 +37,7 @@ def torch_threads(threads: int) -> Iterator[None]:
 
 
 def checked_device(device: str) -> str:
-    """Return a device that PyTorch can use; ``auto`` is a GPU where there is one.
-
-    Raises
-    ------
-    SwimError
-        If there is no such device.
-    """
+    """Check that PyTorch has a device, and return it; ``auto`` is a GPU where there is one."""
     if device == "auto":
         return "cuda" if torch.cuda.is_available() else "cpu"
     try:
@@ -64,17 +48,14 @@ def checked_device(device: str) -> str:
     return device
 
 
-def policy_arguments(network: Network, algorithm: str) -> dict[str, Any]:
+def _policy_arguments(network: Network, algorithm: str) -> dict[str, Any]:
     """Return the arguments with which stable-baselines3 makes a network."""
-    arguments: dict[str, Any] = {
-        "net_arch": list(network.layers),
+    layers = list(network.layers)
+    return {
+        "net_arch": {"pi": layers, "vf": layers} if algorithm == "PPO" else layers,
         "activation_fn": _ACTIVATIONS[network.activation],
         "log_std_init": network.log_std,
     }
-    if algorithm == "PPO":
-        layers = list(network.layers)
-        arguments["net_arch"] = {"pi": layers, "vf": layers}
-    return arguments
 
 
 def make_policy(
@@ -91,7 +72,7 @@ def make_policy(
         action_space,
         lambda _: 0.0,
         use_sde=state_dependent,
-        **policy_arguments(network, algorithm),
+        **_policy_arguments(network, algorithm),
     )
 
 
@@ -133,7 +114,7 @@ def make_model(config: TrainingConfig, env: Any, seed: int, device: str) -> Base
         "learning_rate": config.learning_rate,
         "use_sde": config.state_dependent_noise,
         "sde_sample_freq": config.noise_hold,
-        "policy_kwargs": policy_arguments(config.network, config.algorithm),
+        "policy_kwargs": _policy_arguments(config.network, config.algorithm),
         "seed": seed,
         "device": device,
         "verbose": 0,
@@ -155,10 +136,14 @@ def make_model(config: TrainingConfig, env: Any, seed: int, device: str) -> Base
 
 #: Counters of a model, beside its parameters.
 _COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
+_BUFFER_ARRAYS = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
 def model_state(model: BaseAlgorithm) -> dict[str, Any]:
     """Return everything training needs to continue, as tensors, arrays and plain values."""
+    # Replay buffers and minibatches use numpy's global generator.
+    name, keys, *rest = np.random.get_state()
+    version, words, gauss = random.getstate()
     state: dict[str, Any] = {
         "parameters": model.get_parameters(),
         "counters": {name: getattr(model, name) for name in _COUNTERS},
@@ -168,8 +153,8 @@ def model_state(model: BaseAlgorithm) -> dict[str, Any]:
         "successes": [float(x) for x in model.ep_success_buffer],
         "random": {
             "torch": torch.get_rng_state(),
-            "numpy": _plain_numpy_state(),
-            "python": _listed(random.getstate()),
+            "numpy": [name, np.asarray(keys).tolist(), *rest],
+            "python": [version, list(words), gauss],
             "actions": model.action_space.np_random.bit_generator.state,
         },
     }
@@ -187,9 +172,6 @@ def model_state(model: BaseAlgorithm) -> dict[str, Any]:
             **{name: getattr(buffer, name)[:filled] for name in _BUFFER_ARRAYS},
         }
     return state
-
-
-_BUFFER_ARRAYS = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
 def set_model_state(model: BaseAlgorithm, state: dict[str, Any]) -> None:
@@ -216,19 +198,6 @@ def set_model_state(model: BaseAlgorithm, state: dict[str, Any]) -> None:
         torch.cuda.set_rng_state_all(numbers["cuda"])
     name, keys, *rest = numbers["numpy"]
     np.random.set_state((name, np.asarray(keys, dtype=np.uint32), *rest))
-    random.setstate(_tupled(numbers["python"]))
+    version, words, gauss = numbers["python"]
+    random.setstate((version, tuple(words), gauss))
     model.action_space.np_random.bit_generator.state = numbers["actions"]
-
-
-def _plain_numpy_state() -> list[Any]:
-    """Return the state of numpy's global generator, which replay buffers and minibatches use."""
-    name, keys, position, has_gauss, cached = np.random.get_state()
-    return [name, np.asarray(keys).tolist(), int(position), int(has_gauss), float(cached)]
-
-
-def _listed(value: Any) -> Any:
-    return [_listed(item) for item in value] if isinstance(value, tuple) else value
-
-
-def _tupled(value: Any) -> Any:
-    return tuple(_tupled(item) for item in value) if isinstance(value, list) else value

@@ -21,30 +21,26 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swim_agents.learning.config import ConfigError, TrainingConfig
-from swim_agents.learning.files import DAMAGED, read_json, write_json
+from swim_agents.files import DAMAGED, as_json, read_json
+from swim_agents.learning.config import TrainingConfig
 from swim_agents.learning.settings import ALGORITHMS, Network
 from swim_env.envs.assessment import OBSERVATION_LAYOUT, observation_size
 from swim_env.envs.interface import action_space_of, observation_space_of
 from swim_env.envs.task import TASKS, Task
-from swim_env.errors import OptionError, SceneError, SwimError
+from swim_env.errors import OptionError, SceneError, SettingsError, SwimError
 from swim_env.files.folders import write_folder
 from swim_env.scene import Beam, Scene
 from swim_env.scene.block import build_block, plain
 from swim_env.scene.checks import check_name, check_text
 
-__all__ = [
-    "AGENT_FILES",
-    "AgentError",
-    "AgentPolicy",
-    "load_agent",
-    "load_bare_model",
-    "save_agent",
-]
-
 #: What an agent's folder holds, and what a training run may put beside it.
 AGENT_FILES = ("agent.json", "model.zip")
 FORMAT_VERSION = 1
+#: What agent.json keeps of the configuration, beside the scene.
+_KEPT = (
+    *("name", "description", "algorithm", "task"),
+    *("environment", "network", "state_dependent_noise"),
+)
 
 #: What must be the same in the scene that an agent plays: the body, its fluid, its joints.
 _SAME = (
@@ -70,12 +66,7 @@ class AgentPolicy:
     policy : stable_baselines3.common.policies.BasePolicy
         The network.
     description : mapping
-        What ``agent.json`` says of it.
-
-    Attributes
-    ----------
-    description : dict
-        Name, algorithm, task, scene and the record of the training.
+        What ``agent.json`` says of it: name, algorithm, task, scene, the record of the training.
     """
 
     def __init__(self, policy: Any, description: Mapping[str, Any]) -> None:
@@ -101,10 +92,7 @@ class AgentPolicy:
     ) -> tuple[NDArray[np.float32], Any]:
         """Return actions, (N - 1,) or (M, N - 1), and the state as it came.
 
-        Raises
-        ------
-        OptionError
-            If the observation has another shape than those it was trained with.
+        An observation of another shape than those it was trained with is an OptionError.
         """
         shape = np.shape(observation)
         size = self._policy.observation_space.shape[0]
@@ -119,28 +107,22 @@ class AgentPolicy:
         return actions, state
 
     def check(self, scene: Scene, task: str | None = None) -> None:
-        """Refuse a scene or a task that the agent was not trained for.
+        """Refuse a scene or a task that the agent was not trained for (AgentError).
 
         The body, its fluid, the torque limit and the control interval must be the same. The time
         step, the panels, damping, the start and its noise may differ.
-
-        Raises
-        ------
-        AgentError
-            If something differs; the message says what.
         """
         trained = self.description["task"]
         if task is not None and task != trained:
             raise AgentError(f"agent {self.name} was trained for task {trained}, not for {task}")
         own = self.scene
-        found = [(path, _value(own, path), _value(scene, path)) for path in _SAME]
-        found = [(path, here, there) for path, here, there in found if here != there]
+        found = [path for path in _SAME if _value(own, path) != _value(scene, path)]
         if found:
-            field, here, there = found[0]
+            here, there = _value(own, found[0]), _value(scene, found[0])
             more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
             raise AgentError(
                 f"agent {self.name} was trained on scene {own.name} and cannot play scene "
-                f"{scene.name}: {field} is {there}, it was {here} in training{more}"
+                f"{scene.name}: {found[0]} is {there}, it was {here} in training{more}"
             )
 
 
@@ -163,24 +145,16 @@ def save_agent(
     Parameters
     ----------
     folder : str or os.PathLike
-        The folder.
+        The folder. If it cannot be written, that is a SwimError, and an earlier agent untouched.
     model : stable_baselines3.common.base_class.BaseAlgorithm
         The model, trained as `config` says.
     record : mapping
         Seed, steps, seconds, scores, versions ... as plain values, for ``agent.json``.
-
-    Raises
-    ------
-    SwimError
-        If it cannot be written; an earlier agent is untouched.
     """
     data = config.to_dict()
     description = {
         "format_version": FORMAT_VERSION,
-        **{name: data[name] for name in ("name", "description", "algorithm", "task")},
-        "environment": data["environment"],
-        "network": data["network"],
-        "state_dependent_noise": data["state_dependent_noise"],
+        **{name: data[name] for name in _KEPT},
         "observation": {
             "layout": OBSERVATION_LAYOUT,
             "size": observation_size(config.scene.beam.elements, TASKS[config.task].goal_is_point),
@@ -190,7 +164,7 @@ def save_agent(
     }
 
     def write(ready: Path) -> None:
-        write_json(ready / "agent.json", description)
+        (ready / "agent.json").write_bytes(as_json(description))
         model.save(ready / "model.zip")
 
     write_folder(folder, AGENT_FILES, write)
@@ -199,11 +173,8 @@ def save_agent(
 def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
     """Read an agent's folder. No code from it is run: see this module's first lines.
 
-    Raises
-    ------
-    AgentError
-        If a file is missing or damaged, if the two do not belong together, or if the agent observes
-        other quantities than this version of the environment gives.
+    It is an AgentError if a file is missing or damaged, if the two do not belong together, or if
+    the agent observes other quantities than this version of the environment gives.
     """
     where = os.fspath(folder)
     description = _description(Path(folder) / "agent.json")
@@ -219,11 +190,11 @@ def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
         name = check_text(description["name"], "name")
         if not name.isprintable():
             raise SceneError("name must be text on one line")
-    except (KeyError, TypeError, SceneError, ConfigError) as error:
+        if not isinstance(layout, Mapping):
+            raise SceneError("observation")
+    except (KeyError, TypeError, SettingsError) as error:
         raise AgentError(f"agent.json does not describe an agent: {error} ({where})") from None
     expected = {"layout": OBSERVATION_LAYOUT, "size": task.observation_size}
-    if not isinstance(layout, Mapping):
-        raise AgentError(f"agent.json does not describe an agent: observation ({where})")
     if layout != expected:
         raise AgentError(
             f"agent {name} observes layout {layout.get('layout')} with {layout.get('size')} "
@@ -279,11 +250,8 @@ def _weights(path: Path) -> Any:
 def load_bare_model(path: str | os.PathLike[str], scene: Scene, trust: bool) -> AgentPolicy:
     """Read a model file of stable-baselines3 without ``agent.json``, as trained on a scene.
 
-    Raises
-    ------
-    AgentError
-        If it is not to be trusted, as reading it runs code in it; if it cannot be read, or does not
-        fit the scene.
+    It is an AgentError unless the file is trusted, as reading it runs code in it, or if the model
+    cannot be read or does not fit the scene.
     """
     name = os.fspath(path)
     if not trust:
@@ -293,7 +261,7 @@ def load_bare_model(path: str | os.PathLike[str], scene: Scene, trust: bool) -> 
         )
     import stable_baselines3
 
-    for algorithm in ("PPO", "SAC"):
+    for algorithm in ALGORITHMS:
         try:
             model = getattr(stable_baselines3, algorithm).load(
                 path, device="cpu", custom_objects={"replay_buffer_class": None}
@@ -305,19 +273,14 @@ def load_bare_model(path: str | os.PathLike[str], scene: Scene, trust: bool) -> 
             raise AgentError(f"cannot read the model: {error.strerror or error} ({name})") from None
     else:
         raise AgentError(f"the model is damaged or cut short, or neither PPO nor SAC ({name})")
-    spaces = {task: observation_space_of(made(scene)).shape for task, made in TASKS.items()}
-    actions = action_space_of(TASKS["forward"](scene)).shape
-    seen, acted = model.observation_space, model.action_space
-    tasks = [
-        task
-        for task, shape in spaces.items()
-        if isinstance(seen, gymnasium.spaces.Box) and seen.shape == shape
-    ]
-    if not tasks or not isinstance(acted, gymnasium.spaces.Box) or acted.shape != actions:
+    shapes = {task: str(observation_space_of(made(scene)).shape) for task, made in TASKS.items()}
+    actions = str(action_space_of(TASKS["forward"](scene)).shape)
+    seen, acted = (_shape(space) for space in (model.observation_space, model.action_space))
+    tasks = [task for task, shape in shapes.items() if seen == shape]
+    if not tasks or acted != actions:
         raise AgentError(
-            f"the model observes {_shape(seen)} and acts in {_shape(acted)} numbers; scene "
-            f"{scene.name} has {spaces['forward']} (or {spaces['target']} with a target) and "
-            f"{actions} ({name})"
+            f"the model observes {seen} and acts in {acted} numbers; scene {scene.name} has "
+            f"{shapes['forward']} (or {shapes['target']} with a target) and {actions} ({name})"
         )
     description = {
         "name": Path(path).stem,

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from swim_agents.files import as_json
 from swim_agents.learning.config import config_names, load_config
-from swim_agents.learning.files import write_json
 from swim_agents.learning.logs import read_log
 from swim_agents.learning.saved import load_agent
 from swim_agents.learning.trainer import run_status
@@ -30,15 +30,15 @@ SHIPPED_FILES = (
     "scores.json",
 )
 
+#: What scores say of the contest that they are from.
+_ABOUT = (
+    *("scene", "task", "duration", "noise", "environment", "seeds", "tolerance"),
+    *("commit", "machine", "versions", "date"),
+)
+
 
 def command_of(run: str | os.PathLike[str]) -> str:
-    """Return the command that trains a run anew: with a shipped configuration, or what was typed.
-
-    Raises
-    ------
-    SwimError
-        If the run cannot be read.
-    """
+    """Return the command that repeats a run: with a shipped configuration, or what was typed."""
     place = Path(run)
     status = run_status(place)
     if status is None:
@@ -62,20 +62,7 @@ def scores_of(record: Mapping[str, Any], name: str) -> dict[str, Any]:
     one = {key: value for key, value in record["policies"][name].items() if key != "training"}
     one.pop("gait", None)
     one["durations"] = one.pop("duration")
-    about = (
-        "scene",
-        "task",
-        "duration",
-        "noise",
-        "environment",
-        "seeds",
-        "tolerance",
-        "commit",
-        "machine",
-        "versions",
-        "date",
-    )
-    return {**{key: record[key] for key in about}, **one}
+    return {**{key: record[key] for key in _ABOUT}, **one}
 
 
 def ship_agent(
@@ -83,12 +70,7 @@ def ship_agent(
 ) -> None:
     """Write the folder of an agent that ships, whole or not at all.
 
-    It is the best agent of a finished training run; `scores` are those of `scores_of`.
-
-    Raises
-    ------
-    SwimError
-        If the run is not finished or a file cannot be read or written.
+    It is the best agent of a finished training run (else SwimError), with `scores_of` a contest.
     """
     place = Path(run)
     status = run_status(place)
@@ -108,8 +90,8 @@ def ship_agent(
         for name in ("config.yaml", "evaluations.csv", "progress.csv"):
             shutil.copyfile(place / name, ready / name)
         shutil.copyfile(place / "agent" / "model.zip", ready / "model.zip")
-        write_json(ready / "agent.json", description)
-        write_json(ready / "scores.json", dict(scores))
+        (ready / "agent.json").write_bytes(as_json(description))
+        (ready / "scores.json").write_bytes(as_json(dict(scores)))
         figure = draw_training({str(status["name"]): [curve]}, description["task"])
         save_figure(figure, ready / "training.png")
 

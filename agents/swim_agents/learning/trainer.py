@@ -20,7 +20,6 @@ random number generator and the state of every episode.
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import shutil
 import time
@@ -36,11 +35,10 @@ try:
 except ImportError:  # no such locks on this system
     fcntl = None  # type: ignore[assignment]
 
-from swim_agents.evaluation import play_episodes
+from swim_agents.files import INTACT, as_json, read_json, writing
 from swim_agents.learning.checkpoints import load_checkpoint, save_checkpoint
 from swim_agents.learning.config import ConfigError, TrainingConfig, load_config
 from swim_agents.learning.environment import make_batch, make_training_env
-from swim_agents.learning.files import INTACT, read_json, writing
 from swim_agents.learning.logs import CsvLog, TensorBoardLog
 from swim_agents.learning.models import (
     checked_device,
@@ -50,6 +48,7 @@ from swim_agents.learning.models import (
     torch_threads,
 )
 from swim_agents.learning.saved import save_agent
+from swim_agents.rollout import play_episodes
 from swim_env import __version__
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
@@ -57,6 +56,8 @@ from swim_env.files.provenance import where_and_when
 from swim_env.recording import recording_file, write_recording
 
 # After swim_agents.vec_env, which says in one line what is missing where this is not installed.
+import torch  # isort: skip
+from stable_baselines3.common.logger import Logger  # isort: skip
 from stable_baselines3.common.utils import FloatSchedule, set_random_seed  # isort: skip
 
 __all__ = ["EVALUATION_COLUMNS", "RunExistsError", "check_run", "run_status", "train"]
@@ -96,13 +97,7 @@ class RunExistsError(SwimError):
 
 
 def run_status(folder: str | os.PathLike[str]) -> dict[str, Any] | None:
-    """Return what ``run.json`` of a run's folder says, None where there is no run.
-
-    Raises
-    ------
-    SwimError
-        If the file is there but cannot be read.
-    """
+    """Return what ``run.json`` of a run's folder says, None where there is no run."""
     path = Path(folder) / "run.json"
     try:
         found = read_json(path, "cannot read the run's record")
@@ -171,8 +166,7 @@ def train(
         If a file cannot be written or read; the last checkpoint is intact.
     """
     place = Path(folder)
-    _check_seed(config, seed)
-    device = checked_device(device)
+    device = _checked_start(config, seed, device)
     recordings = None
     if record is not None:
         recordings = recording_file(Path(record) / "any.rrd", "any").parent
@@ -183,12 +177,9 @@ def train(
         _clear_scratch(place)
         if before is not None and before["finished"]:
             return before
-        run = _Run(config, place, seed, device, threads, command, before)
-        run.recordings = recordings
-        try:
+        run = _Run(config, place, seed, device, threads, command, before, recordings)
+        with contextlib.closing(run):
             return run.play(progress)
-        finally:
-            run.close()
 
 
 def check_run(
@@ -201,83 +192,40 @@ def check_run(
 ) -> dict[str, Any] | None:
     """Refuse what `train` would refuse, without touching anything.
 
-    Returns
-    -------
-    dict or None
-        What ``run.json`` says of the run that would be continued, None without one.
+    Returns what ``run.json`` says of the run that would be continued, None without one.
     """
     place = Path(folder)
-    _check_seed(config, seed)
-    device = checked_device(device)
-    if not (place / ".lock").exists():
-        return _run_before(config, place, seed, resume, device)
-    with _alone(place):
+    device = _checked_start(config, seed, device)
+    with _alone(place) if (place / ".lock").exists() else contextlib.nullcontext():
         return _run_before(config, place, seed, resume, device)
 
 
-def _check_seed(config: TrainingConfig, seed: int) -> None:
+def _checked_start(config: TrainingConfig, seed: int, device: str) -> str:
+    """Check the seed, and return the device that PyTorch is to use."""
     most = config.evaluation.seed // config.members
     if isinstance(seed, bool) or not 0 <= seed < most:
         raise ConfigError(
             f"seed must be a whole number from 0 to {most - 1}, so that training draws other "
             f"starts than evaluations, got {seed!r}"
         )
+    return checked_device(device)
 
 
 def _run_before(
-    config: TrainingConfig, place: Path, seed: int, resume: bool, device: str
+    config: TrainingConfig, folder: Path, seed: int, resume: bool, device: str
 ) -> dict[str, Any] | None:
-    """Return the record of the run that is to be continued, None without one."""
-    before = run_status(place)
+    """Return the record of the run that is to be continued, None without one.
+
+    A run that is not to be continued, or that has other settings, is refused.
+    """
+    before = run_status(folder)
     if before is None:
-        if (place / "checkpoint.zip").exists():
+        if (folder / "checkpoint.zip").exists():
             raise RunExistsError(
                 "the folder holds a checkpoint but no run.json, so that nothing says which run it "
-                f"belongs to; name another folder ({place})"
+                f"belongs to; name another folder ({folder})"
             )
         return None
-    _check_same(before, config, seed, device, place, resume)
-    return before
-
-
-def _clear_scratch(folder: Path) -> None:
-    """Remove what a killed process was writing; no other process uses the folder, see `_alone`.
-
-    A process that was killed while one agent took another's place has left the older one aside,
-    from where it is put back.
-    """
-    for path in folder.glob(".*.tmp"):
-        path.unlink(missing_ok=True)
-    for name in ("agent", "final_agent"):
-        for aside in folder.glob(f".{name}.*"):
-            if (aside / "old").is_dir() and not (folder / name).exists():
-                (aside / "old").rename(folder / name)
-            shutil.rmtree(aside, ignore_errors=True)
-
-
-@contextlib.contextmanager
-def _alone(folder: Path) -> Iterator[None]:
-    """Keep other processes out of a run's folder; a lock of a killed process is gone with it."""
-    with writing("into the run's folder", folder):
-        file = open(folder / ".lock", "w", encoding="utf-8")  # noqa: SIM115
-    with file:
-        try:
-            if fcntl is not None:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise RunExistsError(f"another process is training there ({folder})") from None
-        yield
-
-
-def _check_same(
-    before: dict[str, Any],
-    config: TrainingConfig,
-    seed: int,
-    device: str,
-    folder: Path,
-    resume: bool,
-) -> None:
-    """Refuse to continue a run with other settings."""
     if not resume:
         state = "finished" if before["finished"] else f"at {before['steps']:,} steps"
         raise RunExistsError(
@@ -300,6 +248,36 @@ def _check_same(
             raise ConfigError(
                 f"the run was begun with {name} {before[name]}, not {value} ({folder})"
             )
+    return before
+
+
+def _clear_scratch(folder: Path) -> None:
+    """Remove what a killed process was writing; no other process uses the folder, see `_alone`.
+
+    A process that was killed while one agent replaced another has left the older one aside; it is
+    put back.
+    """
+    for path in folder.glob(".*.tmp"):
+        path.unlink(missing_ok=True)
+    for name in ("agent", "final_agent"):
+        for aside in folder.glob(f".{name}.*"):
+            if (aside / "old").is_dir() and not (folder / name).exists():
+                (aside / "old").rename(folder / name)
+            shutil.rmtree(aside, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Keep other processes out of a run's folder; the system drops a killed process's lock."""
+    with writing("into the run's folder", folder):
+        file = open(folder / ".lock", "w", encoding="utf-8")  # noqa: SIM115
+    with file:
+        try:
+            if fcntl is not None:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise RunExistsError(f"another process is training there ({folder})") from None
+        yield
 
 
 class _Run:
@@ -314,13 +292,12 @@ class _Run:
         threads: int | None,
         command: str | None,
         before: dict[str, Any] | None,
+        recordings: Path | None,
     ) -> None:
-        self.config, self.folder = config, folder
+        self.config, self.folder, self.recordings = config, folder, recordings
         self.seconds = 0.0
         self.best: dict[str, float] | None = None
         self.last: dict[str, float] | None = None
-        #: Folder for a recording of every evaluation.
-        self.recordings: Path | None = None
         self.env = make_training_env(config, seed, threads)
         self.evaluation_env = make_batch(
             config, config.evaluation.episodes, threads, AutoresetMode.NEXT_STEP
@@ -339,15 +316,21 @@ class _Run:
             now = {name: self.about[name] for name in ("command", "commit", "versions", "date")}
             self.about = {name: before[name] for name in self.about if name in before}
             self.about["resumed"] = [*before.get("resumed", []), now]
-        self.model.set_logger(_quiet_logger())
+        # It keeps the last values and writes nothing.
+        self.model.set_logger(Logger(folder=None, output_formats=[]))
         self._checkpoint = folder / "checkpoint.zip"
         if self._checkpoint.exists():
-            self._restore()
+            state = load_checkpoint(self._checkpoint)
+            self.env.set_state(state["environment"])
+            set_model_state(self.model, state["model"])
+            self.seconds, self.best, self.last = state["seconds"], state["best"], state["last"]
         else:
             # The numbers that a run draws do not depend on what was played before in the process.
             self.model._last_obs = self.env.reset()
             self.model._last_episode_starts = np.ones(config.members, dtype=np.bool_)
-            _seed_everything(self.model, seed)
+            # Not `set_random_seed` of the model, which would seed the environment as well.
+            set_random_seed(seed, using_cuda=self.model.device.type == "cuda")
+            self.model.action_space.seed(seed)
         steps = self.steps
         columns = (*_COMMON, *_OWN[config.algorithm])
         self.progress_log = CsvLog(folder / "progress.csv", columns, steps)
@@ -364,22 +347,22 @@ class _Run:
 
     def close(self) -> None:
         """Close what is open."""
-        if hasattr(self, "board"):
-            self.board.close()
+        self.board.close()
         self.env.close()
         self.evaluation_env.close()
 
     def play(self, progress: Callable[[int, str], object] | None) -> dict[str, Any]:
         """Train to the end."""
-        config = self.config
+        config, model = self.config, self.model
         reported = 0
         begin = time.perf_counter() - self.seconds
         if self.steps == 0:
             self._evaluate()
         while self.steps < config.steps:
             before = self.steps
-            self._set_learning_rate()
-            self.model.learn(config.round_steps, log_interval=None, reset_num_timesteps=False)
+            rate = config.learning_rate_at(before)
+            model.learning_rate, model.lr_schedule = rate, FloatSchedule(rate)
+            model.learn(config.round_steps, log_interval=None, reset_num_timesteps=False)
             now = self.steps
             self.seconds = time.perf_counter() - begin
             ends = now >= config.steps
@@ -393,20 +376,14 @@ class _Run:
             if progress is not None:
                 progress(now - reported, self._status())
                 reported = now
-        save_agent(self.folder / "final_agent", self.model, config, self._record())
+        save_agent(self.folder / "final_agent", model, config, self._record())
         return self._write_record(finished=True)
 
     # ---- parts of a run ------------------------------------------------------------------------
 
-    def _set_learning_rate(self) -> None:
-        rate = self.config.learning_rate_at(self.steps)
-        self.model.learning_rate = rate
-        self.model.lr_schedule = FloatSchedule(rate)
-
     def _log(self) -> None:
         model, config = self.model, self.config
-        recorded = model.logger.name_to_value
-        episodes = model.ep_info_buffer
+        recorded, episodes = model.logger.name_to_value, model.ep_info_buffer
         values: dict[str, float] = {"learning_rate": config.learning_rate_at(self.steps)}
         if episodes:
             values["return_mean"] = float(np.mean([float(one["r"]) for one in episodes]))
@@ -417,31 +394,32 @@ class _Run:
             if f"train/{name}" in recorded:
                 values[name] = float(recorded[f"train/{name}"])
         values = {name: value for name, value in values.items() if np.isfinite(value)}
-        self.board.add({f"train/{name}": value for name, value in values.items()}, self.steps)
+        self.board.add("train", values, self.steps)
         self.progress_log.add({"steps": self.steps, "seconds": round(self.seconds, 3), **values})
 
     def _evaluate(self) -> None:
         """Play the fixed starts without exploration; keep the agent if it is the best so far."""
-        config = self.config
-        first = config.evaluation.seed
-        with _random_numbers_kept():
-            rollouts = play_episodes(
-                self.evaluation_env,
-                self.model.policy,
-                range(first, first + config.evaluation.episodes),
-            )
+        config, first = self.config, self.config.evaluation.seed
+        # Training draws the same random numbers as it would without evaluations.
+        numbers, others = torch.get_rng_state(), np.random.get_state()
+        rollouts = play_episodes(
+            self.evaluation_env,
+            self.model.policy,
+            range(first, first + config.evaluation.episodes),
+        )
+        torch.set_rng_state(numbers)
+        np.random.set_state(others)
         reached = [one.net_displacement for one in rollouts]
+        early = [one.terminated and not one.info.get("success") for one in rollouts]
         values = {
             "net_displacement_median": float(np.median(reached)),
             "net_displacement_min": min(reached),
             "net_displacement_max": max(reached),
             "return_mean": float(np.mean([one.rewards.sum() for one in rollouts])),
             "success_rate": float(np.mean([one.info.get("success", False) for one in rollouts])),
-            "ended_early": float(
-                np.mean([one.terminated and not one.info.get("success") for one in rollouts])
-            ),
+            "ended_early": float(np.mean(early)),
         }
-        self.board.add({f"evaluation/{name}": value for name, value in values.items()}, self.steps)
+        self.board.add("evaluation", values, self.steps)
         self.last = {"steps": self.steps, "seconds": round(self.seconds, 3), **values}
         self.evaluation_log.add(self.last)
         if self.recordings is not None:
@@ -478,12 +456,9 @@ class _Run:
     def _write_record(self, finished: bool) -> dict[str, Any]:
         record = {**self._record(), "finished": finished, "best": self.best}
         record["last"] = record.pop("evaluation")
-        text = json.dumps(record, indent=1, allow_nan=False) + "\n"
         with writing("the run's record", self.folder, advice=INTACT):
-            write_atomically(self.folder / "run.json", lambda file: file.write(text.encode()))
+            write_atomically(self.folder / "run.json", lambda file: file.write(as_json(record)))
         return record
-
-    # ---- checkpoints ---------------------------------------------------------------------------
 
     def _save_checkpoint(self) -> None:
         state = {
@@ -496,39 +471,7 @@ class _Run:
         save_checkpoint(self._checkpoint, state)
         self._write_record(finished=False)
 
-    def _restore(self) -> None:
-        state = load_checkpoint(self._checkpoint)
-        self.env.set_state(state["environment"])
-        set_model_state(self.model, state["model"])
-        self.seconds, self.best, self.last = state["seconds"], state["best"], state["last"]
-
 
 def _passed(before: int, now: int, every: int) -> bool:
     """Return whether a multiple of `every` lies between two numbers of steps."""
     return now // every > before // every
-
-
-def _quiet_logger() -> Any:
-    """Return a logger that keeps the last values and writes nothing."""
-    from stable_baselines3.common.logger import Logger
-
-    return Logger(folder=None, output_formats=[])
-
-
-def _seed_everything(model: Any, seed: int) -> None:
-    """Seed the generators that stable-baselines3 draws from, but not the environment's."""
-    set_random_seed(seed, using_cuda=model.device.type == "cuda")
-    model.action_space.seed(seed)
-
-
-@contextlib.contextmanager
-def _random_numbers_kept() -> Iterator[None]:
-    """Leave PyTorch's and numpy's generators as they were."""
-    import torch
-
-    numbers, others = torch.get_rng_state(), np.random.get_state()
-    try:
-        yield
-    finally:
-        torch.set_rng_state(numbers)
-        np.random.set_state(others)

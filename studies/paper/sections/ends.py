@@ -6,14 +6,12 @@ import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 
-from studies.paper.measures import heading_turn
+from studies.paper.measures import Fields, heading_turn, table
 from studies.paper.runs import NUMERALS
-from studies.paper.sections.text import Fields, short_commit, table
 from studies.paper.statements import Statement
 from studies.paper.variants import VARIANTS
 from studies.paper.verdicts import AGREE, DIFFER, NOT_MEASURED, UNDECIDED, Data, Finding
-
-__all__ = ["discussion", "opening"]
+from studies.store import short_commit
 
 #: Of `studies.paper.statements.find_all`.
 Findings = Sequence[tuple[Statement, Finding]]
@@ -72,14 +70,10 @@ def _commits(data: Data) -> str:
 
 def _curves(data: Data) -> Fields:
     """Return how far the closed outline turns, and the readings with sources on one side."""
-    fields = dict.fromkeys(
-        ("outline_turn", "outline_scene", "centreline_side", "centreline_turn", "centreline_scene")
-        + ("iv_reading", "iv_semicircle", "iv_way")
-    )
+    fields: Fields = {}
     ours = [(heading_turn(data["runs"][x]), x) for x in NUMERALS[:9] if x in data["runs"]]
     if ours:
-        turn, scene = max(ours, key=lambda one: abs(one[0]))
-        fields |= {"outline_turn": turn, "outline_scene": scene}
+        fields["outline_turn"], fields["outline_scene"] = max(ours, key=lambda one: abs(one[0]))
     runs = [
         (found["base"], scene, name)
         for name in _ONE_SIDED
@@ -89,45 +83,33 @@ def _curves(data: Data) -> Fields:
     turns = [(heading_turn(run), scene) for run, scene, _ in runs if run["energy"]["trusted"]]
     if turns:
         turn, scene = max(turns, key=lambda one: abs(one[0]))
-        fields |= {
-            "centreline_side": "right" if turn < 0.0 else "left",
-            "centreline_turn": abs(turn),
-            "centreline_scene": scene,
-        }
+        fields |= {"centreline_turn": abs(turn), "centreline_scene": scene}
+        fields["centreline_side"] = "right" if turn < 0.0 else "left"
     # How far iv would have to swim for a semicircle, where it curves most.
-    fours = [
-        (abs(run["curvature"]), run["way"], name) for run, scene, name in runs if scene == "iv"
-    ]
+    fours = [(abs(run["curvature"]), run["way"], name) for run, x, name in runs if x == "iv"]
     curvature, way, name = max(fours, default=(0.0, 0.0, ""))
     if curvature != 0.0:
-        fields |= {
-            "iv_reading": VARIANTS[name],
-            "iv_semicircle": math.pi / curvature,
-            "iv_way": way,
-        }
+        fields |= {"iv_reading": VARIANTS[name], "iv_semicircle": math.pi / curvature}
+        fields["iv_way"] = way
     return fields
 
 
 def _settings(known: Data) -> str | None:
     """Return the table of what the runs were computed with."""
 
-    def of(key: str, level: str = "", form: str = "", factor: float = 1) -> Callable[[str], str]:
-        return lambda name: (
-            f"{factor * known[name + level][key]:{form}}" if name + level in known else ""
-        )
+    def of(form: str, level: str = "") -> Callable[[str], str]:
+        """Return how a run's settings are shown, where it is there."""
+        return lambda name: form.format(**known[name + level]) if name + level in known else ""
 
-    panels, caps = of("panels", "_fine"), of("caps", "_fine")
     columns: dict[str, Callable[[str], object]] = {
         "scene": str,
-        "elements": of("elements"),
-        "step (ms)": of("time_step", form="g", factor=1e3),
-        "panels an element": of("panels"),
-        "at each end": of("caps"),
-        "tolerance": of("tolerance", form="g"),
-        "finer: step (ms)": of("time_step", "_half", "g", 1e3),
-        "finer: panels an element, at each end": lambda name: (
-            f"{panels(name)}, {caps(name)}" if f"{name}_fine" in known else ""
-        ),
+        "elements": of("{elements}"),
+        "step (ms)": of("{step:g}"),
+        "panels an element": of("{panels}"),
+        "at each end": of("{caps}"),
+        "tolerance": of("{tolerance:g}"),
+        "finer: step (ms)": of("{step:g}", "_half"),
+        "finer: panels an element, at each end": of("{panels}, {caps}", "_fine"),
     }
     names = [name for name in NUMERALS if name in known]
     return table(columns, names) if names else None

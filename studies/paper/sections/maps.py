@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 from studies.paper.bars import STEPS, fine_error, with_bar
 from studies.paper.maps import AGREEMENT, LARGEST_BEND, SMALLEST, is_verified
-from studies.paper.sections.text import Fields
+from studies.paper.measures import Fields
 from studies.paper.verdicts import Data
-
-__all__ = ["maps"]
 
 
 def maps(data: Data, words: Callable[[Fields], str]) -> Fields | None:
@@ -52,21 +51,19 @@ def _points(rows: Sequence[Data]) -> Fields:
             bar += apart[-1] * abs(point["speed"])
         return with_bar(point["speed"], bar, "+")
 
-    best = max(good, key=lambda one: one[0], default=None)
-    worst = min(good, key=lambda one: one[0], default=None)
-    return {
+    fields: Fields = {
         "points": len(points),
         "good": len(good),
         "checked": len(checked),
         "agreed": len(agreed),
-        "best": with_its_bar(best[2]) if best else None,
-        "best_place": best[1] if best else None,
-        "worst": with_its_bar(worst[2]) if worst else None,
-        "worst_place": worst[1] if worst else None,
         "backwards": sum(speed < -SMALLEST for speed, *_ in good),
-        "panels_median": apart[len(apart) // 2] if apart else None,
-        "panels_most": apart[-1] if apart else None,
     }
+    for name, choose in (("best", max), ("worst", min)) if good else ():
+        _, fields[f"{name}_place"], point = choose(good, key=lambda one: one[0])
+        fields[name] = with_its_bar(point)
+    if apart:
+        fields |= {"panels_median": apart[len(apart) // 2], "panels_most": apart[-1]}
+    return fields
 
 
 def _place(row: Data, column: float) -> str:
@@ -79,7 +76,7 @@ def _along_drive(rows: Sequence[Data]) -> Fields:
     """Return at which frequencies the verified speed changes sign, at the paper's wave number."""
     columns = rows[0]["columns"]
     near = min(range(len(columns)), key=lambda j: abs(columns[j] - 2.0 * math.pi))
-    line = sorted(((row["frequency"], row["points"][near]) for row in rows), key=lambda one: one[0])
+    line = [(x["frequency"], x["points"][near]) for x in sorted(rows, key=lambda x: x["frequency"])]
     resonance = f"the first natural frequency is {rows[0]['resonances'][0][0]:.2f} Hz"
     return {"line": "at κ = 2π", "resonance": resonance, **_reversal(line, "Hz")}
 
@@ -105,10 +102,6 @@ def _reversal(line: Sequence[tuple[float, Data]], unit: str) -> Fields:
         for place, point in line
         if is_verified(point) and abs(point["speed"]) > SMALLEST
     ]
-    changes = [
-        f"{a[0]:g} and {b[0]:g} {unit}"
-        for a, b in zip(known, known[1:], strict=False)
-        if a[1] != b[1]
-    ]
+    changes = [f"{a:g} and {b:g} {unit}" for (a, x), (b, y) in pairwise(known) if x != y]
     one_direction = "one direction" if known and not changes else None
     return {"changes": ", ".join(changes) or None, "one_direction": one_direction}

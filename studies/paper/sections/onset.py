@@ -7,12 +7,17 @@ from collections.abc import Callable
 
 from studies.paper.bars import STEPS, coarse_error, with_bar
 from studies.paper.charts import STARTS
-from studies.paper.onset import PAPER_BODIES, PAPER_TIMES, STIFFNESS, implied_rate
-from studies.paper.sections.text import Fields, seconds, table
-from studies.paper.verdicts import Data, MissingError, onset_of, onset_time
-from swim_env.analysis.kirchhoff import RigidMass, onset_by_kirchhoff, rate_for_onset
-
-__all__ = ["onset"]
+from studies.paper.measures import Fields, seconds, table
+from studies.paper.onset import (
+    PAPER_BODIES,
+    PAPER_TIMES,
+    STIFFNESS,
+    implied_rate,
+    onset_by_kirchhoff,
+    rate_for_onset,
+)
+from studies.paper.verdicts import Data, MissingError, onset_of, onset_pairs, onset_time
+from swim_env.analysis.kirchhoff import RigidMass
 
 
 def onset(data: Data) -> Fields | None:
@@ -22,20 +27,20 @@ def onset(data: Data) -> Fields | None:
     if not found:
         return None
 
-    def paper(one: Data) -> float | None:
-        return PAPER_TIMES.get((one["elements"], one["panels"], one["perturbation"]))
-
-    def over_paper(one: Data) -> str:
-        time, theirs = one["time"], paper(one)
-        return "" if theirs is None or time is None else f"{time / theirs:.2f}"
+    def paper(one: Data, form: str, of_ours: bool = False) -> str:
+        """Return the paper's time, or how many of it ours is."""
+        theirs = PAPER_TIMES.get((one["elements"], one["panels"], one["perturbation"]))
+        if theirs is None or (of_ours and one["time"] is None):
+            return ""
+        return f"{one['time'] / theirs if of_ours else theirs:{form}}"
 
     columns: dict[str, Callable[[Data], object]] = {
         "N": lambda one: one["elements"],
         "panels": lambda one: one["panels"],
         "start across": lambda one: STARTS[one["perturbation"]],
-        "paper (s)": lambda one: "" if paper(one) is None else f"{paper(one):g}",
+        "paper (s)": lambda one: paper(one, "g"),
         "ours (s)": lambda one: _time_with_bar(data, one),
-        "ours over paper": over_paper,
+        "ours over paper": lambda one: paper(one, ".2f", of_ours=True),
         "Kirchhoff (s)": lambda one: seconds(one["expected"]),
         "rate fitted (1/s)": lambda one: _rate_with_bar(data, one),
         "Kirchhoff's rate (1/s)": lambda one: f"{one['kirchhoff']:.4f}",
@@ -77,13 +82,10 @@ def _time_with_bar(data: Data, one: Data) -> str:
 def _rate_with_bar(data: Data, one: Data) -> str:
     if one["rate"] is None:
         return ""
-    body = (one["elements"], one["panels"], one["perturbation"])
-    for model in ("panels", "frozen"):
-        base = onset_of(data, *body, model=model)
-        half = onset_of(data, *body, step=0.005, model=model)
-        if base and half and None not in (base["rate"], half["rate"]):
-            return with_bar(one["rate"], coarse_error(half["rate"] - base["rate"], STEPS))
-    return with_bar(one["rate"], None)
+    pairs = onset_pairs(data, one["elements"], one["panels"], one["perturbation"])
+    rates = [(base["rate"], half["rate"]) for base, half in pairs]
+    bars = [coarse_error(half - base, STEPS) for base, half in rates if None not in (base, half)]
+    return with_bar(one["rate"], bars[0] if bars else None)
 
 
 def _over_stiffness(data: Data, one: Data) -> str:
@@ -109,10 +111,7 @@ def _by_body(data: Data, found: Callable[[RigidMass, tuple[int, int]], str]) -> 
 
 def _findings(data: Data) -> Fields:
     """Return how straight bodies stay, how well rates agree, and what frozen masses change."""
-    fields: Fields = dict.fromkeys(
-        ("equilibrium", "straight", "straight_bodies", "straight_time")
-        + ("rates", "rate_low", "rate_high", "frozen_checks", "frozen_apart")
-    )
+    fields: Fields = {}
     straight = [one for one in data["onset"] if one["perturbation"] == "none"]
     if straight:
         angle = max(one["largest_angle"] for one in straight)
@@ -129,12 +128,10 @@ def _findings(data: Data) -> Fields:
     ]
     if off:
         fields |= {"rates": len(off), "rate_low": min(off), "rate_high": max(off)}
-    apart = []
-    for one in data["onset"]:
-        if one["model"] == "frozen" and one["elements"] == 27:
-            other = onset_of(data, 27, 12, "epsilon", stiffness=one["stiffness"])
-            if other is not None and None not in (one["time"], other["time"]):
-                apart.append(abs(one["time"] - other["time"]))
+    frozen = [one for one in data["onset"] if one["model"] == "frozen" and one["elements"] == 27]
+    pairs = [(x, onset_of(data, 27, 12, "epsilon", stiffness=x["stiffness"])) for x in frozen]
+    both = [(x["time"], y["time"]) for x, y in pairs if y is not None]
+    apart = [abs(one - other) for one, other in both if None not in (one, other)]
     if apart:
         fields |= {"frozen_checks": len(apart), "frozen_apart": max(apart)}
     return fields

@@ -7,19 +7,19 @@ from collections.abc import Callable
 from studies.paper.bars import PANELS, coarse_error, with_bar
 from studies.paper.constants import RESOLVED
 from studies.paper.measures import (
+    Fields,
     Run,
     heading_turn,
     largest_bend,
     mean_power,
+    run_with_bar,
+    table,
     transport_cost,
     turn_per_way,
     way_ahead,
 )
 from studies.paper.runs import NUMERALS
-from studies.paper.sections.text import Fields, run_with_bar, table
 from studies.paper.verdicts import Data
-
-__all__ = ["constants", "forces", "runs"]
 
 #: From the name of a run to a cell.
 Cell = Callable[[str], object]

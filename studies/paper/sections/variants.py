@@ -6,16 +6,21 @@ import math
 from collections.abc import Callable, Mapping
 
 from studies.paper.bars import STEPS, coarse_error, with_bar
-from studies.paper.measures import Run, heading_turn, turn_per_way, way_ahead
+from studies.paper.measures import (
+    Fields,
+    Run,
+    heading_turn,
+    run_with_bar,
+    seconds,
+    turn_per_way,
+    way_ahead,
+)
 from studies.paper.onset import PAPER_BODIES, PAPER_TIMES
 from studies.paper.runs import NUMERALS
-from studies.paper.sections.text import Fields, run_with_bar, seconds
 from studies.paper.statements import STATEMENTS, find_all
 from studies.paper.variants import VARIANTS
 from studies.paper.verdicts import AGREE, Data
 from swim_env.files.tables import markdown_table
-
-__all__ = ["variants"]
 
 #: Statements about driven scenes, which any reading can be compared with.
 _OF_DRIVEN = {
@@ -81,11 +86,12 @@ def _steps(known: Mapping[str, Data]) -> Fields:
         for scene, one in found.items()
         if scene in NUMERALS[:9] and _holds(one) and way_ahead(one["base"]) != 0.0
     )
-    most = changes[-1] if changes else (None, None, None)
-    return {
-        "step_median": changes[len(changes) // 2][0] if changes else None,
-        **dict(zip(("step_most", "step_scene", "step_reading"), most, strict=True)),
-    }
+    if not changes:
+        return {}
+    most, scene, reading = changes[-1]
+    median = changes[len(changes) // 2][0]
+    fields = {"step_median": median, "step_most": most}
+    return {**fields, "step_scene": scene, "step_reading": reading}
 
 
 def _judged_by_reading(data: Data, known: Mapping[str, Data]) -> str:
@@ -130,17 +136,16 @@ def _left_with_bar(found: Data) -> str:
 
 def _mirror(data: Data) -> Fields:
     """Return what is left of the sum of a path and that of the mirrored torques."""
-    names = ("across", "turned", "centreline_across", "centreline_turned")
     runs, variants = data["runs"], data["variants"]
-    sums: list[float] = []
-    for one, other in (
-        (runs.get("i"), runs.get("i_mirrored")),
-        (variants.get("consistent", {}).get("i"), variants.get("mirrored")),
+    fields: Fields = {}
+    for name, one, other in (
+        ("", runs.get("i"), runs.get("i_mirrored")),
+        ("centreline_", variants.get("consistent", {}).get("i"), variants.get("mirrored")),
     ):
-        if one is None or other is None:
-            return dict.fromkeys(names)
-        # Readings have a run with half the step too.
-        one, other = one.get("base", one), other.get("base", other)
-        sums.append(abs(one["displacement"][1] + other["displacement"][1]))
-        sums.append(abs(math.degrees(one["turn"] + other["turn"])))
-    return dict(zip(names, sums, strict=True))
+        if one is not None and other is not None:
+            # Readings have a run with half the step too.
+            one, other = one.get("base", one), other.get("base", other)
+            across = abs(one["displacement"][1] + other["displacement"][1])
+            turned = abs(math.degrees(one["turn"] + other["turn"]))
+            fields |= {f"{name}across": across, f"{name}turned": turned}
+    return fields

@@ -16,8 +16,6 @@ import yaml
 from studies.paper.statements import limits, method, passive, swimmers
 from studies.paper.verdicts import NOT_MEASURED, Data, Finding, MissingError
 
-__all__ = ["STATEMENTS", "Statement", "find_all"]
-
 
 @dataclass(frozen=True)
 class Statement:

@@ -2,20 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from studies.paper.measures import Run, net_speed
 from studies.paper.runs import NUMERALS
-from studies.paper.verdicts import (
-    Data,
-    Finding,
-    Value,
-    all_of,
-    listed,
-    ratio_of,
-    value_of,
-    values_of,
-)
+from studies.paper.verdicts import Data, Finding, Value, all_of, listed, ratio_of, values_of
 
 #: From the data to a finding.
 Judge = Callable[[Data], Finding]
@@ -23,35 +14,24 @@ Judge = Callable[[Data], Finding]
 WHOLE = 90.0
 
 
-def measured(
-    name: str,
-    pick: Callable[[Run], float],
-    words: str,
-    rule: Callable[[Value], str],
-    least: float = 10.0,
-) -> Judge:
-    """Return a judge of one figure of a run, which ``words`` shows in the place of ``{}``."""
-
-    def judge(data: Data) -> Finding:
-        value = value_of(data, name, pick, least)
-        return Finding(words.format(value.text()), rule(value))
-
-    return judge
-
-
 def compared(
     names: str,
     pick: Callable[[Run], float],
     words: str,
-    rule: Callable[[Mapping[str, Value]], str],
+    rule: Callable[..., str],
     least: float = 10.0,
     before: str = "",
 ) -> Judge:
-    """Return a judge of the same figure of several runs, each shown by ``words``."""
+    """Return a judge of the same figure of one or several runs, each shown by ``words``.
+
+    The rule takes the figures in the order of the names.
+    """
 
     def judge(data: Data) -> Finding:
         values = values_of(data, names.split(), pick, least)
-        return Finding(before + listed(values, words), rule(values))
+        several = len(values) > 1
+        shown = listed(values, words) if several else words.format(values[names].text())
+        return Finding(before + shown, rule(*values.values()))
 
     return judge
 
@@ -67,6 +47,6 @@ def in_ratio(over: str, under: str, rule: Callable[[Value], str], words: str = "
     return judge
 
 
-def each(rule: Callable[[Value], str]) -> Callable[[Mapping[str, Value]], str]:
+def each(rule: Callable[[Value], str]) -> Callable[..., str]:
     """Return the rule that all figures follow a rule."""
-    return lambda values: all_of(rule(one) for one in values.values())
+    return lambda *values: all_of(rule(one) for one in values)

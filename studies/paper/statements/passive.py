@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
 from studies.paper.bars import bar_of
@@ -58,48 +59,41 @@ def _equilibrium(data: Data) -> Finding:
     )
 
 
-def _as_the_papers(elements: int, panels: int) -> Judge:
-    def judge(data: Data) -> Finding:
-        parts, verdicts = [], []
-        for kind, name in _STARTS.items():
-            ours = onset_time(data, elements, panels, kind)
-            paper = PAPER_TIMES[elements, panels, kind]
-            shown = "none" if ours is None else f"{ours.text()} s"
-            parts.append(f"{name}: {shown} (paper {paper:g})")
-            verdicts.append(DIFFER if ours is None else ours.within(paper, CLOSE * paper))
-        found = onset_of(data, elements, panels, "epsilon")
-        assert found is not None
-        rate = "not at all" if found["rate"] is None else f"at {found['rate']:.4f} 1/s"
-        return Finding(
-            "; ".join(parts),
-            all_of(verdicts),
-            f"Ours grow {rate}, Kirchhoff's equations at {found['kirchhoff']:.4f}; the paper's "
-            "own times need several rates at once (Stability).",
-        )
-
-    return judge
+def _as_the_papers(elements: int, panels: int, data: Data) -> Finding:
+    parts, verdicts = [], []
+    for kind, name in _STARTS.items():
+        ours = onset_time(data, elements, panels, kind)
+        paper = PAPER_TIMES[elements, panels, kind]
+        shown = "none" if ours is None else f"{ours.text()} s"
+        parts.append(f"{name}: {shown} (paper {paper:g})")
+        verdicts.append(DIFFER if ours is None else ours.within(paper, CLOSE * paper))
+    found = onset_of(data, elements, panels, "epsilon")
+    assert found is not None
+    rate = "not at all" if found["rate"] is None else f"at {found['rate']:.4f} 1/s"
+    return Finding(
+        "; ".join(parts),
+        all_of(verdicts),
+        f"Ours grow {rate}, Kirchhoff's equations at {found['kirchhoff']:.4f}; the paper's own "
+        "times need several rates at once (Stability).",
+    )
 
 
-def _panels_matter(elements: int, earlier: bool) -> Judge:
+def _panels_matter(elements: int, earlier: bool, data: Data) -> Finding:
     """Judge how little 12 panels in place of 4 change the times, and whether they are earlier."""
-
-    def judge(data: Data) -> Finding:
-        parts, verdicts = [], []
-        for kind, name in _STARTS.items():
-            few, many = (_time(data, elements, panels, kind) for panels in (4, 12))
-            verdicts.append(many.over(few).within(1.0, 0.02))
-            if earlier:
-                verdicts.append(few.larger_than(many))
-            parts.append(f"{name}: {few.text()} and {many.text()} s")
-        found = [onset_of(data, elements, panels, "small") for panels in (4, 12)]
-        rates = " and ".join(f"{one['kirchhoff']:.4f}" for one in found if one is not None)
-        return Finding(
-            f"4 and 12 panels: {'; '.join(parts)}",
-            all_of(verdicts),
-            f"Kirchhoff's rate with the body's own masses is {rates} 1/s.",
-        )
-
-    return judge
+    parts, verdicts = [], []
+    for kind, name in _STARTS.items():
+        few, many = (_time(data, elements, panels, kind) for panels in (4, 12))
+        verdicts.append(many.over(few).within(1.0, 0.02))
+        if earlier:
+            verdicts.append(few.larger_than(many))
+        parts.append(f"{name}: {few.text()} and {many.text()} s")
+    found = [onset_of(data, elements, panels, "small") for panels in (4, 12)]
+    rates = " and ".join(f"{one['kirchhoff']:.4f}" for one in found if one is not None)
+    return Finding(
+        f"4 and 12 panels: {'; '.join(parts)}",
+        all_of(verdicts),
+        f"Kirchhoff's rate with the body's own masses is {rates} 1/s.",
+    )
 
 
 def _stiffness(data: Data) -> Finding:
@@ -155,11 +149,9 @@ def _coarse_unstable(data: Data) -> Finding:
 def _alike(data: Data) -> Finding:
     def apart(level: str) -> tuple[float, float]:
         one, other = (run_of(data, f"{name}{level}", 10.0) for name in ("xi", "xii"))
-        turns = [
-            abs(math.degrees(a - b)) for a, b in zip(one["angle"], other["angle"], strict=True)
-        ]
-        places = (math.dist(a, b) for a, b in zip(one["path"], other["path"], strict=True))
-        return max(turns), max(places)
+        angles, paths = (zip(one[x], other[x], strict=True) for x in ("angle", "path"))
+        turn = max(abs(math.degrees(a - b)) for a, b in angles)
+        return turn, max(math.dist(a, b) for a, b in paths)
 
     # What step and panels do to both alike cancels here too.
     levels = [apart(level) for level in LEVELS]
@@ -190,11 +182,11 @@ def _delayed(data: Data) -> Finding:
 JUDGES: dict[str, Judge] = {
     "equilibrium": _equilibrium,
     **{
-        f"times {n} {panels}": _as_the_papers(n, panels)
+        f"times {n} {panels}": partial(_as_the_papers, n, panels)
         for n, panels in ((3, 12), (9, 4), (9, 12), (27, 4))
     },
-    "12 panels": _panels_matter(9, earlier=True),
-    "27 panels": _panels_matter(27, earlier=False),
+    "12 panels": partial(_panels_matter, 9, True),
+    "27 panels": partial(_panels_matter, 27, False),
     "stiffness": _stiffness,
     "x turns": _x_turns,
     "coarse unstable": _coarse_unstable,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
 from studies.paper.measures import Run, heading_turn, largest_bend, net_speed, way_ahead
-from studies.paper.statements.judges import WHOLE, Judge, compared, each, in_ratio, measured
+from studies.paper.statements.judges import WHOLE, Judge, compared, each, in_ratio
 from studies.paper.statements.limits import CLOSE, CURVED, FAST, SLOW, STRAIGHT, TURN, UNBENT
 from studies.paper.verdicts import (
     AGREE,
@@ -38,15 +39,12 @@ def _share_in_front(run: Run) -> float:
     return float(max(run["bends"][:middle]) / max(run["bends"][middle:]))
 
 
-def _turn_after(run: Run) -> float:
-    """Return the turn of the heading after 51 s (degrees)."""
-    return math.degrees(run["heading"][-1] - run["heading"][51])
-
-
-def _resonance(data: Data) -> float | None:
-    """Return the first natural frequency of v (Hz)."""
-    modes = data["modes"].get("v")
-    return None if modes is None else modes["frequencies"][0]
+def _with_resonance(data: Data, why: str, words: str) -> str:
+    """Return a reason, and what the first natural frequency of v (Hz) has to do with it."""
+    if "v" not in data["modes"]:
+        return why
+    first = data["modes"]["v"]["frequencies"][0]
+    return why + words.format(first, side="above" if first < 1.0 else "below")
 
 
 def _is_ahead(way: Value) -> str:
@@ -102,14 +100,11 @@ def _quadrant(data: Data) -> Finding:
     turn, ahead = (value_of(data, "v", pick, WHOLE) for pick in (heading_turn, way_ahead))
     way = "head first" if ahead.value > 0.0 else "tail first"
     why = STRAIGHT if abs(turn.value) < CURVED else ""
-    first = _resonance(data)
-    if first is not None:
-        side = "above" if first < 1.0 else "below"
-        why += f" Its first natural frequency is {first:.2f} Hz: the drive of 1 Hz lies {side} it."
+    words = " Its first natural frequency is {:.2f} Hz: the drive of 1 Hz lies {side} it."
     return Finding(
         f"v: {turn.text()}° (left positive), paper about -90°; it swims {way}, {ahead.text()} BL",
         turn.within(-90.0, TURN),
-        why,
+        _with_resonance(data, why, words),
     )
 
 
@@ -131,9 +126,8 @@ def _unlike(data: Data) -> Finding:
 def _much_faster(data: Data) -> Finding:
     values, ratio = values_of(data, ("iii", "v"), _speed), ratio_of(data, "v", "iii", _speed)
     why = "By speed alone: ours swims tail first." if way_ahead(run_of(data, "v")) < 0.0 else ""
-    first = _resonance(data)
-    if first is not None:
-        why += f" Its first natural frequency, {first:.2f} Hz, is near the drive's 1 Hz, undamped."
+    words = " Its first natural frequency, {:.2f} Hz, is near the drive's 1 Hz, undamped."
+    why = _with_resonance(data, why, words)
     return Finding(f"{listed(values, '{} m/s')}; ratio {ratio.text()}", ratio.above(FAST), why)
 
 
@@ -142,14 +136,13 @@ def _head_matters(data: Data) -> Finding:
     speeds = values_of(data, ("i", "vi", "vii"), net_speed)
     verdicts = [one.above(UNBENT) for one in shares.values()]
     verdicts += [speeds[name].larger_than(speeds["vi"]) for name in ("i", "vii")]
-    try:
-        other = value_of(data, "vi_reversed", net_speed)
+    why = ""
+    with suppress(MissingError):
         why = (
-            f"A stiff tail in place of the stiff head (EI = 5, then 50) leaves {other.text()} "
-            "BL/s: it is a stiff half that costs speed, whichever it is."
+            "A stiff tail in place of the stiff head (EI = 5, then 50) leaves "
+            f"{value_of(data, 'vi_reversed', net_speed).text()} BL/s: it is a stiff half that "
+            "costs speed, whichever it is."
         )
-    except MissingError:
-        why = ""
     return Finding(
         f"bends of front over rear half {listed(shares, '{}')}; speed {listed(speeds, '{} BL/s')}",
         all_of(verdicts),
@@ -215,7 +208,7 @@ JUDGES: dict[str, Judge] = {
         "i ii iii",
         net_speed,
         "{} BL/s",
-        lambda speeds: all_of(speeds["i"].larger_than(speeds[other]) for other in ("ii", "iii")),
+        lambda first, *others: all_of(first.larger_than(other) for other in others),
     ),
     "ii slower": _ii_slower,
     "iii slower": in_ratio("iii", "ii", lambda ratio: ratio.at_most(1.0), "iii over ii"),
@@ -223,7 +216,7 @@ JUDGES: dict[str, Judge] = {
         "i iv",
         _size_of_turn,
         "{}°",
-        lambda turns: all_of([turns["iv"].larger_than(turns["i"]), turns["iv"].above(CURVED)]),
+        lambda i, iv: all_of([iv.larger_than(i), iv.above(CURVED)]),
         WHOLE,
         "turn ",
     ),
@@ -233,24 +226,22 @@ JUDGES: dict[str, Judge] = {
     "v faster": _much_faster,
     "vi-vii left": compared("vi vii", way_ahead, "{} BL", each(_is_ahead)),
     "vi-vii curve": _curves("vi vii", 1.0),
-    "vi bends": measured("vi", _share_in_front, _FRONT, lambda share: share.at_most(UNBENT)),
+    "vi bends": compared("vi", _share_in_front, _FRONT, lambda share: share.at_most(UNBENT)),
     "vi slow": in_ratio("vi", "i", lambda ratio: ratio.at_most(SLOW)),
-    "vii faster": compared(
-        "vi vii", net_speed, "{} BL/s", lambda speeds: speeds["vii"].larger_than(speeds["vi"])
-    ),
-    "vii bends": measured("vii", _share_in_front, _FRONT, lambda share: share.above(UNBENT)),
+    "vii faster": compared("vi vii", net_speed, "{} BL/s", lambda vi, vii: vii.larger_than(vi)),
+    "vii bends": compared("vii", _share_in_front, _FRONT, lambda share: share.above(UNBENT)),
     "head matters": _head_matters,
     "viii as i": _as_i,
     "viii slows": _slows,
-    "viii tighter": measured(
+    "viii tighter": compared(
         "viii",
-        _turn_after,
+        lambda run: math.degrees(run["heading"][-1] - run["heading"][51]),
         "heading turns by {}° after 50 s",
         lambda turn: turn.size().above(CURVED),
         WHOLE,
     ),
     "ix slow": _ix_slow,
-    "ix straight": measured(
-        "ix", heading_turn, "turn {}°", lambda turn: turn.size().at_most(CURVED), least=WHOLE
+    "ix straight": compared(
+        "ix", heading_turn, "turn {}°", lambda turn: turn.size().at_most(CURVED), WHOLE
     ),
 }

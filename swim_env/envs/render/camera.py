@@ -7,8 +7,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Camera"]
-
 Array = NDArray[np.float64]
 
 #: Time after which the camera has made up for 63 % of a move (s), and how far it may fall behind.

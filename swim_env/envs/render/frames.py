@@ -19,8 +19,6 @@ from swim_env.envs.render.silhouette import chain, head_outline, mitres
 from swim_env.errors import OptionError, SwimError
 from swim_env.scene import Scene
 
-__all__ = ["FramePainter"]
-
 Array = NDArray[np.float64]
 Frame = NDArray[np.uint8]
 

@@ -14,8 +14,6 @@ from swim_env.envs.render.window import Window
 if TYPE_CHECKING:
     from swim_env.envs.render.frames import FramePainter
 
-__all__ = ["EpisodesViewer"]
-
 Frame = NDArray[np.uint8]
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["chain", "head_outline", "mitres"]
-
 Array = NDArray[np.float64]
 
 #: A head's half width along its axis, in units of the largest: half a circle, then a taper.

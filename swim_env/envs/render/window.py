@@ -12,8 +12,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Window"]
-
 Frame = NDArray[np.uint8]
 
 _NO_WINDOW = (

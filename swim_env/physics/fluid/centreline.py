@@ -1,4 +1,4 @@
-r"""Sources on the centre line alone, the letter of (27) to (29): a fluid model for comparison.
+r"""Fluid model ``centreline``: sources on the centre line alone, as (27) to (29) are printed.
 
 Every element carries constant-strength panels on its own line, with the normal d1 and the fluid on
 that side of it only. Such an open sheet has a net flux, so its added mass depends on the length in
@@ -41,8 +41,6 @@ from swim_env.physics.fluid.sources import POTENTIAL, influence
 from swim_env.physics.runtime.compile import inlined, kernel, shared
 from swim_env.physics.status import FINE, UNDER_RESOLVED_GAP
 from swim_env.scene import Fluid
-
-__all__ = ["MODEL", "VARIANTS"]
 
 Array = NDArray[np.float64]
 

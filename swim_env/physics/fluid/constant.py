@@ -9,8 +9,6 @@ from swim_env.physics.fluid.layout import FluidConstants, FluidWork, motion_coun
 from swim_env.physics.runtime.compile import kernel
 from swim_env.physics.status import FINE
 
-__all__ = ["constant_added_mass", "no_shape_force", "triangle_of"]
-
 Array = NDArray[np.float64]
 
 

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from swim_env.physics.runtime.compile import kernel
 
-__all__ = ["touches_itself"]
-
 Array = NDArray[np.float64]
 
 
@@ -30,7 +28,7 @@ def _distance_from_segment(
 
 @kernel
 def touches_itself(elements: int, d3: Array, radius: float, dl: float, nodes: Array) -> bool:
-    """Tell whether the body touches itself.
+    """Return whether the body touches itself.
 
     Every element counts as a stadium, all points within the radius of its centre line. Two of them
     touch where they overlap, and are further apart along the body than half a turn around the

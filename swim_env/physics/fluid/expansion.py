@@ -23,8 +23,6 @@ from swim_env.physics.runtime.compile import kernel
 from swim_env.physics.status import FINE
 from swim_env.scene import Fluid
 
-__all__ = ["MODEL"]
-
 Array = NDArray[np.float64]
 
 #: Bends (rad) from which the second derivatives are extrapolated to none (Richardson): truncation

@@ -13,8 +13,6 @@ from swim_env.physics.fluid.outline import FluidGeometry
 from swim_env.physics.fluid.straight import NearlyStraight
 from swim_env.scene import Fluid
 
-__all__ = ["MODEL"]
-
 Array = NDArray[np.float64]
 
 

@@ -7,24 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.outline import (
-    NODE_ROWS,
-    PANEL_ROWS,
-    FluidGeometry,
-    OutlineArrays,
-)
+from swim_env.physics.fluid.outline import NODE_ROWS, PANEL_ROWS, FluidGeometry, OutlineArrays
 from swim_env.physics.fluid.sources import LAYERS, SHAPE_SCRATCH
 from swim_env.physics.runtime.compile import shared
 from swim_env.physics.runtime.views import LANES, MEASURE, matrix, padded, vector
-
-__all__ = [
-    "FluidConstants",
-    "FluidWork",
-    "axial_motion",
-    "fluid_views",
-    "fluid_work_sizes",
-    "motion_count",
-]
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from swim_env.physics.fluid.outline import FluidGeometry
 from swim_env.scene import Fluid
 
-__all__ = ["Costs", "Model"]
-
 Array = NDArray[np.float64]
 #: Rough times (s) that a model adds to an evaluation of the residual, and takes for an added mass.
 Costs = tuple[float, float]

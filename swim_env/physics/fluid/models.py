@@ -20,8 +20,6 @@ from swim_env.physics.runtime.compile import entry_kernel, shared
 from swim_env.physics.status import FINE
 from swim_env.scene import FLUID_MODEL_NAMES
 
-__all__ = ["FLUID_MODELS", "MODELS", "added_mass", "fluid_constants", "shape_force"]
-
 Array = NDArray[np.float64]
 
 
@@ -68,7 +66,7 @@ def fluid_constants(
 
 @shared
 def _no_added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> int:
-    # No scene comes here: names are looked up in the table. Whoever does gets no mass at all.
+    # Names are looked up in the table, so no scene comes here; a wrong code gets no mass at all.
     out[:] = np.nan
     return FINE
 

@@ -10,8 +10,6 @@ from swim_env.physics.fluid.model import Model
 from swim_env.physics.runtime.compile import kernel
 from swim_env.physics.status import FINE
 
-__all__ = ["MODEL"]
-
 Array = NDArray[np.float64]
 
 

@@ -19,18 +19,6 @@ from numpy.typing import NDArray
 from swim_env.physics.runtime.compile import kernel, shared
 from swim_env.physics.status import FINE, OUTLINE_DEGENERATE, UNDER_RESOLVED_GAP
 
-__all__ = [
-    "GAP_TO_PANEL",
-    "LARGEST_MITRE",
-    "SHORTEST_SIDE",
-    "FluidGeometry",
-    "OutlineArrays",
-    "build_outline",
-    "gradient_to_element_angles",
-    "outline_status",
-    "panel_count",
-]
-
 Array = NDArray[np.float64]
 
 #: Shortest side segment allowed, in element lengths.

@@ -29,8 +29,6 @@ from swim_env.physics.runtime.dense import (
 )
 from swim_env.physics.status import FINE, INFLUENCE_SINGULAR
 
-__all__ = ["SMALLEST_PIVOT", "differentiate_panels", "invert_influence", "sum_added_mass"]
-
 Array = NDArray[np.float64]
 
 #: The normal influence, times 2 pi, is eliminated without row exchanges while no pivot is below

@@ -20,17 +20,11 @@ from swim_env.physics.fluid.outline import (
     outline_status,
     panel_count,
 )
-from swim_env.physics.fluid.panel_mass import (
-    differentiate_panels,
-    invert_influence,
-    sum_added_mass,
-)
+from swim_env.physics.fluid.panel_mass import differentiate_panels, invert_influence, sum_added_mass
 from swim_env.physics.fluid.sources import POTENTIAL, influence
 from swim_env.physics.runtime.compile import entry_kernel, inlined, kernel
 from swim_env.physics.runtime.dense import add_multiple
 from swim_env.physics.status import FINE
-
-__all__ = ["MODEL", "panel_added_mass", "panel_costs"]
 
 Array = NDArray[np.float64]
 

@@ -25,15 +25,6 @@ from swim_env.physics.runtime.compile import entry_kernel, kernel, vector_kernel
 from swim_env.physics.runtime.dense import multiply
 from swim_env.physics.runtime.elementary import atan2, log
 
-__all__ = [
-    "LAYERS",
-    "SHAPE_SCRATCH",
-    "influence",
-    "influence_row",
-    "normal_influence",
-    "shape_gradient",
-]
-
 Array = NDArray[np.float64]
 
 

@@ -17,8 +17,6 @@ from swim_env.physics.fluid.panels import panel_added_mass
 from swim_env.physics.runtime.views import padded
 from swim_env.physics.status import FINE, TERMINATION_REASONS
 
-__all__ = ["NearlyStraight"]
-
 Array = NDArray[np.float64]
 
 

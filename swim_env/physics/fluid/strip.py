@@ -1,4 +1,4 @@
-"""Fluid model ``strip``: every element carries the added mass of its own length, no other's.
+"""Fluid model ``strip``: every element carries the added mass of its own length alone.
 
 The added mass is diag(m' dl, m' dl^3/12) per element; m' is by default the plate's mean value
 rho pi l/4, the added mass rho pi l^2/4 of a straight plate spread over its length.
@@ -15,8 +15,6 @@ from swim_env.physics.fluid.constant import constant_added_mass, no_shape_force,
 from swim_env.physics.fluid.model import Model
 from swim_env.physics.fluid.outline import FluidGeometry
 from swim_env.scene import Fluid
-
-__all__ = ["MODEL", "plate_added_mass"]
 
 Array = NDArray[np.float64]
 

@@ -16,16 +16,6 @@ from numpy.typing import NDArray
 
 from swim_env.physics.runtime.compile import entry_kernel, kernel
 
-__all__ = [
-    "BeamConstants",
-    "centres",
-    "centres_of_trajectory",
-    "chain_levers",
-    "chain_weight",
-    "sum_from_centres",
-    "sum_to_centres",
-]
-
 Array = NDArray[np.float64]
 
 

@@ -17,8 +17,6 @@ from swim_env.physics.planar.chain import BeamConstants, sum_from_centres
 from swim_env.physics.planar.layout import Balance, Drag, Increment, Pose
 from swim_env.physics.runtime.compile import kernel
 
-__all__ = ["add_drag", "drag_loss", "drag_moment"]
-
 Array = NDArray[np.float64]
 
 

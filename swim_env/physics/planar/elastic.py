@@ -18,18 +18,6 @@ from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.layout import Balance, Increment, Pose
 from swim_env.physics.runtime.compile import inlined, kernel
 
-__all__ = [
-    "add_joint_columns",
-    "add_pose_softening",
-    "add_pose_springs",
-    "add_turn_columns",
-    "elastic_terms",
-    "impulses_of_torques",
-    "linearise_joints",
-    "linearise_mean_joints",
-    "with_elastic_energy",
-]
-
 Array = NDArray[np.float64]
 
 

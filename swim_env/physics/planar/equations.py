@@ -47,14 +47,6 @@ from swim_env.physics.runtime.compile import inlined, kernel
 from swim_env.physics.runtime.dense import mat_vec
 from swim_env.physics.runtime.elementary import SMALL_ANGLE, cos_small, sin_small
 
-__all__ = [
-    "evaluate_held_step",
-    "evaluate_step",
-    "residual_norm",
-    "round_off_floor",
-    "set_pose",
-]
-
 Array = NDArray[np.float64]
 
 

@@ -10,20 +10,6 @@ from numpy.typing import NDArray
 from swim_env.physics.runtime.compile import shared
 from swim_env.physics.runtime.views import matrix, padded
 
-__all__ = [
-    "ADDED",
-    "TOTAL",
-    "Balance",
-    "Body",
-    "Drag",
-    "Increment",
-    "Mass",
-    "Newton",
-    "Pose",
-    "body_views",
-    "newton_views",
-]
-
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

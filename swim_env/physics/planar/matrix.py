@@ -18,8 +18,6 @@ from swim_env.physics.planar.layout import Body, Drag, Increment, Mass, Newton, 
 from swim_env.physics.runtime.compile import inlined, kernel
 from swim_env.physics.runtime.dense import copy, multiply
 
-__all__ = ["SHAPE_DIFFERENCE", "mass_matrix", "pose_jacobian", "step_jacobian"]
-
 Array = NDArray[np.float64]
 
 #: Difference quotient for the derivative of the shape force in Newton's matrix, in increments.
@@ -211,12 +209,7 @@ def mass_matrix(
 
 @kernel
 def _add_drag_columns(
-    beam: BeamConstants,
-    pose: Pose,
-    inc: Increment,
-    drag: Drag,
-    pushes: Array,
-    transposed: Array,
+    beam: BeamConstants, pose: Pose, inc: Increment, drag: Drag, pushes: Array, transposed: Array
 ) -> None:
     """Add the drag, with the slopes of the last evaluation; half its impulse is in the residual."""
     elements = beam.elements

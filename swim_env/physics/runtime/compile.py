@@ -1,7 +1,7 @@
 """One decorator for every compiled kernel, and the folder in which compiled code is kept.
 
 numba's own cache looks only at the file that a kernel stands in. A kernel whose *callee* changed
-would go on running the old code. Every kernel of this package is therefore cached in a folder
+would keep running the old code. Every kernel of this package is therefore cached in a folder
 whose name carries a hash of all files with kernels in them, of the versions of numba, llvmlite,
 NumPy and Python, of the processor that the code was made for, and of the place of the package.
 Where no cache folder can be written, the code is kept in a temporary folder for this process alone.
@@ -26,8 +26,6 @@ import numba
 import numpy as np
 from numba.core import config as numba_config
 from numba.extending import register_jitable
-
-__all__ = ["cache_folder", "entry_kernel", "inlined", "kernel", "shared", "vector_kernel"]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -71,7 +69,7 @@ def _base_folder() -> Path:
 
 
 def _private_temporary_folder(name: str) -> Path:
-    """Make a folder that nobody else can write to: cached code is trusted when it is loaded."""
+    """Make a folder that no other user can write to: cached code is trusted when it is loaded."""
     base = tempfile.mkdtemp(prefix="swim_env-")
     atexit.register(shutil.rmtree, base, ignore_errors=True)
     folder = Path(base) / name
@@ -118,7 +116,7 @@ def _compile(function: Function, **options: Any) -> Function:
             # Every slice of an array would count its references, atomically: a third of the time.
             # Nothing is allocated in a kernel, and callers keep the arrays they hand over.
             _nrt=False,
-            no_cfunc_wrapper=True,  # nobody calls kernels from C, and the wrappers cost a fifth
+            no_cfunc_wrapper=True,  # kernels are not called from C, and the wrappers cost a fifth
             **options,
         )(function)
     finally:
@@ -144,7 +142,7 @@ def entry_kernel(function: Function) -> Function:
 def inlined(function: Function) -> Function:
     """Compile a kernel whose text stands in place of its one call.
 
-    Code is optimised anew at every level of calls, with everything that is called from there; this
+    Code is optimised again at every level of calls, with everything that is called from there; this
     takes a level out.
     """
     return _compile(function, fastmath={"contract"}, inline="always", no_cpython_wrapper=True)

@@ -12,19 +12,6 @@ from numpy.typing import NDArray
 
 from swim_env.physics.runtime.compile import entry_kernel, kernel, vector_kernel
 
-__all__ = [
-    "add_multiple",
-    "cholesky",
-    "cholesky_solve",
-    "copy",
-    "invert",
-    "invert_in_order",
-    "lu_factor",
-    "lu_solve",
-    "mat_vec",
-    "multiply",
-]
-
 Array = NDArray[np.float64]
 
 
@@ -213,7 +200,7 @@ def _invert_block(matrix: Array, first: int, smallest_pivot: float) -> bool:
 
 @vector_kernel
 def _apply_block(pivots: Array, column: int) -> None:
-    """Multiply four rows by the block that stands in their columns column ... column + 3."""
+    """Multiply four rows by the block in their columns column ... column + 3."""
     p0 = pivots[0]
     p1 = pivots[1]
     p2 = pivots[2]

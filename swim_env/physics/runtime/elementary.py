@@ -15,8 +15,6 @@ from numba.extending import intrinsic
 
 from swim_env.physics.runtime.compile import kernel
 
-__all__ = ["SMALL_ANGLE", "atan2", "cos_small", "log", "sin_small"]
-
 #: Largest angle (rad) for `sin_small` and `cos_small`: the first terms left out are below 2e-19.
 SMALL_ANGLE = 0.5
 

@@ -4,7 +4,7 @@ Kernels release the interpreter's lock, so plain threads run them side by side. 
 threads is preferred to numba's own for two reasons. The very same compiled code then serves one
 member and many, with one thread and with several, so results cannot depend on either. And a
 process that forks afterwards, as `AsyncVectorEnv` and `SubprocVecEnv` do, is not harmed: the
-threads are stopped before the fork and started anew when they are needed next.
+threads are stopped before the fork and started again when they are needed next.
 """
 
 from __future__ import annotations
@@ -19,8 +19,6 @@ import numpy as np
 from numba.np.ufunc import parallel
 from numpy.typing import NDArray
 
-__all__ = ["share", "usable_threads"]
-
 Indices = NDArray[np.int64]
 
 #: Pieces per thread: members differ in cost, and who is done early takes another piece.
@@ -33,13 +31,13 @@ _pool_size = 0
 
 
 def usable_threads() -> int:
-    """Return the number of threads that numba is told to use.
+    """Return the number of threads that numba may use.
 
     That is what `numba.set_num_threads` was given, or the variable NUMBA_NUM_THREADS, by default
     the number of processors.
     """
     # Asking numba itself would start its threads, which no fork survives; they run already where
-    # somebody has set their number.
+    # their number was set.
     if getattr(parallel, "_is_initialized", False):
         return int(numba.get_num_threads())
     return int(numba.config.NUMBA_NUM_THREADS)

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from swim_env.physics.runtime.compile import shared
 
-__all__ = ["LANES", "MEASURE", "matrix", "padded", "vector"]
-
 Array = NDArray[np.float64]
 
 #: Rows are padded to a multiple of this, so that loops over them fill vector registers and leave no
@@ -19,7 +17,7 @@ LANES = 8
 
 
 class _Measure:
-    """Stands for a buffer of any length: views of it are itself."""
+    """A buffer of any length; every view of it is the buffer itself."""
 
     def __getitem__(self, key: object) -> _Measure:
         return self

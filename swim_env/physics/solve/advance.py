@@ -15,8 +15,6 @@ from swim_env.physics.solve.prepare import energy_of_pose, prepare
 from swim_env.physics.solve.state import LARGEST, UNEXPLAINED, member_views
 from swim_env.physics.status import ENERGY_UNEXPLAINED, FINE, STATE_NOT_FINITE
 
-__all__ = ["advance", "energy_and_velocity", "momentum_of_velocity"]
-
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

@@ -6,16 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.physics.runtime.compile import kernel
-from swim_env.physics.solve.state import (
-    DISSIPATED,
-    ENERGY,
-    EXPLAINED,
-    LARGEST,
-    UNEXPLAINED,
-    WORK,
-)
-
-__all__ = ["begin_budget", "keep_budget"]
+from swim_env.physics.solve.state import DISSIPATED, ENERGY, EXPLAINED, LARGEST, UNEXPLAINED, WORK
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,6 @@ from swim_env.physics.fluid.outline import FluidGeometry
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.runtime.compile import shared
 
-__all__ = ["Constants", "SolverConstants", "pack_constants", "unpack_constants"]
-
 Array = NDArray[np.float64]
 #: The record of scalars (1,) and the vector of numbers that `pack_constants` returns.
 Constants = tuple[NDArray[np.void], Array]
@@ -75,12 +73,7 @@ def pack_constants(
     beam: BeamConstants, fluid: FluidConstants, solver: SolverConstants
 ) -> Constants:
     """Return what the entry points need to know of a scene, as two arrays."""
-    values = {
-        **beam._asdict(),
-        **fluid.geometry._asdict(),
-        **fluid._asdict(),
-        **solver._asdict(),
-    }
+    values = {**beam._asdict(), **fluid.geometry._asdict(), **fluid._asdict(), **solver._asdict()}
     scalars = np.array([tuple(values[name] for name in _SCALARS.names or ())], dtype=_SCALARS)
     return scalars, np.concatenate([beam.joint_stiffness, beam.joint_damping, fluid.terms])
 
@@ -110,11 +103,7 @@ def unpack_constants(
     fluid = FluidConstants(
         s["model"],
         FluidGeometry(
-            elements,
-            s["element_length"],
-            s["half_thickness"],
-            s["side_panels"],
-            s["cap_panels"],
+            elements, s["element_length"], s["half_thickness"], s["side_panels"], s["cap_panels"]
         ),
         s["density"],
         s["present"],

@@ -13,8 +13,6 @@ from swim_env.physics.planar.layout import Balance, Drag
 from swim_env.physics.runtime.compile import kernel
 from swim_env.physics.solve.state import STEPS, ForceWork, State
 
-__all__ = ["add_momenta", "begin_forces", "find_forces", "write_forces"]
-
 Array = NDArray[np.float64]
 
 

@@ -24,8 +24,6 @@ from swim_env.physics.solve.prepare import find_added_mass
 from swim_env.physics.solve.state import CORRECTIONS, EVALUATED, SHAPE_FAILURE, Member, OuterStep
 from swim_env.physics.status import FINE
 
-__all__ = ["newton_in_passes", "newton_with_shortening", "turns_beyond"]
-
 Array = NDArray[np.float64]
 
 #: Newton's iterates keep within this turn (rad): the strain softens beyond, and wrong roots wait.
@@ -64,7 +62,7 @@ def _correction_size(z: Array, dl: float) -> float:
 
 @kernel
 def turns_beyond(z: Array, limit: float) -> bool:
-    """Tell whether an element or a joint turns by more than a limit (rad), or by no number."""
+    """Return whether an element or a joint turns by more than a limit (rad), or by NaN."""
     turn = 0.0
     for k in range(2, z.size):
         turn += z[k]
@@ -247,7 +245,7 @@ def newton_with_shortening(
 
     The matrix is kept as long as corrections shrink. Corrections are shortened by Deuflhard's
     natural monotonicity test: the next correction with the same matrix has to be smaller. It does
-    not depend on how residuals of turning and of shifting are weighed against each other.
+    not depend on how residuals of turning and of shifting are compared.
 
     Returns
     -------

@@ -22,12 +22,7 @@ from swim_env.physics.fluid.models import shape_force
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.drag import drag_loss, drag_moment
 from swim_env.physics.planar.equations import evaluate_held_step, set_pose
-from swim_env.physics.planar.layout import (
-    TOTAL,
-    Drag,
-    Increment,
-    Pose,
-)
+from swim_env.physics.planar.layout import TOTAL, Drag, Increment, Pose
 from swim_env.physics.runtime.compile import inlined, kernel
 from swim_env.physics.runtime.dense import copy
 from swim_env.physics.solve.budget import keep_budget
@@ -60,8 +55,6 @@ from swim_env.physics.solve.state import (
     State,
 )
 from swim_env.physics.status import FINE, STEP_NOT_SOLVED, TURN_TOO_LARGE
-
-__all__ = ["LARGEST_TURN", "MOST_HALVINGS", "outer_step"]
 
 Array = NDArray[np.float64]
 
@@ -281,8 +274,9 @@ def outer_step(
     begun = False
     while True:
         # Compared, not assigned: kernels are not compiled once more for a literal False.
-        at_end = half == 1
-        if not at_end:
+        second = half == 1
+        at_end = second
+        if not second:
             # A pose without mass is not handed out: the run ends at the one before. The next step
             # finds the mass of a good one ready.
             status = prepare(
@@ -297,7 +291,7 @@ def outer_step(
         h = solver.time_step * (part / _WHOLE)
         if solver.composed:
             h *= 0.5
-            if not at_end:
+            if not second:
                 _keep_part(state, step, forces, record)
         if part < _WHOLE and step.effort[0] > 1.0:
             status = STEP_NOT_SOLVED
@@ -308,7 +302,7 @@ def outer_step(
                 status = outcome
                 break
             part //= 2
-            if at_end:
+            if second:
                 # Both halves or none.
                 half = 0
                 _take_back_part(state, step, forces, record)
@@ -330,7 +324,7 @@ def outer_step(
         _move_on(state, increment, balance.change, balance.shape, step.total, part)
         record[RESIDUAL_MET] = max(record[RESIDUAL_MET], norm)
         record[AT_ROUND_OFF] = max(record[AT_ROUND_OFF], 1.0 if at_round_off else 0.0)
-        if solver.composed and not at_end:
+        if solver.composed and not second:
             half = 1
             set_pose(state.q, beam, pose)
             mass.known[TOTAL] = 0

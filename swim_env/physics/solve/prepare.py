@@ -18,8 +18,6 @@ from swim_env.physics.runtime.dense import cholesky, cholesky_solve, copy, dot
 from swim_env.physics.solve.constants import SolverConstants
 from swim_env.physics.status import FINE, MASS_NOT_POSITIVE, SELF_CONTACT, STATE_NOT_FINITE
 
-__all__ = ["energy_of_pose", "find_added_mass", "prepare"]
-
 Array = NDArray[np.float64]
 
 

@@ -23,42 +23,6 @@ from swim_env.physics.planar.layout import Body, Newton, body_views, newton_view
 from swim_env.physics.runtime.compile import shared
 from swim_env.physics.runtime.views import MEASURE, matrix, padded, vector
 
-__all__ = [
-    "ANGULAR_IMPULSE",
-    "AT_ROUND_OFF",
-    "CORRECTIONS",
-    "DISSIPATED",
-    "ENERGY",
-    "EVALUATED",
-    "EVALUATIONS",
-    "EXPLAINED",
-    "IMPULSE_X",
-    "IMPULSE_Y",
-    "ITERATIONS",
-    "KNOWN_INCREMENTS",
-    "LARGEST",
-    "LAST_PART",
-    "PARTS",
-    "POSITIVE_WORK",
-    "RECORD_NAMES",
-    "RESIDUAL_MET",
-    "SHAPE_FAILURE",
-    "STEPS",
-    "UNEXPLAINED",
-    "WORK",
-    "ForceWork",
-    "Member",
-    "OuterStep",
-    "State",
-    "energy_drift_of",
-    "member_views",
-    "state_size",
-    "state_views",
-    "steps_column",
-    "unexplained_share",
-    "work_sizes",
-]
-
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

@@ -1,20 +1,22 @@
-"""Reading and writing the files of runs and agents: every fault is one clear line."""
+"""Reading and writing the files of runs and agents; what fails is said in one line."""
 
 from __future__ import annotations
 
 import contextlib
+import csv
+import io
 import json
 import os
 import pickle
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from swim_env.errors import SwimError
 
-__all__ = ["DAMAGED", "INTACT", "read_json", "write_json", "writing"]
+__all__ = ["DAMAGED", "INTACT", "as_csv", "as_json", "read_json", "writing"]
 
 #: What PyTorch, zip files and unpickling raise for a file that is damaged or something else.
 DAMAGED = (
@@ -37,32 +39,32 @@ INTACT = "; the last checkpoint is intact, continue with --resume"
 
 @contextlib.contextmanager
 def writing(
-    what: str,
-    path: str | os.PathLike[str],
-    error: type[SwimError] = SwimError,
-    advice: str = "",
-    verb: str = "write",
+    what: str, path: str | os.PathLike[str], advice: str = "", verb: str = "write"
 ) -> Iterator[None]:
     """Turn an OSError into one line: ``cannot VERB WHAT: reason (PATH)ADVICE``."""
     try:
         yield
     except OSError as refused:
         reason = refused.strerror or str(refused)
-        raise error(f"cannot {verb} {what}: {reason} ({os.fspath(path)}){advice}") from None
+        raise SwimError(f"cannot {verb} {what}: {reason} ({os.fspath(path)}){advice}") from None
 
 
-def write_json(path: Path, content: Any) -> None:
-    """Write a JSON file."""
-    path.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+def as_json(content: Any) -> bytes:
+    """Return a JSON file's content."""
+    return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()
+
+
+def as_csv(rows: Iterable[Iterable[object]]) -> str:
+    """Return a CSV file's text."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
 
 
 def read_json(path: Path, complaint: str, error: type[SwimError] = SwimError) -> Any:
     """Read a JSON file.
 
-    Raises
-    ------
-    SwimError
-        If it cannot be read: ``COMPLAINT: reason (PATH)``. A missing file is a FileNotFoundError.
+    A damaged one raises ``COMPLAINT: reason (PATH)``, a missing one FileNotFoundError.
     """
     try:
         return json.loads(path.read_text(encoding="utf-8"))

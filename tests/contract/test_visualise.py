@@ -10,7 +10,7 @@ import pytest
 
 from swim_env import Simulator, SwimError, load_scene
 from swim_env.recording import open_viewer, read_recording, take_picture
-from tests.support import call_script, run_script
+from tests.support import call_script
 
 
 @pytest.fixture
@@ -27,12 +27,10 @@ def test_agent_beside_the_wave(command, tmp_path):
     file = tmp_path / "new" / "both.rrd"
     done = command(
         "visualise", "--policy", "tuned_wave", "--compare-with", "paper_wave", "--duration",
-        "0.4", "--noise", "0", "--flow-rate", "10", "--output", str(file), "--view", "--json",
+        "0.4", "--noise", "0", "--flow-rate", "10", "--output", file, "--view", "--json",
     )  # fmt: skip
     figures = done.figures()
-    assert figures.keys() == {
-        "file", "bytes", "frames", "flow_frames", "logging_seconds", "flow_seconds", "schema",
-    }  # fmt: skip
+    assert figures.keys() >= {"file", "flow_frames", "logging_seconds", "flow_seconds", "schema"}
     assert figures["bytes"] == file.stat().st_size and figures["frames"] == 42
     assert f"rerun {file}" in done.err and "rerun --web-viewer" in done.err
     read = read_recording(file)
@@ -44,25 +42,24 @@ def test_agent_beside_the_wave(command, tmp_path):
 
 def test_prescribed_torque_and_saved_trajectory(command, tmp_path):
     """By default the scene's own torque, without rewards; a saved run gives the same numbers."""
-    done = command("visualise", "--scene", "paper_i", "--duration", "0.5", "--no-flow", "--json")
-    assert done.code == 0, done.err
+    assert command("visualise", "--scene", "paper_i", "--duration", "0.5", "--no-flow").code == 0
     file = tmp_path / "results" / "recordings" / "paper_i-prescribed.rrd"
     one = read_recording(file).swimmers["prescribed"]
     simulator = Simulator("paper_i")
     played = simulator.rollout(simulator.prescribed_torques(50))
     assert (one.series["energy"][:, 3] == played.energy).all()
     assert "reward" not in one.series and not one.flow_time.size
-    played.save(tmp_path / "saved.npz")
-    output = str(tmp_path / "saved.rrd")
-    done = command(
-        "visualise", "--trajectory", str(tmp_path / "saved.npz"), "--output", output, "--colour",
-        "moment", "--flow-rate", "4",
-    )  # fmt: skip
+    saved, output = tmp_path / "saved.npz", tmp_path / "saved.rrd"
+    played.save(saved)
+    look = ("--colour", "moment", "--flow-rate", "4", "--compare-with", "zero")
+    done = command("visualise", "--trajectory", saved, "--output", output, *look)
     assert done.code == 0, done.err
     assert "recording" in done.out
     # The program's name, or its path where that is not on the search path.
-    assert re.search(rf"look at it with: (\S*/)?rerun {re.escape(output)}$", done.err, re.M)
-    other = read_recording(output).swimmers["saved"]
+    typed = rf"look at it with: (\S*/)?rerun {re.escape(str(output))}$"
+    assert re.search(typed, done.err, re.M)
+    other, zero = read_recording(output).swimmers.values()
+    assert (other.nodes[0] == zero.nodes[0]).all(), "the policy's start has noise"
     for group, values in one.series.items():
         assert (other.series[group] == values).all(), group
     assert other.flow_time.size == 3
@@ -74,7 +71,11 @@ def test_prescribed_torque_and_saved_trajectory(command, tmp_path):
         (["--scene", "swimer"], "unknown scene 'swimer'"),
         (["--policy", "papr_wave"], "unknown policy 'papr_wave'"),
         (["--trajectory", "none.npz"], "cannot read the trajectory"),
-        (["--trajectory", "none.npz", "--policy", "zero"], "--policy has no meaning"),
+        (["--trajectory", "x.npz", "--policy", "zero"], "--policy has no meaning"),
+        (["--trajectory", "x.npz", "--scene", "swimmer"], "--scene has no meaning"),
+        (["--trajectory", "x.npz", "--set", "beam.elements=5"], "--set has no meaning"),
+        (["--trajectory", "x.npz", "--duration", "1"], "--duration has no meaning"),
+        (["--trajectory", "x.npz", "--task", "forward"], "--task needs --policy"),
         (["--no-flow", "--flow-rate", "5"], "--flow-rate has no meaning with --no-flow"),
         (["--flow-rate", "0"], "--flow-rate must be above 0"),
         (["--frame-rate", "nan"], "--frame-rate must be above 0"),
@@ -84,48 +85,26 @@ def test_prescribed_torque_and_saved_trajectory(command, tmp_path):
         (["--picture", "x.gif"], "a picture's name ends with .png, .jpg, .jpeg"),
         (["--picture", "folder.png"], "a picture is a file"),
         (["--picture", "x.png", "--at", "nan"], "--at must be a time of at least 0"),
-        (["--picture", "x.png", "--at", "-1"], "--at must be a time of at least 0"),
         (["--picture", "x.png", "--at", "3", "--duration", "2"], "at most the run's end, 2 s"),
         (["--noise", "0"], "--noise needs --policy or --compare-with"),
         (["--seed", "0"], "--seed needs --policy or --compare-with"),
-        (["--trajectory", "x.npz", "--scene", "swimmer"], "--scene has no meaning"),
-        (["--trajectory", "x.npz", "--set", "beam.elements=5"], "--set has no meaning"),
-        (["--trajectory", "x.npz", "--duration", "1"], "--duration has no meaning"),
-        (["--trajectory", "x.npz", "--task", "forward"], "--task needs --policy"),
         (["--set", "fluid=null", "--flow-rate", "5"], "there is no flow to record"),
         (["--output", "x.txt"], "ends with .rrd"),
+        (["--output", "folder.rrd"], "this is a folder"),
         (["--task", "fly", "--policy", "zero"], "unknown task 'fly'"),
-        (["--colour", "x"], "invalid choice: 'x'"),
-        (["--output", "."], "cannot"),
     ],
 )
 def test_bad_input_is_one_line_and_code_2(command, tmp_path, arguments, part):
     """Nothing is played and nothing is left."""
     (tmp_path / "folder.png").mkdir()
-    if arguments == ["--output", "."]:
-        (tmp_path / "x.rrd").mkdir()
-        arguments, part = ["--output", str(tmp_path / "x.rrd")], "this is a folder"
-    done = command("visualise", *arguments)
-    assert done.code == 2
-    assert part in done.err and "Traceback" not in done.err
-    assert not list(tmp_path.rglob("*.rrd")) or part == "this is a folder"
-
-
-def test_a_policy_beside_the_prescribed_torque(command, tmp_path):
-    """Starts as that does, without noise."""
-    file = tmp_path / "x.rrd"
-    done = command(
-        "visualise", "--compare-with", "zero", "--duration", "0.1", "--no-flow", "--output",
-        str(file),
-    )  # fmt: skip
-    assert done.code == 0, done.err
-    one, other = read_recording(file).swimmers.values()
-    assert (one.nodes[0] == other.nodes[0]).all()
+    (tmp_path / "folder.rrd").mkdir()
+    command("visualise", *arguments).assert_refused(part)
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="the stand-in is a shell script")
-@pytest.mark.parametrize(("code", "told"), [(0, False), (1, True)])
-def test_a_display_that_does_not_answer(tmp_path, monkeypatch, code, told):
+@pytest.mark.parametrize("code", [0, 1])
+def test_a_display_that_does_not_answer(tmp_path, monkeypatch, code):
     """The viewer ends with an error: what to type instead. Where it hands over, nothing."""
     program = tmp_path / "rerun"
     program.write_text(f"#!/bin/sh\nexit {code}\n")
@@ -133,39 +112,30 @@ def test_a_display_that_does_not_answer(tmp_path, monkeypatch, code, told):
     monkeypatch.setenv("DISPLAY", ":99")
     monkeypatch.setattr("swim_env.recording.show.rerun_command", lambda: str(program))
     line = open_viewer("some.rrd")
-    assert (line is not None) == told
-    if line is not None:
+    if code == 0:
+        assert line is None
+    else:
         assert "no display answers" in line and "rerun --web-viewer some.rrd" in line
 
 
 def test_replay_records(command, tmp_path):
     """--record writes a file beside the figures, into a folder or under its name."""
-    done = command(
-        "replay", "--scene", "swimmer", "--duration", "0.2", "--record", str(tmp_path), "--json"
-    )
-    figures = done.figures()
-    file = tmp_path / "swimmer.rrd"
+    brief = ("replay", "--scene", "swimmer", "--duration", "0.2", "--json", "--record")
+    figures = command(*brief, tmp_path).figures()
+    file, named = tmp_path / "swimmer.rrd", tmp_path / "episode.rrd"
     assert figures["recording"]["file"] == str(file)
     place = read_recording(file).swimmers["prescribed"].path
     assert place[-1] - place[0] == pytest.approx(figures["displacement"], abs=1e-6)
-    named = tmp_path / "episode.rrd"
-    done = command(
-        "replay", "--scene", "swimmer", "--duration", "0.2", "--env", "--policy", "random",
-        "--record", str(named),
-    )  # fmt: skip
-    assert done.code == 0, done.err
-    assert str(named) in done.out
+    figures = command(*brief, named, "--env", "--policy", "random").figures()
+    assert figures["recording"]["file"] == str(named)
     assert read_recording(named).swimmers["random"].series["reward"].shape == (10, 1)
 
 
 def test_compare_records(command, tmp_path):
     """Everybody's first start in one recording, the references last."""
     file = tmp_path / "contest.rrd"
-    done = command(
-        "compare", "--policies", "zero", "--duration", "0.2", "--seeds", "3", "--record",
-        str(file), "--json",
-    )  # fmt: skip
-    record = done.figures()
+    brief = ("--policies", "zero", "--duration", "0.2", "--seeds", "3", "--json")
+    record = command("compare", *brief, "--record", file).figures()
     read = read_recording(file)
     assert list(read.swimmers) == ["zero", "paper_wave", "tuned_wave"]
     for name, one in read.swimmers.items():
@@ -180,23 +150,15 @@ def test_train_records_every_evaluation(command, tmp_path):
     done = command(
         "train", "demo", "--set", "steps=256", "evaluation.every=128", "evaluation.episodes=2",
         "members=8", "ppo.minibatch=128", "ppo.rollout=16", "scene.episode.duration=0.2",
-        "--output", str(tmp_path / "run"),
-        "--record", str(tmp_path / "seen"),
+        "--output", tmp_path / "run", "--record", tmp_path / "seen",
     )  # fmt: skip
     assert done.code == 0, done.err
-    log = read_log(tmp_path / "run" / "seed_0" / "evaluations.csv")
+    steps = read_log(tmp_path / "run" / "seed_0" / "evaluations.csv")["steps"]
     files = sorted((tmp_path / "seen" / "seed_0").iterdir())
-    assert {path.name for path in files} == {f"evaluation-{int(n)}.rrd" for n in log["steps"]}
+    assert {path.name for path in files} == {f"evaluation-{int(n)}.rrd" for n in steps}
     assert len(files) >= 2
     (one,) = read_recording(files[0]).swimmers.values()
     assert one.time[-1] == pytest.approx(0.2)
-
-
-def test_as_a_program(tmp_path):
-    """From another folder, with the figures as the last line."""
-    done = run_script("visualise", "--duration", "0.1", "--json", cwd=tmp_path)
-    figures = done.figures()
-    assert (tmp_path / figures["file"]).stat().st_size == figures["bytes"]
 
 
 @pytest.mark.slow
