@@ -1,4 +1,4 @@
-"""What all tests share."""
+"""Pytest configuration shared by all tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tuned wave: the travelling wave of torque that swims farthest, by global search.
+"""Global search for the travelling torque wave that swims farthest.
 
 The search runs in the environment itself, with torques held over the control interval and no
 start noise. A grid over frequency and wave number, wide enough for the first two bending

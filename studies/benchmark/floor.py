@@ -1,4 +1,4 @@
-"""The arithmetic that no step with exact panels can do without, as a kernel of its own.
+"""The minimum arithmetic of a step with exact panels, as a kernel of its own.
 
 One assembly of the influence matrices G and P, one elimination of G, and the potentials of all
 unit motions, P G^-1 B. Every step has to do this for its new pose; what it takes beyond this floor

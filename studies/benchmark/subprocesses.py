@@ -1,4 +1,4 @@
-"""Python processes of their own, with what they print and when."""
+"""Runs Python in subprocesses and timestamps their output."""
 
 from __future__ import annotations
 

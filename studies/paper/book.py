@@ -1,4 +1,4 @@
-"""From the records to the pictures, the page and the summary."""
+"""Turns the records into pictures, page and summary."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The straight body's natural frequencies, in its fluid and alone."""
+"""The paper's natural frequencies beside those of `swim_env.analysis.modes`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All of it: the list of the work, and the data that the page is made from."""
+"""The whole study of the paper: its list of work and the data behind the page."""
 
 from __future__ import annotations
 

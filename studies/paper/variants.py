@@ -1,4 +1,4 @@
-"""The other readings of the printed equations, applied to the paper's scenes."""
+"""Alternative readings of the printed equations, applied to the paper's scenes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Choosing how to compute a scene: the cheapest settings of the measured front that suffice.
+"""Chooses how to compute a scene: the cheapest settings that meet a tolerance.
 
 Errors depend on the scene: a reference is computed for it, and the settings of the front are played
 in order of cost until one is within the tolerance. That takes a few seconds.

@@ -1,4 +1,4 @@
-"""The settings that are chosen for an accuracy: how a scene is computed, apart from what it is."""
+"""The numerical settings of a scene, as distinct from its physics."""
 
 from __future__ import annotations
 

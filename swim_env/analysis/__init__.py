@@ -1,1 +1,1 @@
-"""What a run or a body tells: energy, flow, frequencies, continuous time."""
+"""Analysis of runs and bodies: energy, flow, frequencies, continuous time."""

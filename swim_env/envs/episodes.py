@@ -1,4 +1,4 @@
-"""Episodes of one task, for one body or many: what the single and the batched environment share."""
+"""Episodes of one task for one body or many: starts, steps, ends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the single and the batched environments share: spaces, seeds, snapshots, rendering."""
+"""The Gymnasium interface shared by both environments: spaces, seeds, snapshots, rendering."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The single environments."""
+"""The single environments: one body behind Gymnasium's `Env`."""
 
 from __future__ import annotations
 

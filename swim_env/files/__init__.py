@@ -1,1 +1,1 @@
-"""Files and folders that are written whole or not at all, and where numbers come from."""
+"""Files and folders that are written whole or not at all, and the provenance of numbers."""

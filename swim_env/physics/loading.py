@@ -1,4 +1,4 @@
-"""Loading the compiled kernels: once per process, in one order, compiled by a process of its own.
+"""Loads the compiled kernels once per process, in one order; separate processes compile them.
 
 Two entry points that share a callee both bring a copy of it, and a process binds both to the copy
 that came first. Copies may differ in the last bit, because the compiler contracts products and

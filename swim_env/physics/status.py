@@ -1,4 +1,4 @@
-"""The closed list of reasons for which a simulation ends, and the codes of the kernels for them."""
+"""Why a simulation can end: the closed list of reasons, and the kernels' codes for them."""
 
 from __future__ import annotations
 

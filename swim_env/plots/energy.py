@@ -1,4 +1,4 @@
-"""The energy of a run over time: its parts, where it came from, what nothing explains."""
+"""The energy of a run over time: its parts, where it came from, what is unexplained."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rerun's units of data, made in ways that are faster than its own."""
+"""Builds rerun's chunks faster than its own interface does."""
 
 from __future__ import annotations
 

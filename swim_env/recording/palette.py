@@ -1,4 +1,4 @@
-"""Colours of recordings: as in the frames, and apart for every colour vision."""
+"""Colours of recordings, as in the frames and distinguishable under every colour vision."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Writing recordings for rerun: whole runs in columns, what does not change once."""
+"""Writes recordings for rerun: whole runs in columns, constant data only once."""
 
 from __future__ import annotations
 

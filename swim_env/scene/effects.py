@@ -1,4 +1,4 @@
-"""Effects: what a scene has exactly when it has the block of that name."""
+"""Optional effects (drag, stream, contact ...), each switched on by a block in the scene."""
 
 from __future__ import annotations
 

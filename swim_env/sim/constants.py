@@ -1,4 +1,4 @@
-"""What the kernels need to know of a scene: its constants in their units and forms."""
+"""Builds the kernels' constants from a scene."""
 
 from __future__ import annotations
 

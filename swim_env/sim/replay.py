@@ -1,4 +1,4 @@
-"""Playing a scene's prescribed torque."""
+"""Runs a scene under its prescribed torque and returns the trajectory."""
 
 from __future__ import annotations
 

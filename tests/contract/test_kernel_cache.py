@@ -1,4 +1,4 @@
-"""The kernel cache: what makes it another one, and processes that fill it at the same time."""
+"""The kernel cache: which processes fill it, and what invalidates it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who may import whom: each room of the packages imports only the rooms before it."""
+"""The import rule: an ordered list of rooms, each of which imports only the ones before it."""
 
 from __future__ import annotations
 

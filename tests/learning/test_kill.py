@@ -1,4 +1,4 @@
-"""Training killed for real: `scripts/train.py --resume` makes the uninterrupted run of it."""
+"""A training that is killed and resumed gives what the uninterrupted run gives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-r"""The step equations (34) with Lagrange multipliers, to check the null space form by.
+r"""The step equations (34) with Lagrange multipliers, a check of the null space form.
 
 The unknowns of a step are the redundant coordinates q = (r^k, d1^k, d3^k) at its end, 6 N numbers,
 and the multipliers of the 3 N orthonormality constraints (2) and the 2 (N - 1) chain constraints

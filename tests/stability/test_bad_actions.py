@@ -1,4 +1,4 @@
-"""Bad actions in the middle of episodes: refused by name, and then it is as if they never were.
+"""Bad actions are refused, and what follows is as if they had never happened.
 
 Single and batched environments, stable-baselines3's and the simulator's torques, side by side.
 """

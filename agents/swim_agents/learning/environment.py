@@ -1,4 +1,4 @@
-"""The batch that a training run plays in."""
+"""Builds the batched environment of a training run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The blocks of a training configuration, each of which checks its own fields."""
+"""Blocks of a training configuration (PPO, SAC, networks ...); each checks its own fields."""
 
 from __future__ import annotations
 

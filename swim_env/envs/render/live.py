@@ -1,4 +1,4 @@
-"""What the environments show of their episodes while these run."""
+"""Connects a running environment to its frames and its window."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A window that shows frames in real time where there is a display, and one line where not."""
+"""A window that shows frames in real time, or one line of text where there is no display."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Kernels of the models whose added mass is constant in the elements' frames."""
+"""Kernels shared by the models with constant added mass, strip and frozen."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-r"""Fluid model ``expansion``: the straight body's matrix and its second derivatives by the bend.
+r"""Fluid model ``expansion``: the straight body's matrix and its second derivatives.
 
 .. math:: A(a) = A_0 + \tfrac{1}{2} \sum_{ij} a_i a_j A_{ij}
 

@@ -1,4 +1,4 @@
-"""What the kernels know of a scene's fluid, and their work space for it."""
+"""Layout of the fluid's constants and of its work space."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fluid model ``panels``: source panels on the closed outline of every shape."""
+"""Fluid model ``panels``: source panels on the closed outline of every shape (see panel_mass)."""
 
 from __future__ import annotations
 

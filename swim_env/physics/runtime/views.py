@@ -1,4 +1,4 @@
-"""Named views of flat buffers: the same functions lay arrays out and measure what they take."""
+"""Named views of flat buffers: the same functions lay arrays out and compute their size."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What Python calls of the integrator: steps of members, and the energy and momentum of a state."""
+"""The integrator's entry points for Python: steps of members, energy and momentum of a state."""
 
 from __future__ import annotations
 

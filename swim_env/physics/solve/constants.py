@@ -1,4 +1,4 @@
-"""What the kernels know of a scene: constants of beam, fluid and solver, packed by name.
+"""The constants of a scene as kernels read them: beam, fluid and solver, packed by name.
 
 Handing over nested tuples at every call would take longer than all other arguments together, so a
 scene's numbers travel in two arrays: one record of named scalars, and one vector of numbers per

@@ -1,4 +1,4 @@
-r"""One step of the scene's time step, in as many parts as it takes.
+r"""One time step of a scene: halved where it cannot be solved, ended with a reason if that fails.
 
 A part solves p_n + D1 L_d(q_n, q_{n+1}) + h F/2 = 0 for q_{n+1} and takes
 p_{n+1} = p_n + (D1 L_d + D2 L_d) + h F. The second line is the position-momentum form with the

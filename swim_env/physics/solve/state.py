@@ -1,4 +1,4 @@
-"""A member's state, which outlives a step, and its work space, which does not.
+"""A member's state, which outlives a step and is in snapshots, and its work space, which is not.
 
 What a step takes over from the one before is in the state, and so in snapshots: a restored run goes
 on bit for bit. The work space remembers masses of the last pose, which only saves time.
