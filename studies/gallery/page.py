@@ -16,12 +16,12 @@ from studies.gallery.runs import (
     FULL,
     PAPER_SCENES,
     TARGET,
+    Episode,
     Plan,
     Progress,
     Runs,
     play_all,
     stored_curves,
-    table,
 )
 from swim_env import plots
 from swim_env.envs.task import TARGET_RADIUS
@@ -72,7 +72,7 @@ def make_gallery(
     check_gallery(folder)
     runs = play_all(plan, progress)
     figures = _draw(runs)
-    record = _record(runs, plan, command)
+    record = _record(runs, command)
 
     def write(ready: Path) -> None:
         for name, figure in figures.items():
@@ -119,8 +119,8 @@ def _draw(runs: Runs) -> dict[str, Figure]:
     }
 
 
-def _record(runs: Runs, plan: Plan, command: str) -> dict[str, Any]:
-    target = runs.target.rollout
+def _record(runs: Runs, command: str) -> dict[str, Any]:
+    plan, target = runs.plan, runs.target.rollout
     return {
         "command": command,
         "scene": target.scene.name,
@@ -128,7 +128,10 @@ def _record(runs: Runs, plan: Plan, command: str) -> dict[str, Any]:
         "duration": target.scene.episode.duration,
         "paper_duration": plan.paper_duration,
         "strengths": list(plan.strengths),
-        "policies": table(runs),
+        "policies": {
+            name: [_figures(*one) for one in zip(plan.strengths, episodes, strict=True)]
+            for name, episodes in runs.strengths.items()
+        },
         "energy_tolerance": target.scene.integrator.energy_tolerance,
         "target": {
             "policy": TARGET,
@@ -139,6 +142,17 @@ def _record(runs: Runs, plan: Plan, command: str) -> dict[str, Any]:
         "paper": {name: run.summary() for name, run in runs.paper.items()},
         "pictures": {},
         **where_and_when(),
+    }
+
+
+def _figures(strength: float, episode: Episode) -> dict[str, Any]:
+    return {
+        "strength": strength,
+        "net_displacement": episode.rollout.net_displacement,
+        "fine_displacement": episode.fine_displacement,
+        "verified": episode.verified,
+        "positive_work": float(episode.trajectory.positive_work.sum()),
+        "energy_drift": episode.trajectory.energy_drift,
     }
 
 

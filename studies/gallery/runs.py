@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass
@@ -153,7 +153,6 @@ def play_all(plan: Plan, progress: Progress) -> Runs:
         rollouts[name] = [play(SwimEnv(scene), weaker) for weaker in shares]
     aiming = load_policy(TARGET, scene, plan.seed, "target")
     target = play(SwimTargetEnv(scene), aiming)
-
     # The kernels release the interpreter's lock.
     with ThreadPoolExecutor(usable_threads()) as pool:
         strengths = {name: list(pool.map(check, some)) for name, some in rollouts.items()}
@@ -173,21 +172,3 @@ def stored_curves() -> tuple[dict[str, list[Curve]], dict[str, list[Curve]]]:
 
     forward = {name: curves(name) for name in FORWARD if name not in REFERENCES}
     return forward, {TARGET: curves(TARGET)}
-
-
-def table(runs: Runs) -> Mapping[str, Sequence[dict[str, Any]]]:
-    """Return the figures of every episode as plain values, for each policy over the strengths."""
-    return {
-        name: [
-            {
-                "strength": share,
-                "net_displacement": episode.rollout.net_displacement,
-                "fine_displacement": episode.fine_displacement,
-                "verified": episode.verified,
-                "positive_work": float(episode.trajectory.positive_work.sum()),
-                "energy_drift": episode.trajectory.energy_drift,
-            }
-            for share, episode in zip(runs.plan.strengths, episodes, strict=True)
-        ]
-        for name, episodes in runs.strengths.items()
-    }
