@@ -123,11 +123,24 @@ def test_the_body_is_where_it_is(name, size):
     # The head end is the broad one, unless the body is broader than a head is drawn.
     ends = [np.hypot(*(dark - end).T) < 10.0 for end in (line[0], line[-1])]
     assert np.count_nonzero(ends[0]) > np.count_nonzero(ends[1]) or half > 9.0
-    if name == "thick":  # as thick as it is, across the last element
-        normal = (line[-1] - line[-2])[::-1] * (1.0, -1.0)
-        across = half * normal / np.hypot(*normal)
-        inside, outside = (colours_at(frame, middles[-1:] + f * across) for f in (0.85, 1.2))
-        assert off(inside, BODY) <= 45 < off(outside, BODY)
+
+
+@pytest.mark.parametrize("name", ["nine", "three", "thick"])
+def test_the_body_has_its_true_thickness(name):
+    """The covered length across a lying body is its thickness, within half a pixel."""
+    scene = SCENES[name]
+    coordinates = np.zeros(scene.beam.elements + 2)
+    painter = FramePainter(scene)
+    frame = drawn(painter, coordinates)
+    nodes = painter.pixels(nodes_of(scene, coordinates))
+    scale = (nodes[-1, 0] - nodes[0, 0]) / 1.0
+    column = int(0.5 * (nodes[-2, 0] + nodes[-1, 0]))
+    row = int(nodes[0, 1])
+    strip = frame[row - 40 : row + 40, column - 2 : column + 3].astype(float).mean(axis=1)
+    share = (WATER[0] - strip[:, 0]) / (WATER[0] - BODY[0])
+    thickness = share[share > 0.25].sum()
+    expected = 2.0 * scene.beam.half_thickness / scene.beam.length * scale
+    assert thickness == pytest.approx(expected, abs=0.5)
 
 
 def test_the_grid_rests_in_the_fluid():
