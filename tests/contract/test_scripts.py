@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from importlib.metadata import PackageNotFoundError, distribution
+from importlib.metadata import distributions
 from pathlib import Path
 
 import pytest
@@ -13,16 +13,10 @@ import pytest
 from tests.support import ROOT
 
 SCRIPTS = sorted((ROOT / "scripts").glob("*.py"))
+INSTALLED = any(one.name == "swim-env" for one in distributions())
 
 
-def installed() -> bool:
-    try:
-        return bool(distribution("swim-env"))
-    except PackageNotFoundError:
-        return False
-
-
-@pytest.mark.skipif(not installed(), reason="swim-env is not installed, only on the path")
+@pytest.mark.skipif(not INSTALLED, reason="swim-env is not installed, only on the path")
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
 def test_a_script_needs_no_path_of_its_own(script: Path, tmp_path: Path) -> None:
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
