@@ -73,7 +73,6 @@ def _repeat(
     panels = work.outline.panels
     count = panel_count(fluid.geometry)
     h = solver.time_step
-    at_start = bool(0)
     for _ in range(times):
         if part == _POSE:
             # It remembers its pose and the joint angles of its added mass.
@@ -83,10 +82,10 @@ def _repeat(
         elif part == _WHOLE_STEP:
             evaluate_step(p, torques, z, h, beam, fluid, body, work)
         elif part == _JACOBIAN:
-            step_jacobian(h, at_start, 0.0, beam, fluid, body, work, newton)
+            step_jacobian(h, 0.0, beam, fluid, body, work, newton)
             lu_factor(newton.jacobian, newton.permutation)
         elif part == _HELD_STEP:
-            evaluate_held_step(p, torques, z, h, at_start, beam, fluid, body)
+            evaluate_held_step(p, torques, z, h, beam, fluid, body)
             copy(body.balance.residual, newton.correction)
             lu_solve(newton.jacobian, newton.permutation, newton.correction)
         elif part == _OUTLINE:

@@ -26,8 +26,12 @@ from swim_env.physics.fluid.models import fluid_constants
 from swim_env.physics.fluid.outline import FluidGeometry
 from swim_env.physics.fluid.sources import LAYERS, influence, normal_influence
 from swim_env.physics.planar.chain import BeamConstants, centres, centres_of_trajectory
-from swim_env.physics.planar.equations import evaluate_held_step, evaluate_step
-from swim_env.physics.planar.matrix import step_jacobian
+from swim_env.physics.planar.equations import (
+    evaluate_adjoint_step,
+    evaluate_held_step,
+    evaluate_step,
+)
+from swim_env.physics.planar.matrix import adjoint_jacobian, step_jacobian
 from swim_env.physics.runtime.compile import cache_folder
 from swim_env.physics.runtime.views import LANES
 from swim_env.physics.solve.advance import advance, energy_and_velocity, momentum_of_velocity
@@ -154,8 +158,10 @@ def _compile_motion() -> None:
     scene = (one.beam, one.fluid, m.body)
     step = (m.state.p, m.state.p, m.state.p, 0.01)
     _compile(evaluate_step, *step, *scene, m.fluid_work)
-    _compile(evaluate_held_step, *step, False, *scene)
-    _compile(step_jacobian, 0.01, False, 0.0, *scene, m.fluid_work, m.newton)
+    _compile(evaluate_held_step, *step, *scene)
+    _compile(evaluate_adjoint_step, *step, *scene)
+    _compile(step_jacobian, 0.01, 0.0, *scene, m.fluid_work, m.newton)
+    _compile(adjoint_jacobian, 0.01, *scene, m.newton)
 
 
 def _call_all() -> None:

@@ -20,8 +20,13 @@ from swim_env.physics.fluid.outline import LATERAL, LENGTH, ROTARY, FluidGeometr
 from swim_env.physics.fluid.sources import POTENTIAL, normal_influence
 from swim_env.physics.loading import load_kernels
 from swim_env.physics.planar.chain import BeamConstants
-from swim_env.physics.planar.equations import evaluate_held_step, evaluate_step
-from swim_env.physics.planar.matrix import mass_matrix, pose_jacobian, step_jacobian
+from swim_env.physics.planar.equations import evaluate_adjoint_step, evaluate_step
+from swim_env.physics.planar.matrix import (
+    adjoint_jacobian,
+    mass_matrix,
+    pose_jacobian,
+    step_jacobian,
+)
 from swim_env.physics.runtime.compile import entry_kernel
 from swim_env.physics.runtime.dense import copy
 from swim_env.physics.solve.constants import SolverConstants
@@ -102,23 +107,23 @@ def _step_probe(
     pose_jacobian(h, beam, body.pose, body.mass, newton.jacobian)
     for i in range(out.pose.shape[0]):
         copy(newton.jacobian[i], out.pose[i])
-    mass_matrix(beam, fluid, body, work, newton)  # prepare has left its factor
+    mass_matrix(beam, fluid, body, newton)  # prepare has left its factor
     for i in range(out.mass.shape[0]):
         copy(body.mass.total[i], out.mass[i])
-    at_end = ends.size > 0
-    if at_end:
+    if ends.size > 0:
         status = added_mass(ends, fluid, work, body.mass.added)
         if status != 0:
             return status
         # The motion, then the shape force that belongs to it, then all of the balance.
-        evaluate_held_step(p, torques, z, h, at_end, beam, fluid, body)
+        evaluate_adjoint_step(p, torques, z, h, beam, fluid, body)
         shape_force(body.inc.motion, fluid, work, body.balance.shape)
-        evaluate_held_step(p, torques, z, h, at_end, beam, fluid, body)
+        evaluate_adjoint_step(p, torques, z, h, beam, fluid, body)
+        adjoint_jacobian(h, beam, fluid, body, newton)
     else:
         evaluate_step(p, torques, z, h, beam, fluid, body, work)
+        step_jacobian(h, difference, beam, fluid, body, work, newton)
     copy(body.balance.residual, out.residual)
     copy(body.balance.change, out.change)
-    step_jacobian(h, at_end, difference, beam, fluid, body, work, newton)
     for i in range(out.jacobian.shape[0]):
         copy(newton.jacobian[i], out.jacobian[i])
     return status

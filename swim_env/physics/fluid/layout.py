@@ -7,7 +7,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.outline import NODE_ROWS, PANEL_ROWS, FluidGeometry, OutlineArrays
+from swim_env.physics.fluid.outline import (
+    LATERAL,
+    NODE_ROWS,
+    PANEL_ROWS,
+    ROTARY,
+    FluidGeometry,
+    OutlineArrays,
+)
 from swim_env.physics.fluid.sources import LAYERS, SHAPE_SCRATCH
 from swim_env.physics.runtime.compile import shared
 from swim_env.physics.runtime.views import LANES, MEASURE, matrix, padded, vector
@@ -67,13 +74,23 @@ def motion_count(fluid: FluidConstants) -> int:
 
 
 @shared
-def axial_motion(element: int, fluid: FluidConstants) -> int:
-    """Return the place of an end element's axial motion among the unit motions.
+def unit_motion(element: int, axis: int, fluid: FluidConstants) -> int:
+    """Return the place in V of an element's motion: LATERAL, along d1; ROTARY; or AXIAL, along d3.
 
-    Only end elements have one: they alone have panels that move along their normal when the element
-    moves along d3.
+    Only end elements move axially, and only with the axial effect: they alone have panels that face
+    along d3. A motion that is not in the model has the place behind the last, which holds a zero in
+    all vectors of motions.
     """
-    return 2 * fluid.geometry.elements + (1 if element > 0 else 0)
+    elements = fluid.geometry.elements
+    if axis == LATERAL:
+        return element
+    if axis == ROTARY:
+        return elements + element
+    if fluid.axial and element == 0:
+        return 2 * elements
+    if fluid.axial and element == elements - 1:
+        return 2 * elements + 1
+    return motion_count(fluid)
 
 
 class FluidWork(NamedTuple):

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.layout import FluidConstants, FluidWork, axial_motion, motion_count
+from swim_env.physics.fluid.layout import FluidConstants, FluidWork, motion_count, unit_motion
 from swim_env.physics.fluid.outline import AXIAL, LATERAL, LENGTH, ROTARY
 from swim_env.physics.fluid.sources import POTENTIAL, normal_influence, shape_gradient
 from swim_env.physics.runtime.compile import inlined, kernel
@@ -121,7 +121,7 @@ def differentiate_panels(motion: Array, count: int, fluid: FluidConstants, work:
         k = outline.element[i]
         normal = panels[LATERAL, i] * motion[k] + panels[ROTARY, i] * motion[elements + k]
         if fluid.axial and panels[AXIAL, i] != 0.0:
-            normal += panels[AXIAL, i] * motion[axial_motion(k, fluid)]
+            normal += panels[AXIAL, i] * motion[unit_motion(k, AXIAL, fluid)]
         velocity[i] = normal
         weight[i] = normal * panels[LENGTH, i]
     mat_vec(work.inverse, velocity, sigma)

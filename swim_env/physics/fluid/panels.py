@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.layout import FluidConstants, FluidWork, axial_motion
+from swim_env.physics.fluid.layout import FluidConstants, FluidWork, unit_motion
 from swim_env.physics.fluid.model import Costs, Model
 from swim_env.physics.fluid.outline import (
     AXIAL,
@@ -55,7 +55,7 @@ def _collect_motions(fluid: FluidConstants, work: FluidWork) -> None:
                 work.strengths[i, elements + k] += work.inverse[i, p] * panels[ROTARY, p]
                 axial += work.inverse[i, p] * panels[AXIAL, p]
             if fluid.axial:
-                work.strengths[i, 2 * elements + end] = axial
+                work.strengths[i, unit_motion(k, AXIAL, fluid)] = axial
     work.loads[:] = 0.0
     for p in range(count):
         k = outline.element[p]
@@ -65,7 +65,8 @@ def _collect_motions(fluid: FluidConstants, work: FluidWork) -> None:
             add_multiple(work.loads[k], potential, length * panels[LATERAL, p])
         add_multiple(work.loads[elements + k], potential, length * panels[ROTARY, p])
         if fluid.axial and panels[AXIAL, p] != 0.0:
-            add_multiple(work.loads[axial_motion(k, fluid)], potential, length * panels[AXIAL, p])
+            row = work.loads[unit_motion(k, AXIAL, fluid)]
+            add_multiple(row, potential, length * panels[AXIAL, p])
 
 
 @entry_kernel

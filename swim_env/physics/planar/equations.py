@@ -32,8 +32,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.layout import FluidConstants, FluidWork, axial_motion, motion_count
+from swim_env.physics.fluid.layout import FluidConstants, FluidWork, motion_count, unit_motion
 from swim_env.physics.fluid.models import shape_force
+from swim_env.physics.fluid.outline import AXIAL, LATERAL, ROTARY
 from swim_env.physics.planar.chain import BeamConstants, sum_from_centres, sum_to_centres
 from swim_env.physics.planar.drag import add_drag
 from swim_env.physics.planar.elastic import (
@@ -43,7 +44,7 @@ from swim_env.physics.planar.elastic import (
     linearise_mean_joints,
 )
 from swim_env.physics.planar.layout import Balance, Body, Drag, Increment, Pose
-from swim_env.physics.runtime.compile import inlined, kernel
+from swim_env.physics.runtime.compile import kernel
 from swim_env.physics.runtime.dense import mat_vec
 from swim_env.physics.runtime.elementary import SMALL_ANGLE, cos_small, sin_small
 
@@ -67,7 +68,7 @@ def set_pose(q: Array, beam: BeamConstants, pose: Pose) -> None:
         linearise_joints(q, pose)
 
 
-@inlined
+@kernel
 def _set_increment(z: Array, pose: Pose, inc: Increment) -> None:
     """Compute turns, first directors and mean joints from the increment z (N + 2,)."""
     elements = inc.turn_sine.size
@@ -107,7 +108,7 @@ def _set_increment(z: Array, pose: Pose, inc: Increment) -> None:
         inc.new_d1[1, k] = pose.d1[1, k] * inc.turn_cosine[k] - pose.d3[1, k] * inc.turn_sine[k]
 
 
-@inlined
+@kernel
 def _move(
     z: Array,
     h: float,
@@ -135,15 +136,15 @@ def _move(
     sum_to_centres(change, z[0], z[1], beam.element_length, inc.shift)
     if fluid.present:
         for k in range(elements):
-            inc.motion[k] = normal[0, k] * inc.shift[0, k] + normal[1, k] * inc.shift[1, k]
-            inc.motion[elements + k] = inc.turn_sine[k]
-        if fluid.axial:
+            across = normal[0, k] * inc.shift[0, k] + normal[1, k] * inc.shift[1, k]
             # d3 = (d1_y, -d1_x).
-            for k in range(0, elements, elements - 1):
-                inc.motion[axial_motion(k, fluid)] = (
-                    normal[1, k] * inc.shift[0, k] - normal[0, k] * inc.shift[1, k]
-                )
-        mat_vec(added[: motion_count(fluid)], inc.motion, inc.impulse)
+            along = normal[1, k] * inc.shift[0, k] - normal[0, k] * inc.shift[1, k]
+            inc.motion[unit_motion(k, LATERAL, fluid)] = across
+            inc.motion[unit_motion(k, ROTARY, fluid)] = inc.turn_sine[k]
+            inc.motion[unit_motion(k, AXIAL, fluid)] = along
+        motions = motion_count(fluid)
+        inc.motion[motions] = 0.0
+        mat_vec(added[:motions], inc.motion[: added.shape[1]], inc.impulse)
         for i in range(inc.impulse.size):
             inc.impulse[i] /= h
 
@@ -187,7 +188,9 @@ def evaluate_step(
     _move(z, h, beam, fluid, pose.d1, mass.added, pose, inc, balance.sums)
     if fluid.present:
         shape_force(inc.motion, fluid, fluid_work, balance.shape)
-    return _balance(p, torques, z, h, False, pose.d1, beam, fluid, pose, inc, balance, drag)
+    _pose_forces(h, pose.d1, fluid, inc, balance)
+    early = balance.pose_forces
+    return _balance(p, torques, z, h, pose.d1, early, beam, fluid, pose, inc, balance, drag)
 
 
 @kernel
@@ -196,31 +199,68 @@ def evaluate_held_step(
     torques: Array,
     z: Array,
     h: float,
-    at_end: bool,
     beam: BeamConstants,
     fluid: FluidConstants,
     body: Body,
 ) -> float:
     """Evaluate the residual like `evaluate_step`, the shape force taken as `body.balance` has it.
 
-    The shape force is what an evaluation spends most of its time on, and changes little with z. The
-    inertia is that of the start of the step, or with `at_end` that of its end: the adjoint, with
-    the added mass of q_{n+1}.
+    The shape force is what an evaluation spends most of its time on, and changes little with z.
     """
     pose, inc, balance, drag, mass = body
-    normal = inc.new_d1 if at_end else pose.d1
-    _move(z, h, beam, fluid, normal, mass.added, pose, inc, balance.sums)
-    return _balance(p, torques, z, h, at_end, normal, beam, fluid, pose, inc, balance, drag)
+    _move(z, h, beam, fluid, pose.d1, mass.added, pose, inc, balance.sums)
+    _pose_forces(h, pose.d1, fluid, inc, balance)
+    early = balance.pose_forces
+    return _balance(p, torques, z, h, pose.d1, early, beam, fluid, pose, inc, balance, drag)
 
 
-@inlined
+@kernel
+def evaluate_adjoint_step(
+    p: Array,
+    torques: Array,
+    z: Array,
+    h: float,
+    beam: BeamConstants,
+    fluid: FluidConstants,
+    body: Body,
+) -> float:
+    """Evaluate the residual of the adjoint map, p_n + D1 L_d*(q_n, q_{n+1}) + h F/2 = 0.
+
+    `body.mass` holds the added mass of q_{n+1}, and `body.balance` its shape force, which changes
+    the momentum but not the residual.
+    """
+    pose, inc, balance, drag, mass = body
+    _move(z, h, beam, fluid, inc.new_d1, mass.added, pose, inc, balance.sums)
+    _pose_forces(h, inc.new_d1, fluid, inc, balance)
+    early = balance.no_forces
+    return _balance(p, torques, z, h, inc.new_d1, early, beam, fluid, pose, inc, balance, drag)
+
+
+@kernel
+def _pose_forces(
+    h: float, normal: Array, fluid: FluidConstants, inc: Increment, balance: Balance
+) -> None:
+    """Collect what the inertia does to the pose that it is taken at, with these normals (2, N)."""
+    if not fluid.present:
+        return
+    inverse_h = 1.0 / h
+    for j in range(normal.shape[1]):
+        across = normal[0, j] * inc.shift[0, j] + normal[1, j] * inc.shift[1, j]
+        along = normal[1, j] * inc.shift[0, j] - normal[0, j] * inc.shift[1, j]
+        lateral = inc.impulse[unit_motion(j, LATERAL, fluid)]
+        axial = inc.impulse[unit_motion(j, AXIAL, fluid)]
+        balance.pose_forces[0, j] = axial * across - lateral * along
+        balance.pose_forces[1, j] = inverse_h * balance.shape[j]
+
+
+@kernel
 def _balance(
     p: Array,
     torques: Array,
     z: Array,
     h: float,
-    at_end: bool,
     normal: Array,
+    early: Array,
     beam: BeamConstants,
     fluid: FluidConstants,
     pose: Pose,
@@ -228,13 +268,16 @@ def _balance(
     balance: Balance,
     drag: Drag,
 ) -> float:
-    """Sum up residual, its scale, and the change of the momentum; return the residual's norm."""
+    """Sum up residual, its scale, and the change of the momentum; return the residual's norm.
+
+    The inertia is measured with the normals (2, N); `early` (2, N) are the forces of its pose that
+    act at the beginning of the step.
+    """
     b = balance
     elements = beam.elements
     dl = beam.element_length
     mass_rate = beam.element_mass / h
     inertia_rate = beam.element_inertia / h
-    inverse_h = 1.0 / h
     with_fluid = fluid.present
     total_x = 0.0
     total_y = 0.0
@@ -243,12 +286,12 @@ def _balance(
         b.momentum[0, k] = mass_rate * inc.shift[0, k]
         b.momentum[1, k] = mass_rate * inc.shift[1, k]
         if with_fluid:
-            b.momentum[0, k] += inc.impulse[k] * normal[0, k]
-            b.momentum[1, k] += inc.impulse[k] * normal[1, k]
-            if fluid.axial and (k == 0 or k == elements - 1):
-                axial = inc.impulse[axial_motion(k, fluid)]
-                b.momentum[0, k] += axial * normal[1, k]
-                b.momentum[1, k] -= axial * normal[0, k]
+            lateral = inc.impulse[unit_motion(k, LATERAL, fluid)]
+            axial = inc.impulse[unit_motion(k, AXIAL, fluid)]
+            b.momentum[0, k] += lateral * normal[0, k]
+            b.momentum[1, k] += lateral * normal[1, k]
+            b.momentum[0, k] += axial * normal[1, k]
+            b.momentum[1, k] -= axial * normal[0, k]
         total_x += b.momentum[0, k]
         total_y += b.momentum[1, k]
         size += abs(b.momentum[0, k]) + abs(b.momentum[1, k])
@@ -265,24 +308,13 @@ def _balance(
         b.size[i] = size + abs(p[i])
     for j in range(elements):
         turning = inertia_rate * inc.turn_sine[j]
-        munk = 0.0
-        shape = 0.0
         if with_fluid:
-            turning += inc.impulse[elements + j] * inc.turn_cosine[j]
-            munk = -inc.impulse[j] * (
-                normal[1, j] * inc.shift[0, j] - normal[0, j] * inc.shift[1, j]
-            )
-            shape = inverse_h * b.shape[j]
-            if fluid.axial and (j == 0 or j == elements - 1):
-                axial = inc.impulse[axial_motion(j, fluid)]
-                munk += axial * (normal[0, j] * inc.shift[0, j] + normal[1, j] * inc.shift[1, j])
+            turning += inc.impulse[unit_motion(j, ROTARY, fluid)] * inc.turn_cosine[j]
         arm = pose.d1[0, j] * b.lever[0, j] + pose.d1[1, j] * b.lever[1, j]
         new_arm = inc.new_d1[0, j] * b.lever[0, j] + inc.new_d1[1, j] * b.lever[1, j]
+        munk, shape = b.pose_forces[0, j], b.pose_forces[1, j]
         b.change[2 + j] = munk + (new_arm - arm) - b.elastic_sum[j] + shape + b.torque[j]
-        if at_end:
-            # They belong to D2 L_d.
-            munk = 0.0
-            shape = 0.0
+        munk, shape = early[0, j], early[1, j]
         b.residual[2 + j] = (
             p[2 + j] - turning + munk - arm - b.elastic[j] + shape + 0.5 * b.torque[j]
         )

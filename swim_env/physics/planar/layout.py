@@ -45,7 +45,7 @@ class Increment(NamedTuple):
         Normals at q_{n+1}.
     shift : (2, N) array
         Increment of every element's centre (m).
-    motion, impulse : (K',) arrays
+    motion, impulse : (K + 1,) arrays, padded
         V, and the fluid's impulse per unit motion A V/h; zeros behind the K motions.
     """
 
@@ -74,6 +74,11 @@ class Balance(NamedTuple):
         Scratch.
     shape : (N,) array
         V^T dA/dtheta V/2, the shape force times h.
+    pose_forces : (2, N) array
+        Impulses of the pose that the inertia is taken at: with its directors held, that of the
+        velocity across them, and that of the shape force.
+    no_forces : (2, N) array
+        Zeros.
     elastic, elastic_sum, elastic_size : (N,) arrays
         h dW/dtheta at q_n, its sum with that at q_{n+1}, and the magnitude of the terms.
     torque, torque_size : (N,) arrays
@@ -88,6 +93,8 @@ class Balance(NamedTuple):
     lever: Array
     sums: Array
     shape: Array
+    pose_forces: Array
+    no_forces: Array
     elastic: Array
     elastic_sum: Array
     elastic_size: Array
@@ -177,8 +184,8 @@ def body_views(
     n = elements + 2
     k = padded(motions)
     added, end = matrix(buffer, padded(start), k, k)
-    motion, end = matrix(buffer, end, 2, k)
-    e, end = matrix(buffer, end, 36, elements)
+    motion, end = matrix(buffer, end, 2, padded(motions + 1))
+    e, end = matrix(buffer, end, 40, elements)
     pose = Pose(e[0:2], e[2:4], e[4], e[5])
     inc = Increment(e[6], e[7], e[8], e[9], e[10], e[11], e[12:14], e[14:16], motion[0], motion[1])
     drag = Drag(e[16:18], e[18:20], e[20], e[21], e[22], e[23])
@@ -188,6 +195,8 @@ def body_views(
         e[26:28],
         e[28:30],
         e[30],
+        e[36:38],
+        e[38:40],
         e[31],
         e[32],
         e[33],
@@ -208,9 +217,9 @@ class Newton(NamedTuple):
 
     Attributes
     ----------
-    motions, impulses : (N + 2, K') arrays
+    motions, impulses : (N + 2, K + 1) and (N + 2, K) arrays, padded
         Derivatives of V and of A V by the unknowns, a row each.
-    moved : (K',) array
+    moved : (K + 1,) array, padded
         Scratch: V beside that of the increment.
     jacobian, transposed : (N + 2, N + 2) arrays
         Minus the derivative of the residual (its factors), and the rows of its transpose.
@@ -246,11 +255,11 @@ def newton_views(
 ) -> tuple[Newton, int]:
     """Lay out a `Newton`; returns it and the index behind it."""
     n = elements + 2
-    k = padded(motions)
-    columns, end = matrix(buffer, padded(start), 2 * n + 1, k)
+    columns, end = matrix(buffer, padded(start), n + 1, padded(motions + 1))
+    impulses_of, end = matrix(buffer, end, n, padded(motions))
     squares, end = matrix(buffer, end, 2 * n, n)
     u, end = matrix(buffer, end, 6, n)
-    motions_of, impulses_of, moved = columns[:n], columns[n : 2 * n], columns[2 * n]
+    motions_of, moved = columns[:n], columns[n]
     jacobian, transposed = squares[:n], squares[n:]
     views = Newton(
         motions_of,

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.layout import FluidConstants, FluidWork, axial_motion, motion_count
+from swim_env.physics.fluid.layout import FluidConstants, FluidWork, motion_count, unit_motion
 from swim_env.physics.fluid.models import shape_force
+from swim_env.physics.fluid.outline import AXIAL, LATERAL, ROTARY
 from swim_env.physics.planar.chain import BeamConstants, chain_weight, sum_from_centres
 from swim_env.physics.planar.elastic import (
     add_joint_columns,
@@ -53,20 +54,20 @@ def _fluid_columns(
 ) -> None:
     """Differentiate V, and the impulse A V with it, by every unknown; a row for each."""
     elements = beam.elements
+    motions = motion_count(fluid)
     for column in range(elements + 2):
         motion = newton.motions[column]
         _centre_column(column, beam, inc.new_d1, moving)
         for k in range(elements):
-            motion[k] = normal[0, k] * moving[0, k] + normal[1, k] * moving[1, k]
+            across = normal[0, k] * moving[0, k] + normal[1, k] * moving[1, k]
+            along = normal[1, k] * moving[0, k] - normal[0, k] * moving[1, k]
+            motion[unit_motion(k, LATERAL, fluid)] = across
+            motion[unit_motion(k, AXIAL, fluid)] = along
+        motion[motions] = 0.0
         if column >= 2:
-            motion[elements + column - 2] = inc.turn_cosine[column - 2]
-        if fluid.axial:
-            for k in range(0, elements, elements - 1):
-                motion[axial_motion(k, fluid)] = (
-                    normal[1, k] * moving[0, k] - normal[0, k] * moving[1, k]
-                )
+            motion[unit_motion(column - 2, ROTARY, fluid)] = inc.turn_cosine[column - 2]
     # A is symmetric, and its rows beyond K are zero.
-    multiply(newton.motions, added[: (motion_count(fluid) + 3) // 4 * 4], newton.impulses)
+    multiply(newton.motions, added[: (motions + 3) // 4 * 4], newton.impulses)
 
 
 @inlined
@@ -96,18 +97,17 @@ def _shape_columns(
 @kernel
 def _inertia_columns(
     h: float,
-    at_end: bool,
-    shape_difference: float,
+    normal: Array,
+    early: bool,
     beam: BeamConstants,
     fluid: FluidConstants,
     body: Body,
-    fluid_work: FluidWork,
     newton: Newton,
 ) -> None:
     """Differentiate the negative inertial part of the residual, a column per row of `transposed`.
 
-    Columns belong to dc and to the turns delta_k. The derivative of the shape force, N + 2 further
-    evaluations of it, is part of it where `shape_difference`, its difference quotient, is positive.
+    Columns belong to dc and to the turns delta_k. The inertia is measured with the normals (2, N);
+    `early` is whether the forces of its pose act at the beginning of the step.
     """
     pose, inc, balance, _, mass = body
     pushes = balance.sums
@@ -116,8 +116,6 @@ def _inertia_columns(
     mass_rate = beam.element_mass / h
     inverse_h = 1.0 / h
     with_fluid = fluid.present
-    forward = not at_end
-    normal = inc.new_d1 if at_end else pose.d1
     if with_fluid:
         _fluid_columns(beam, fluid, normal, mass.added, inc, pushes, newton)
     for column in range(elements + 2):
@@ -143,7 +141,7 @@ def _inertia_columns(
                 turning += rotary * inc.turn_cosine[k]
                 if k == j:
                     turning -= inc.impulse[elements + k] * inc.turn_sine[k]
-                if forward:
+                if early:
                     turning += lateral * (
                         pose.d3[0, k] * inc.shift[0, k] + pose.d3[1, k] * inc.shift[1, k]
                     )
@@ -151,11 +149,11 @@ def _inertia_columns(
                         pose.d3[0, k] * moving_x + pose.d3[1, k] * moving_y
                     )
                 if fluid.axial and (k == 0 or k == elements - 1):
-                    along = axial_motion(k, fluid)
+                    along = unit_motion(k, AXIAL, fluid)
                     axial = inverse_h * impulses[along]
                     push_x += axial * normal[1, k]
                     push_y -= axial * normal[0, k]
-                    if forward:
+                    if early:
                         turning -= axial * (
                             pose.d1[0, k] * inc.shift[0, k] + pose.d1[1, k] * inc.shift[1, k]
                         )
@@ -179,14 +177,10 @@ def _inertia_columns(
             out[2 + k] += pose.d1[0, k] * lever_x + pose.d1[1, k] * lever_y
             behind_x += pushes[0, k]
             behind_y += pushes[1, k]
-    if with_fluid and forward and shape_difference > 0.0:
-        _shape_columns(inverse_h, shape_difference, fluid, fluid_work, inc, balance.shape, newton)
 
 
 @kernel
-def mass_matrix(
-    beam: BeamConstants, fluid: FluidConstants, body: Body, fluid_work: FluidWork, newton: Newton
-) -> None:
+def mass_matrix(beam: BeamConstants, fluid: FluidConstants, body: Body, newton: Newton) -> None:
     """Write the reduced total mass at q_n, in the basis (c, theta_1 ... theta_N), to `mass.total`.
 
     It is the inertial Jacobian at a vanishing increment. `set_pose` was called for q_n, and
@@ -199,9 +193,7 @@ def mass_matrix(
         copy(pose.d1[i], inc.new_d1[i])
     inc.shift[:] = 0.0
     inc.impulse[:] = 0.0
-    # A literal False would be a type of its own, and everything compiled for it once more.
-    at_end = bool(0)
-    _inertia_columns(1.0, at_end, 0.0, beam, fluid, body, fluid_work, newton)
+    _inertia_columns(1.0, pose.d1, True, beam, fluid, body, newton)
     for i in range(mass.total.shape[0]):
         copy(newton.transposed[i], mass.total[i])
         mass.diagonal[i] = mass.total[i, i]
@@ -243,7 +235,6 @@ def _add_drag_columns(
 @kernel
 def step_jacobian(
     h: float,
-    at_end: bool,
     shape_difference: float,
     beam: BeamConstants,
     fluid: FluidConstants,
@@ -254,12 +245,35 @@ def step_jacobian(
     """Write minus the derivative of the residual with respect to z to `newton.jacobian`.
 
     Call `evaluate_step` for this z before. All terms are there, except that the shape force is held
-    where `shape_difference` is 0: its derivative costs as much as the rest of the step. With the
-    inertia of the end of the step, that inertia and the directors that it is measured with are held
-    instead.
+    where `shape_difference`, the difference quotient for its derivative, is 0: that costs N + 2
+    evaluations of it, as much as the rest of the step.
     """
+    pose, inc, balance, _, _ = body
+    _inertia_columns(h, pose.d1, True, beam, fluid, body, newton)
+    if fluid.present and shape_difference > 0.0:
+        _shape_columns(1.0 / h, shape_difference, fluid, fluid_work, inc, balance.shape, newton)
+    _finish_jacobian(h, beam, fluid, body, newton)
+
+
+@kernel
+def adjoint_jacobian(
+    h: float, beam: BeamConstants, fluid: FluidConstants, body: Body, newton: Newton
+) -> None:
+    """Write minus the derivative of the adjoint map's residual to `newton.jacobian`.
+
+    Call `evaluate_adjoint_step` before. The added mass of q_{n+1} and the normals that it is
+    measured with are held.
+    """
+    _inertia_columns(h, body.inc.new_d1, False, beam, fluid, body, newton)
+    _finish_jacobian(h, beam, fluid, body, newton)
+
+
+@kernel
+def _finish_jacobian(
+    h: float, beam: BeamConstants, fluid: FluidConstants, body: Body, newton: Newton
+) -> None:
+    """Add drag and elasticity to the derivatives in `transposed`, and write the matrix."""
     pose, inc, balance, drag, _ = body
-    _inertia_columns(h, at_end, shape_difference, beam, fluid, body, fluid_work, newton)
     if fluid.drag > 0.0:
         _add_drag_columns(beam, pose, inc, drag, balance.sums, newton.transposed)
     add_turn_columns(h, beam, inc, newton.transposed)

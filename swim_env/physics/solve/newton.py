@@ -14,9 +14,19 @@ from numpy.typing import NDArray
 
 from swim_env.physics.fluid.layout import FluidConstants, FluidWork
 from swim_env.physics.planar.chain import BeamConstants
-from swim_env.physics.planar.equations import evaluate_held_step, evaluate_step, round_off_floor
+from swim_env.physics.planar.equations import (
+    evaluate_adjoint_step,
+    evaluate_held_step,
+    evaluate_step,
+    round_off_floor,
+)
 from swim_env.physics.planar.layout import Body, Newton
-from swim_env.physics.planar.matrix import SHAPE_DIFFERENCE, pose_jacobian, step_jacobian
+from swim_env.physics.planar.matrix import (
+    SHAPE_DIFFERENCE,
+    adjoint_jacobian,
+    pose_jacobian,
+    step_jacobian,
+)
 from swim_env.physics.runtime.compile import inlined, kernel
 from swim_env.physics.runtime.dense import copy, lu_factor, lu_solve
 from swim_env.physics.solve.constants import SolverConstants
@@ -80,7 +90,7 @@ def _evaluate(
     torques: Array,
     z: Array,
     h: float,
-    at_end: bool,
+    adjoint: bool,
     beam: BeamConstants,
     fluid: FluidConstants,
     solver: SolverConstants,
@@ -94,7 +104,7 @@ def _evaluate(
     """
     step.effort[0] += solver.evaluation_cost
     step.tally[EVALUATED] += 1
-    if not at_end:
+    if not adjoint:
         return evaluate_step(p, torques, z, h, beam, fluid, body, fluid_work)
     mass = body.mass
     shape = mass.trial_shape[: torques.size]
@@ -104,7 +114,42 @@ def _evaluate(
     if status != FINE:
         step.tally[SHAPE_FAILURE] = status
         return np.inf
-    return evaluate_held_step(p, torques, z, h, at_end, beam, fluid, body)
+    return evaluate_adjoint_step(p, torques, z, h, beam, fluid, body)
+
+
+@kernel
+def _evaluate_held(
+    p: Array,
+    torques: Array,
+    z: Array,
+    h: float,
+    adjoint: bool,
+    beam: BeamConstants,
+    fluid: FluidConstants,
+    body: Body,
+) -> float:
+    """Evaluate the residual with what depends on z only weakly taken as it is."""
+    if adjoint:
+        return evaluate_adjoint_step(p, torques, z, h, beam, fluid, body)
+    return evaluate_held_step(p, torques, z, h, beam, fluid, body)
+
+
+@kernel
+def _find_jacobian(
+    h: float,
+    adjoint: bool,
+    shape_difference: float,
+    beam: BeamConstants,
+    fluid: FluidConstants,
+    body: Body,
+    fluid_work: FluidWork,
+    newton: Newton,
+) -> None:
+    """Write Newton's matrix at the increment that was evaluated last."""
+    if adjoint:
+        adjoint_jacobian(h, beam, fluid, body, newton)
+    else:
+        step_jacobian(h, shape_difference, beam, fluid, body, fluid_work, newton)
 
 
 @kernel
@@ -113,7 +158,6 @@ def _correct_once_more(
     p: Array,
     torques: Array,
     h: float,
-    at_end: bool,
     beam: BeamConstants,
     fluid: FluidConstants,
     body: Body,
@@ -132,11 +176,11 @@ def _correct_once_more(
         lu_solve(newton.jacobian, newton.permutation, newton.correction)
         for i in range(z.size):
             z[i] += newton.correction[i]
-        norm = evaluate_held_step(p, torques, z, h, at_end, beam, fluid, body)
+        norm = evaluate_held_step(p, torques, z, h, beam, fluid, body)
         if norm <= met:
             return
     copy(newton.trial, z)
-    evaluate_held_step(p, torques, z, h, at_end, beam, fluid, body)
+    evaluate_held_step(p, torques, z, h, beam, fluid, body)
 
 
 @inlined
@@ -144,7 +188,7 @@ def newton_in_passes(
     m: Member,
     torques: Array,
     h: float,
-    at_end: bool,
+    adjoint: bool,
     beam: BeamConstants,
     fluid: FluidConstants,
     solver: SolverConstants,
@@ -164,8 +208,8 @@ def newton_in_passes(
         Joint torques (N m).
     h : float
         Length of the step (s).
-    at_end : bool
-        Whether the inertia is that of the end of the step.
+    adjoint : bool
+        Whether the step is that of the adjoint map, with the inertia of its end.
     beam, fluid, solver : BeamConstants, FluidConstants, SolverConstants
         The scene.
     shape_known : bool
@@ -181,9 +225,9 @@ def newton_in_passes(
     balance = body.balance
     z = newton.increment
     if shape_known:
-        norm = evaluate_held_step(p, torques, z, h, at_end, beam, fluid, body)
+        norm = _evaluate_held(p, torques, z, h, adjoint, beam, fluid, body)
     else:
-        norm = _evaluate(q, p, torques, z, h, at_end, beam, fluid, solver, body, fluid_work, step)
+        norm = _evaluate(q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_work, step)
     if not norm < np.inf:
         return False, norm
     if norm <= solver.tolerance and not shape_known:
@@ -191,7 +235,7 @@ def newton_in_passes(
     # The matrix of the pose has no drag in it.
     if fluid.drag > 0.0 or turns_beyond(z, _SMALL_TURN):
         step.effort[0] += solver.matrix_cost
-        step_jacobian(h, at_end, 0.0, beam, fluid, body, fluid_work, newton)
+        _find_jacobian(h, adjoint, 0.0, beam, fluid, body, fluid_work, newton)
     else:
         pose_jacobian(h, beam, body.pose, body.mass, newton.jacobian)
     if not lu_factor(newton.jacobian, newton.permutation):
@@ -212,19 +256,19 @@ def newton_in_passes(
             size = new_size
             for i in range(z.size):
                 z[i] += newton.correction[i]
-            norm = evaluate_held_step(p, torques, z, h, at_end, beam, fluid, body)
+            norm = _evaluate_held(p, torques, z, h, adjoint, beam, fluid, body)
             step.tally[CORRECTIONS] += 1
             if norm <= enough:
                 break
         if held:
             norm = _evaluate(
-                q, p, torques, z, h, at_end, beam, fluid, solver, body, fluid_work, step
+                q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_work, step
             )
         enough = 0.0
         if norm <= solver.tolerance:
             # The adjoint's added mass is to stay that of the increment.
-            if held and not at_end:
-                _correct_once_more(norm, p, torques, h, at_end, beam, fluid, body, newton)
+            if held and not adjoint:
+                _correct_once_more(norm, p, torques, h, beam, fluid, body, newton)
             return not turns_beyond(z, TRUSTED_TURN), norm
         if not held:
             break
@@ -236,7 +280,7 @@ def newton_with_shortening(
     m: Member,
     torques: Array,
     h: float,
-    at_end: bool,
+    adjoint: bool,
     beam: BeamConstants,
     fluid: FluidConstants,
     solver: SolverConstants,
@@ -259,7 +303,7 @@ def newton_with_shortening(
     z = newton.increment
     trial = newton.trial
     effort = step.effort
-    norm = _evaluate(q, p, torques, z, h, at_end, beam, fluid, solver, body, fluid_work, step)
+    norm = _evaluate(q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_work, step)
     if not norm < np.inf:
         return False, norm, False
     if norm <= solver.tolerance:
@@ -271,12 +315,12 @@ def newton_with_shortening(
     for _ in range(_MOST_ITERATIONS):
         if renew:
             effort[0] += solver.matrix_cost
-            if difference > 0.0 and not at_end and fluid.varies:
+            if difference > 0.0 and not adjoint and fluid.varies:
                 effort[0] += z.size * solver.evaluation_cost
             if effort[0] > 1.0:
                 return False, norm, False
             # Here the last evaluation was that of z.
-            step_jacobian(h, at_end, difference, beam, fluid, body, fluid_work, newton)
+            _find_jacobian(h, adjoint, difference, beam, fluid, body, fluid_work, newton)
             if not lu_factor(newton.jacobian, newton.permutation):
                 return False, norm, False
             copy(balance.residual, newton.correction)
@@ -294,7 +338,7 @@ def newton_with_shortening(
                 trial[i] = z[i] + length * newton.correction[i]
             if not turns_beyond(trial, TRUSTED_TURN):
                 norm = _evaluate(
-                    q, p, torques, trial, h, at_end, beam, fluid, solver, body, fluid_work, step
+                    q, p, torques, trial, h, adjoint, beam, fluid, solver, body, fluid_work, step
                 )
                 step.tally[CORRECTIONS] += 1
                 if norm <= solver.tolerance:
@@ -331,5 +375,5 @@ def newton_with_shortening(
             return False, norm, False
         difference = SHAPE_DIFFERENCE
         renew = True
-        norm = _evaluate(q, p, torques, z, h, at_end, beam, fluid, solver, body, fluid_work, step)
+        norm = _evaluate(q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_work, step)
     return False, norm, False

@@ -21,7 +21,7 @@ from swim_env.physics.fluid.layout import FluidConstants
 from swim_env.physics.fluid.models import shape_force
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.drag import drag_loss, drag_moment
-from swim_env.physics.planar.equations import evaluate_held_step, set_pose
+from swim_env.physics.planar.equations import evaluate_adjoint_step, set_pose
 from swim_env.physics.planar.layout import TOTAL, Drag, Increment, Pose
 from swim_env.physics.runtime.compile import inlined, kernel
 from swim_env.physics.runtime.dense import copy
@@ -91,7 +91,7 @@ def _solve_part(
     torques: Array,
     h: float,
     part: int,
-    at_end: bool,
+    adjoint: bool,
     beam: BeamConstants,
     fluid: FluidConstants,
     solver: SolverConstants,
@@ -138,16 +138,16 @@ def _solve_part(
             tried = True
             copy(increment, newton.start)
             # The adjoint has nothing to guess from: its added mass is that of the end.
-            extrapolated = start == 0 and (not at_end or not fluid.varies)
+            extrapolated = start == 0 and (not adjoint or not fluid.varies)
             at_round_off = False
             solved, norm = newton_in_passes(
-                m, torques, h, at_end, beam, fluid, solver, extrapolated
+                m, torques, h, adjoint, beam, fluid, solver, extrapolated
             )
             if not solved:
                 copy(newton.start, increment)
         if not solved:
             solved, norm, at_round_off = newton_with_shortening(
-                m, torques, h, at_end, beam, fluid, solver
+                m, torques, h, adjoint, beam, fluid, solver
             )
         if solved:
             if not turns_beyond(increment, LARGEST_TURN):
@@ -275,7 +275,7 @@ def outer_step(
     while True:
         # Compared, not assigned: kernels are not compiled once more for a literal False.
         second = half == 1
-        at_end = second
+        adjoint = second
         if not second:
             # A pose without mass is not handed out: the run ends at the one before. The next step
             # finds the mass of a good one ready.
@@ -296,7 +296,7 @@ def outer_step(
         if part < _WHOLE and step.effort[0] > 1.0:
             status = STEP_NOT_SOLVED
             break
-        outcome, norm, at_round_off = _solve_part(m, torques, h, part, at_end, beam, fluid, solver)
+        outcome, norm, at_round_off = _solve_part(m, torques, h, part, adjoint, beam, fluid, solver)
         if outcome != FINE:
             if part == 1 or step.effort[0] > 1.0:
                 status = outcome
@@ -307,11 +307,11 @@ def outer_step(
                 half = 0
                 _take_back_part(state, step, forces, record)
             continue
-        if at_end:
+        if adjoint:
             # The change of the momentum needs the shape force at the end.
             step.effort[0] += solver.evaluation_cost
             shape_force(inc.motion, fluid, fluid_work, balance.shape)
-            evaluate_held_step(state.p, torques, increment, h, at_end, beam, fluid, body)
+            evaluate_adjoint_step(state.p, torques, increment, h, beam, fluid, body)
         for j in range(torques.size):
             change = increment[3 + j]
             record[DISSIPATED] += beam.joint_damping[j] * change * change / h

@@ -97,7 +97,7 @@ def prepare(
         if status != FINE:
             return status
         effort[0] += solver.matrix_cost
-        mass_matrix(beam, fluid, body, fluid_work, newton)
+        mass_matrix(beam, fluid, body, newton)
         if not cholesky(mass.total):
             return MASS_NOT_POSITIVE
         copy(q, mass.pose)
