@@ -68,7 +68,8 @@ def _repeat(
 ) -> None:
     """Evaluate one part of a step a number of times, at the pose of a state."""
     beam, fluid, solver = unpack_constants(scalars, vectors)
-    state, body, work, newton, step, _ = member_views(state_vector, beam, fluid, floats, integers)
+    m, _ = member_views(state_vector, beam, fluid, floats, integers)
+    state, body, work, newton, step, _ = m
     q, p, z = state.q, state.p, state.history[0]
     panels = work.outline.panels
     count = panel_count(fluid.geometry)

@@ -139,7 +139,7 @@ def _compile(kernel: Any, *arguments: object) -> None:
 
 
 def _views(one: _Sample) -> Member:
-    return member_views(one.states[0], one.beam, one.fluid, one.floats[0], one.integers[0])
+    return member_views(one.states[0], one.beam, one.fluid, one.floats[0], one.integers[0])[0]
 
 
 def _compile_pose() -> None:
@@ -147,7 +147,7 @@ def _compile_pose() -> None:
     one = _sample()
     m = _views(one)
     scene = (one.beam, one.fluid, one.solver)
-    work = (m.body, m.fluid_work, m.newton, m.step.effort)
+    work = (m.body, m.fluid_buffers, m.newton, m.step.effort)
     _compile(prepare, m.state.q, m.state.p, *scene, *work)
 
 
@@ -157,10 +157,10 @@ def _compile_motion() -> None:
     m = _views(one)
     scene = (one.beam, one.fluid, m.body)
     step = (m.state.p, m.state.p, m.state.p, 0.01)
-    _compile(evaluate_step, *step, *scene, m.fluid_work)
+    _compile(evaluate_step, *step, *scene, m.fluid_buffers)
     _compile(evaluate_held_step, *step, *scene)
     _compile(evaluate_adjoint_step, *step, *scene)
-    _compile(step_jacobian, 0.01, 0.0, *scene, m.fluid_work, m.newton)
+    _compile(step_jacobian, 0.01, 0.0, *scene, m.fluid_buffers, m.newton)
     _compile(adjoint_jacobian, 0.01, *scene, m.newton)
 
 

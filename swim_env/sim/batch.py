@@ -149,7 +149,7 @@ class Bodies:
         """Return the names of one member's state and work space, views of both."""
         scalars, vectors, floats, integers = self.member(index)
         beam, fluid, _ = unpack_constants(scalars, vectors)
-        return member_views(self.states[index], beam, fluid, floats, integers)
+        return member_views(self.states[index], beam, fluid, floats, integers)[0]
 
     def new_record(self, steps: int) -> Array:
         """Return an array for `advance` to write to: (M, steps, 12), columns RECORD_NAMES."""

@@ -99,7 +99,7 @@ def _step_probe(
     integers: Integers,
     out: StepProbe,
 ) -> int:
-    m = member_views(state, beam, fluid, floats, integers)
+    m, _ = member_views(state, beam, fluid, floats, integers)
     body, work, newton = m.body, m.fluid_work, m.newton
     status = prepare(q, p, beam, fluid, solver, body, work, newton, m.step.effort)
     if status != 0:

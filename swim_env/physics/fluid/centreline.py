@@ -208,7 +208,7 @@ def _collect_chain_motions(fluid: FluidConstants, work: FluidWork) -> None:
                 work.loads[elements + k, i] += panels[ROTARY, p] * potential
 
 
-@kernel
+@inlined
 def _added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> int:
     geometry = fluid.geometry
     outline = work.outline
@@ -227,7 +227,7 @@ def _added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out
     return FINE
 
 
-@kernel
+@inlined
 def _shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> None:
     differentiate_panels(motion, _chain_count(fluid.geometry), fluid, work)
     _chain_gradient(fluid.geometry, work.outline, work.gradient, out)

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.layout import FluidConstants, FluidWork
+from swim_env.physics.fluid.layout import FluidConstants, FluidWork, fluid_views
 from swim_env.physics.fluid.model import Model
 from swim_env.physics.fluid.outline import FluidGeometry
-from swim_env.physics.runtime.compile import entry_kernel, shared
+from swim_env.physics.runtime.compile import entry_kernel, kernel
 from swim_env.physics.status import MASS_NOT_POSITIVE
 from swim_env.scene import FLUID_MODEL_NAMES
 
@@ -64,78 +64,72 @@ def fluid_constants(
     )
 
 
-@shared
+@kernel
 def _no_added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> int:
     # Names are looked up in the table, so no scene comes here.
     return MASS_NOT_POSITIVE
 
 
-@shared
+@kernel
 def _no_shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> None:
     out[:] = np.nan
 
 
-def _by_model(kernel: str, unknown: Any) -> Any:
-    """Return a function that calls this kernel of the model whose code `fluid.model` is.
+def _by_model(name: str, unknown: Any) -> Any:
+    """Return an entry kernel that calls this kernel of the model whose code `fluid.model` is.
 
     Numba knows functions one by one and not in tables, so the comparisons are written out here: one
     level of them, as nested functions would be optimised once per level.
     """
-    lines = ["def call(given, fluid, work, out):"]
-    for name, code in FLUID_MODELS.items():
+    lines = [
+        f"def {name}(given, fluid, buffers, out):",
+        "    work, _ = fluid_views(buffers, fluid)",
+    ]
+    for model, code in FLUID_MODELS.items():
         lines += [
             f"    if fluid.model == {code}:",
-            f"        return {name}(given, fluid, work, out)",
+            f"        return {model}(given, fluid, work, out)",
         ]
     lines += ["    return unknown(given, fluid, work, out)"]
-    names = {name: getattr(model, kernel) for name, model in MODELS.items()}
-    names["unknown"] = unknown
-    exec("\n".join(lines), names)
-    return shared(names["call"])
+    names = {model: getattr(entry, name) for model, entry in MODELS.items()}
+    names |= {"unknown": unknown, "fluid_views": fluid_views, "__name__": __name__}
+    # Under the name of this file, so that numba keeps the compiled code.
+    exec(compile("\n".join(lines), __file__, "exec"), names)
+    return entry_kernel(names[name])
 
 
-_added_mass = _by_model("added_mass", _no_added_mass)
-_shape_force = _by_model("shape_force", _no_shape_force)
+added_mass = _by_model("added_mass", _no_added_mass)
+"""Evaluate the added mass of a shape with the scene's fluid model.
 
+Parameters
+----------
+joint_angles : (N - 1,) array
+    theta_{k+1} - theta_k (rad).
+fluid : FluidConstants
+    Model and sizes.
+buffers : FluidBuffers
+    Overwritten; `shape_force` reads them.
+out : (K, K) array, or padded
+    Overwritten: the symmetric added mass A (kg/m, kg, kg m per metre of depth for v-v, v-w
+    and w-w entries, all times a length).
 
-@entry_kernel
-def added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> int:
-    """Evaluate the added mass of a shape with the scene's fluid model.
+Returns
+-------
+int
+    0, or the code of the reason why there is none (see `swim_env.physics.status`).
+"""
 
-    Parameters
-    ----------
-    joint_angles : (N - 1,) array
-        theta_{k+1} - theta_k (rad).
-    fluid : FluidConstants
-        Model and sizes.
-    work : FluidWork
-        Overwritten; `shape_force` reads it.
-    out : (K, K) array, or padded
-        Overwritten: the symmetric added mass A (kg/m, kg, kg m per metre of depth for v-v, v-w
-        and w-w entries, all times a length).
+shape_force = _by_model("shape_force", _no_shape_force)
+"""Differentiate V^T A V/2 with respect to every element angle, V held.
 
-    Returns
-    -------
-    int
-        0, or the code of the reason why there is none (see `swim_env.physics.status`).
-    """
-    status: int = _added_mass(joint_angles, fluid, work, out)
-    return status
-
-
-@entry_kernel
-def shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> None:
-    """Differentiate V^T A V/2 with respect to every element angle, V held.
-
-    Parameters
-    ----------
-    motion : (K,) array, or padded
-        Unit-motion velocities V (or increments).
-    fluid : FluidConstants
-        Model and sizes.
-    work : FluidWork
-        As `added_mass` left it for this shape.
-    out : (N,) array
-        Overwritten: the derivative, in units of V^T A V.
-    """
-    _shape_force(motion, fluid, work, out)
+Parameters
+----------
+motion : (K,) array, or padded
+    Unit-motion velocities V (or increments).
+fluid : FluidConstants
+    Model and sizes.
+buffers : FluidBuffers
+    As `added_mass` left them for this shape.
+out : (N,) array
+    Overwritten: the derivative, in units of V^T A V.
+"""

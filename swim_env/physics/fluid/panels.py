@@ -22,7 +22,7 @@ from swim_env.physics.fluid.outline import (
 )
 from swim_env.physics.fluid.panel_mass import differentiate_panels, invert_influence, sum_added_mass
 from swim_env.physics.fluid.sources import POTENTIAL, influence
-from swim_env.physics.runtime.compile import entry_kernel, inlined, kernel
+from swim_env.physics.runtime.compile import inlined
 from swim_env.physics.runtime.dense import add_multiple
 from swim_env.physics.status import FINE
 
@@ -69,11 +69,8 @@ def _collect_motions(fluid: FluidConstants, work: FluidWork) -> None:
             add_multiple(row, potential, length * panels[AXIAL, p])
 
 
-@entry_kernel
-def panel_added_mass(
-    joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array
-) -> int:
-    """Evaluate the added mass of a shape; see `swim_env.physics.fluid.models.added_mass`."""
+@inlined
+def _added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> int:
     geometry = fluid.geometry
     outline = work.outline
     count = panel_count(geometry)
@@ -92,7 +89,7 @@ def panel_added_mass(
     return FINE
 
 
-@kernel
+@inlined
 def _shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> None:
     """Differentiate the discrete A exactly, by one adjoint."""
     differentiate_panels(motion, panel_count(fluid.geometry), fluid, work)
@@ -108,4 +105,4 @@ def panel_costs(elements: int, panels: int) -> Costs:
     return 4e-6 + 2e-9 * panels**2 + 9e-12 * panels**3, 6e-6 + 1e-8 * panels**2 + 8e-11 * panels**3
 
 
-MODEL = Model(panel_added_mass, _shape_force, varies=True, panels=panel_count, costs=panel_costs)
+MODEL = Model(_added_mass, _shape_force, varies=True, panels=panel_count, costs=panel_costs)

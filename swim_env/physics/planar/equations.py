@@ -32,7 +32,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.layout import FluidConstants, FluidWork, motion_count, unit_motion
+from swim_env.physics.fluid.layout import FluidConstants, FluidBuffers, motion_count, unit_motion
 from swim_env.physics.fluid.models import shape_force
 from swim_env.physics.fluid.outline import AXIAL, LATERAL, ROTARY
 from swim_env.physics.planar.chain import BeamConstants, sum_from_centres, sum_to_centres
@@ -158,7 +158,7 @@ def evaluate_step(
     beam: BeamConstants,
     fluid: FluidConstants,
     body: Body,
-    fluid_work: FluidWork,
+    fluid_buffers: FluidBuffers,
 ) -> float:
     """Evaluate the residual of p_n + D1 L_d(q_n, q_{n+1}) + h F/2 = 0 with its shape force.
 
@@ -176,8 +176,8 @@ def evaluate_step(
         The scene.
     body : Body
         With the pose q_n and its added mass. Increment, balance and drag are overwritten.
-    fluid_work : FluidWork
-        As `added_mass` left it for q_n.
+    fluid_buffers : FluidBuffers
+        As `added_mass` left them for q_n.
 
     Returns
     -------
@@ -187,7 +187,7 @@ def evaluate_step(
     pose, inc, balance, drag, mass = body
     _move(z, h, beam, fluid, pose.d1, mass.added, pose, inc, balance.sums)
     if fluid.present:
-        shape_force(inc.motion, fluid, fluid_work, balance.shape)
+        shape_force(inc.motion, fluid, fluid_buffers, balance.shape)
     _pose_forces(h, pose.d1, fluid, inc, balance)
     early = balance.pose_forces
     return _balance(p, torques, z, h, pose.d1, early, beam, fluid, pose, inc, balance, drag)

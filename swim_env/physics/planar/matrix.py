@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.layout import FluidConstants, FluidWork, motion_count, unit_motion
+from swim_env.physics.fluid.layout import FluidConstants, FluidBuffers, motion_count, unit_motion
 from swim_env.physics.fluid.models import shape_force
 from swim_env.physics.fluid.outline import AXIAL, LATERAL, ROTARY
 from swim_env.physics.planar.chain import BeamConstants, chain_weight, sum_from_centres
@@ -75,7 +75,7 @@ def _shape_columns(
     inverse_h: float,
     difference: float,
     fluid: FluidConstants,
-    fluid_work: FluidWork,
+    fluid_buffers: FluidBuffers,
     inc: Increment,
     shape: Array,
     newton: Newton,
@@ -88,7 +88,7 @@ def _shape_columns(
     for column in range(newton.transposed.shape[0]):
         for i in range(newton.moved.size):
             newton.moved[i] = inc.motion[i] + difference * newton.motions[column, i]
-        shape_force(newton.moved, fluid, fluid_work, newton.shape)
+        shape_force(newton.moved, fluid, fluid_buffers, newton.shape)
         for k in range(shape.size):
             change = newton.shape[k] - shape[k]
             newton.transposed[column, 2 + k] -= inverse_h * change / difference
@@ -239,7 +239,7 @@ def step_jacobian(
     beam: BeamConstants,
     fluid: FluidConstants,
     body: Body,
-    fluid_work: FluidWork,
+    fluid_buffers: FluidBuffers,
     newton: Newton,
 ) -> None:
     """Write minus the derivative of the residual with respect to z to `newton.jacobian`.
@@ -251,7 +251,7 @@ def step_jacobian(
     pose, inc, balance, _, _ = body
     _inertia_columns(h, pose.d1, True, beam, fluid, body, newton)
     if fluid.present and shape_difference > 0.0:
-        _shape_columns(1.0 / h, shape_difference, fluid, fluid_work, inc, balance.shape, newton)
+        _shape_columns(1.0 / h, shape_difference, fluid, fluid_buffers, inc, balance.shape, newton)
     _finish_jacobian(h, beam, fluid, body, newton)
 
 

@@ -69,7 +69,7 @@ def advance(
     """
     beam, fluid, solver = unpack_constants(scalars, vectors)
     for member in members:
-        m = member_views(states[member], beam, fluid, floats[member], integers[member])
+        m, _ = member_views(states[member], beam, fluid, floats[member], integers[member])
         q = m.state.q
         p = m.state.p
         steps = torques.shape[1] * hold
@@ -93,7 +93,7 @@ def advance(
         outcome[member, 0] = taken
         outcome[member, 1] = status
         # A state that is handed out has been prepared before, so this does not fail.
-        prepare(q, p, beam, fluid, solver, m.body, m.fluid_work, m.newton, m.step.effort)
+        prepare(q, p, beam, fluid, solver, m.body, m.fluid_buffers, m.newton, m.step.effort)
         copy(m.body.mass.velocity, velocities[member])
         velocities[member, 0] += fluid.stream_x
         velocities[member, 1] += fluid.stream_y
@@ -127,9 +127,9 @@ def energy_and_velocity(
         H = p M^-1 p/2 + W (J) and 0, or NaN and the code of the reason why there is none.
     """
     beam, fluid, solver = unpack_constants(scalars, vectors)
-    m = member_views(state, beam, fluid, floats, integers)
+    m, _ = member_views(state, beam, fluid, floats, integers)
     status = prepare(
-        m.state.q, m.state.p, beam, fluid, solver, m.body, m.fluid_work, m.newton, m.step.effort
+        m.state.q, m.state.p, beam, fluid, solver, m.body, m.fluid_buffers, m.newton, m.step.effort
     )
     if status != FINE:
         return np.nan, status
@@ -160,7 +160,7 @@ def momentum_of_velocity(
         The energy of the start, H = p M^-1 p/2 + W (J).
     """
     beam, fluid, _ = unpack_constants(scalars, vectors)
-    m = member_views(state, beam, fluid, floats, integers)
+    m, _ = member_views(state, beam, fluid, floats, integers)
     copy(velocity, m.body.mass.velocity)
     m.body.mass.velocity[0] -= fluid.stream_x
     m.body.mass.velocity[1] -= fluid.stream_y

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.layout import FluidConstants, FluidWork
+from swim_env.physics.fluid.layout import FluidConstants, FluidBuffers
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.equations import (
     evaluate_adjoint_step,
@@ -95,7 +95,7 @@ def _evaluate(
     fluid: FluidConstants,
     solver: SolverConstants,
     body: Body,
-    fluid_work: FluidWork,
+    fluid_buffers: FluidBuffers,
     step: OuterStep,
 ) -> float:
     """Evaluate the residual at an increment z with all that depends on z; infinite where none is.
@@ -105,12 +105,12 @@ def _evaluate(
     step.effort[0] += solver.evaluation_cost
     step.tally[EVALUATED] += 1
     if not adjoint:
-        return evaluate_step(p, torques, z, h, beam, fluid, body, fluid_work)
+        return evaluate_step(p, torques, z, h, beam, fluid, body, fluid_buffers)
     mass = body.mass
     shape = mass.trial_shape[: torques.size]
     for j in range(torques.size):
         shape[j] = q[3 + j] + z[3 + j]
-    status = find_added_mass(shape, fluid, solver, fluid_work, mass, step.effort)
+    status = find_added_mass(shape, fluid, solver, fluid_buffers, mass, step.effort)
     if status != FINE:
         step.tally[SHAPE_FAILURE] = status
         return np.inf
@@ -142,14 +142,14 @@ def _find_jacobian(
     beam: BeamConstants,
     fluid: FluidConstants,
     body: Body,
-    fluid_work: FluidWork,
+    fluid_buffers: FluidBuffers,
     newton: Newton,
 ) -> None:
     """Write Newton's matrix at the increment that was evaluated last."""
     if adjoint:
         adjoint_jacobian(h, beam, fluid, body, newton)
     else:
-        step_jacobian(h, shape_difference, beam, fluid, body, fluid_work, newton)
+        step_jacobian(h, shape_difference, beam, fluid, body, fluid_buffers, newton)
 
 
 @kernel
@@ -220,14 +220,14 @@ def newton_in_passes(
     solved, norm : bool, float
         False where corrections do not shrink fast enough, and the residual's norm.
     """
-    state, body, fluid_work, newton, step, _ = m
+    state, body, fluid_buffers, newton, step, _ = m
     q, p = state.q, state.p
     balance = body.balance
     z = newton.increment
     if shape_known:
         norm = _evaluate_held(p, torques, z, h, adjoint, beam, fluid, body)
     else:
-        norm = _evaluate(q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_work, step)
+        norm = _evaluate(q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_buffers, step)
     if not norm < np.inf:
         return False, norm
     if norm <= solver.tolerance and not shape_known:
@@ -235,7 +235,7 @@ def newton_in_passes(
     # The matrix of the pose has no drag in it.
     if fluid.drag > 0.0 or turns_beyond(z, _SMALL_TURN):
         step.effort[0] += solver.matrix_cost
-        _find_jacobian(h, adjoint, 0.0, beam, fluid, body, fluid_work, newton)
+        _find_jacobian(h, adjoint, 0.0, beam, fluid, body, fluid_buffers, newton)
     else:
         pose_jacobian(h, beam, body.pose, body.mass, newton.jacobian)
     if not lu_factor(newton.jacobian, newton.permutation):
@@ -262,7 +262,7 @@ def newton_in_passes(
                 break
         if held:
             norm = _evaluate(
-                q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_work, step
+                q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_buffers, step
             )
         enough = 0.0
         if norm <= solver.tolerance:
@@ -297,13 +297,13 @@ def newton_with_shortening(
         Whether it was met, the residual's norm, and whether rounding kept it from falling to the
         tolerance.
     """
-    state, body, fluid_work, newton, step, _ = m
+    state, body, fluid_buffers, newton, step, _ = m
     q, p = state.q, state.p
     balance = body.balance
     z = newton.increment
     trial = newton.trial
     effort = step.effort
-    norm = _evaluate(q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_work, step)
+    norm = _evaluate(q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_buffers, step)
     if not norm < np.inf:
         return False, norm, False
     if norm <= solver.tolerance:
@@ -320,7 +320,7 @@ def newton_with_shortening(
             if effort[0] > 1.0:
                 return False, norm, False
             # Here the last evaluation was that of z.
-            _find_jacobian(h, adjoint, difference, beam, fluid, body, fluid_work, newton)
+            _find_jacobian(h, adjoint, difference, beam, fluid, body, fluid_buffers, newton)
             if not lu_factor(newton.jacobian, newton.permutation):
                 return False, norm, False
             copy(balance.residual, newton.correction)
@@ -338,7 +338,7 @@ def newton_with_shortening(
                 trial[i] = z[i] + length * newton.correction[i]
             if not turns_beyond(trial, TRUSTED_TURN):
                 norm = _evaluate(
-                    q, p, torques, trial, h, adjoint, beam, fluid, solver, body, fluid_work, step
+                    q, p, torques, trial, h, adjoint, beam, fluid, solver, body, fluid_buffers, step
                 )
                 step.tally[CORRECTIONS] += 1
                 if norm <= solver.tolerance:
@@ -375,5 +375,5 @@ def newton_with_shortening(
             return False, norm, False
         difference = SHAPE_DIFFERENCE
         renew = True
-        norm = _evaluate(q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_work, step)
+        norm = _evaluate(q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_buffers, step)
     return False, norm, False

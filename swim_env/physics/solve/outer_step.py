@@ -254,7 +254,7 @@ def outer_step(
     record: Array,
 ) -> int:
     """Advance one outer step; on failure coordinates and momentum are what they were before."""
-    state, body, fluid_work, newton, step, forces = m
+    state, body, fluid_buffers, newton, step, forces = m
     pose, inc, balance, drag, mass = body
     counters = state.counters
     increment = newton.increment
@@ -280,7 +280,7 @@ def outer_step(
             # A pose without mass is not handed out: the run ends at the one before. The next step
             # finds the mass of a good one ready.
             status = prepare(
-                state.q, state.p, beam, fluid, solver, body, fluid_work, newton, step.effort
+                state.q, state.p, beam, fluid, solver, body, fluid_buffers, newton, step.effort
             )
             if status != FINE or done == _WHOLE:
                 break
@@ -310,7 +310,7 @@ def outer_step(
         if adjoint:
             # The change of the momentum needs the shape force at the end.
             step.effort[0] += solver.evaluation_cost
-            shape_force(inc.motion, fluid, fluid_work, balance.shape)
+            shape_force(inc.motion, fluid, fluid_buffers, balance.shape)
             evaluate_adjoint_step(state.p, torques, increment, h, beam, fluid, body)
         for j in range(torques.size):
             change = increment[3 + j]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.physics.fluid.contact import touches_itself
-from swim_env.physics.fluid.layout import FluidConstants, FluidWork
+from swim_env.physics.fluid.layout import FluidConstants, FluidBuffers
 from swim_env.physics.fluid.models import added_mass
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.elastic import with_elastic_energy
@@ -32,7 +32,7 @@ def find_added_mass(
     joint_angles: Array,
     fluid: FluidConstants,
     solver: SolverConstants,
-    fluid_work: FluidWork,
+    fluid_buffers: FluidBuffers,
     mass: Mass,
     effort: Array,
 ) -> int:
@@ -47,7 +47,7 @@ def find_added_mass(
         return FINE
     mass.known[ADDED] = 0
     effort[0] += solver.added_mass_cost
-    status = added_mass(joint_angles, fluid, fluid_work, mass.added)
+    status: int = added_mass(joint_angles, fluid, fluid_buffers, mass.added)
     if status == FINE:
         mass.known[ADDED] = 1
         for j in range(joint_angles.size):
@@ -63,7 +63,7 @@ def prepare(
     fluid: FluidConstants,
     solver: SolverConstants,
     body: Body,
-    fluid_work: FluidWork,
+    fluid_buffers: FluidBuffers,
     newton: Newton,
     effort: Array,
 ) -> int:
@@ -93,7 +93,7 @@ def prepare(
             dl = beam.element_length
             if touches_itself(beam.elements, pose.d3, radius, dl, balance.sums):
                 return SELF_CONTACT
-        status = find_added_mass(q[3:], fluid, solver, fluid_work, mass, effort)
+        status = find_added_mass(q[3:], fluid, solver, fluid_buffers, mass, effort)
         if status != FINE:
             return status
         effort[0] += solver.matrix_cost

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from swim_env.physics.fluid.layout import (
     FluidConstants,
-    FluidWork,
-    fluid_views,
+    FluidBuffers,
     fluid_work_sizes,
     motion_count,
 )
@@ -169,23 +168,25 @@ class Member(NamedTuple):
 
     state: State
     body: Body
-    fluid_work: FluidWork
+    fluid_buffers: FluidBuffers
     newton: Newton
     step: OuterStep
     forces: ForceWork
 
 
 @shared
-def _lay_out(
+def member_views(
     state: Array, beam: BeamConstants, fluid: FluidConstants, floats: Array, integers: Integers
 ) -> tuple[Member, int]:
-    """Return `member_views`, and how many float64 numbers of work space they take."""
+    """Lay a `Member` over its state and work space; returns it and the end of what it has names for.
+
+    The fluid's buffers begin behind.
+    """
     elements = beam.elements
     motions = motion_count(fluid)
     n = elements + 2
     known, tally, permutation = integers[:2], integers[2:5], integers[5 : n + 5]
-    fluid_work, end = fluid_views(floats, integers[n + 5 :], fluid)
-    body, end = body_views(floats, end, known, elements, motions)
+    body, end = body_views(floats, 0, known, elements, motions)
     newton, end = newton_views(floats, end, permutation, elements, motions)
     rows, end = matrix(floats, end, 6, n)
     record, end = vector(floats, end, _RECORD)
@@ -193,19 +194,14 @@ def _lay_out(
     step = OuterStep(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], record, effort, tally)
     sums, end = matrix(floats, end, 10, elements)
     forces = ForceWork(sums[0:2], sums[2:4], sums[4:6], sums[6:8], sums[8:10])
-    return Member(state_views(state, elements)[0], body, fluid_work, newton, step, forces), end
-
-
-@shared
-def member_views(
-    state: Array, beam: BeamConstants, fluid: FluidConstants, floats: Array, integers: Integers
-) -> Member:
-    """Lay the names of `Member` over one member's state and work space."""
-    return _lay_out(state, beam, fluid, floats, integers)[0]
+    # At a cache line.
+    fluid_buffers = FluidBuffers(floats[padded(end) :], integers[n + 5 :])
+    return Member(state_views(state, elements)[0], body, fluid_buffers, newton, step, forces), end
 
 
 def work_sizes(beam: BeamConstants, fluid: FluidConstants) -> tuple[int, int]:
     """Return how many float64 and int64 numbers of work space a member takes."""
-    _, end = _lay_out(MEASURE, beam, fluid, MEASURE, MEASURE)
+    _, end = member_views(MEASURE, beam, fluid, MEASURE, MEASURE)
+    floats, integers = fluid_work_sizes(fluid)
     # A multiple of a cache line, so that rows begin at one in every member's part.
-    return int(padded(end)), int(fluid_work_sizes(fluid)[1]) + beam.elements + 7
+    return int(padded(padded(end) + floats)), integers + beam.elements + 7
