@@ -199,11 +199,11 @@ class BodyFlow:
 
     def __init__(self, scene: Scene) -> None:
         fluid = scene.fluid
-        if fluid is None or fluid.model == "none" or not fluid.density:
+        if fluid is None or fluid.density is None:
             raise OptionError(f"scene {scene.name} has no fluid, so there is no flow to show")
         load_kernels()
         self.scene = scene
-        self.density = float(fluid.density)
+        self.density = fluid.density
         beam, constants, _ = scene_constants(scene)
         geometry = constants.geometry._replace(side_panels=max(1, fluid.panels_per_element // 2))
         self._fluid = fluid_constants("panels", geometry, self.density, axial=constants.axial)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from swim_env.errors import SceneError
-from swim_env.scene.block import Block, integer, one_of, real
-from swim_env.scene.checks import check_integer, got, listed
+from swim_env.scene.block import Block
+from swim_env.scene.checks import got, integer, listed, one_of, real
 
 ALGORITHMS = ("PPO", "SAC")
 ACTIVATIONS = ("tanh", "relu", "elu")
@@ -21,7 +21,7 @@ def _widths(value: object, field: str) -> tuple[int, ...]:
     widths = listed(value)
     if not widths:
         raise SceneError(f"{field} must be a list of widths such as [64, 64], got {got(value)}")
-    return tuple(check_integer(width, f"{field}[{i}]", 1, 65536) for i, width in enumerate(widths))
+    return tuple(integer(1, 65536)(width, f"{field}[{i}]") for i, width in enumerate(widths))
 
 
 @dataclass(frozen=True)
