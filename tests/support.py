@@ -102,11 +102,16 @@ def state_of(env: SwimEnv | SwimVectorEnv) -> dict[str, Any]:
     """Return all that an environment's future depends on, and what it has recorded."""
     snapshot, recorder = env.snapshot(), env.episodes.bodies.recorder
     return {
-        "arrays": snapshot.episodes.arrays,
-        "random numbers": snapshot.episodes.randoms,
+        "arrays": snapshot.arrays,
+        "random numbers": snapshot.randoms,
         "is reset": snapshot.is_reset,
         "someone ended": env.episodes.someone_ended,
-        "recording": None if recorder is None else recorder.snapshot(),
+        "recording": recorder
+        and {
+            "kept": [recorder.kept(member) for member in env.episodes.all_members],
+            "over": dict(getattr(recorder, "over", {})),
+            "begun": list(getattr(recorder, "begun", [])),
+        },
     }
 
 

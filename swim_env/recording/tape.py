@@ -7,7 +7,7 @@ import os
 import sys
 import warnings
 import weakref
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -49,17 +49,8 @@ class _ChosenRecorder(Recorder):
         """Begin a member's trajectory, and put the one before aside."""
         self.begun[member] += 1
         if member in self.chosen and self._steps[member]:
-            self.over[member] = self._kept_of(member)
+            self.over[member] = self.kept(member)
         super().begin(member, steps, energy, state)
-
-    def snapshot(self) -> dict[str, Any]:
-        """Return what there is, to go back to."""
-        return {**super().snapshot(), "over": dict(self.over), "begun": list(self.begun)}
-
-    def restore(self, snapshot: Mapping[str, Any]) -> None:
-        """Go back to a snapshot of this recorder, as if nothing had begun since."""
-        super().restore(snapshot)
-        self.over, self.begun = dict(snapshot["over"]), list(snapshot["begun"])
 
     def wants(self, member: int) -> bool:
         """Tell whether a member was chosen."""

@@ -95,12 +95,16 @@ class Bodies:
         return self.states[:, self._steps_column]
 
     def start(self, member: int, coordinates: Array, velocity: Array) -> None:
-        """Put a member at a start, or leave it as it is where that cannot be simulated.
+        """Put a member at a start; if that cannot be simulated, it stays as it is."""
+        self.put(member, self.prepared(member, coordinates, velocity), velocity)
+
+    def prepared(self, member: int, coordinates: Array, velocity: Array) -> Array:
+        """Return the state vector (S,) of a start, for `put`; nothing changes.
 
         Parameters
         ----------
         member : int
-            Which one.
+            Whose work space to use.
         coordinates : (N + 2,) array
             Mean centre (m), angle of element 1 and joint angles (rad).
         velocity : (N + 2,) array
@@ -111,15 +115,18 @@ class Bodies:
         SimulationEndedError
             If the pose cannot be simulated.
         """
-        state = np.zeros(self.states.shape[1])
+        state: Array = np.zeros(self.states.shape[1])
         state[: self.unknowns] = coordinates
         given = self.member(member)
         _, status = energy_and_velocity(state, np.empty(self.unknowns), *given)
         if not status and not np.isfinite(momentum_of_velocity(state, velocity, *given)):
             status = STATE_NOT_FINITE
         if status:
-            reason = TERMINATION_REASONS[status]
-            raise SimulationEndedError(reason, 0.0, describe(reason))
+            raise ended(TERMINATION_REASONS[status], 0.0)
+        return state
+
+    def put(self, member: int, state: Array, velocity: Array) -> None:
+        """Put a member at a start that was `prepared`."""
         self.states[member] = state
         self.velocities[member] = velocity
         self.outcome[member] = 0
@@ -132,14 +139,17 @@ class Bodies:
             state = self.states[member, : 2 * self.unknowns]
             self.recorder.begin(member, steps, self.energy_and_velocity(member)[0], state)
 
-    def energy_and_velocity(self, member: int) -> tuple[float, Array, int]:
-        """Return a member's energy (J), its velocity M^-1 p (N + 2,), and a code that is 0.
+    def energy_and_velocity(self, member: int, time: float = 0.0) -> tuple[float, Array]:
+        """Return a member's energy (J) and its velocity M^-1 p (N + 2,).
 
-        Every state that is handed out has been prepared before, so this does not fail.
+        Every state that is handed out has been prepared before, so this does not fail; of any other
+        state it may raise a SimulationEndedError, which names a time (s).
         """
         velocity = np.zeros(self.unknowns)
         energy, status = energy_and_velocity(self.states[member], velocity, *self.member(member))
-        return energy, velocity, status
+        if status:
+            raise ended(TERMINATION_REASONS[status], time)
+        return energy, velocity
 
     def member(self, index: int) -> tuple[NDArray[np.void], Array, Array, Indices]:
         """Return what kernels take of one member: the scene's constants and its work space."""
@@ -204,6 +214,11 @@ class Bodies:
         share(run, chosen, threads)
         if self.recorder is not None:
             self.recorder.add(chosen, self.outcome[:, 0], traced, torques, hold, record)
+
+
+def ended(reason: str, time: float) -> SimulationEndedError:
+    """Return the error of a simulation that ended for a reason at a time (s)."""
+    return SimulationEndedError(reason, time, describe(reason))
 
 
 def aligned_zeros(rows: int, columns: int) -> Array:

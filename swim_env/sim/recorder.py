@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -126,20 +123,10 @@ class Recorder:
         count = len(self._kept)
         self._kept, self._steps = [None] * count, [0] * count
 
-    def snapshot(self) -> dict[str, Any]:
-        """Return what is recorded, for `restore`."""
-        return {"kept": [self._kept_of(member) for member in range(len(self._kept))]}
-
-    def _kept_of(self, member: int) -> Kept | None:
+    def kept(self, member: int) -> Kept | None:
+        """Return what is recorded of a member, None before its first start."""
         kept = self._kept[member]
         return None if kept is None else (*kept[:2], kept[2][: self._steps[member] + 1])
-
-    def restore(self, snapshot: Mapping[str, Any]) -> None:
-        """Go back to a snapshot of this recorder."""
-        kept: Sequence[Kept | None] = snapshot["kept"]
-        # Arrays that the snapshot shares must not be written to when steps are added.
-        self._kept = [None if one is None else (*one[:2], one[2].copy()) for one in kept]
-        self._steps = [0 if one is None else len(one[2]) - 1 for one in kept]
 
     def room(self, steps: int) -> Array:
         """Return an array for a trace of T steps, (M, T, C); the same one while T is the same."""
@@ -210,7 +197,7 @@ class Recorder:
         OptionError
             If it was never started.
         """
-        return self._trajectory(self._kept_of(member), reason)
+        return self._trajectory(self.kept(member), reason)
 
     def _trajectory(self, kept: Kept | None, reason: str) -> Trajectory:
         if kept is None:
