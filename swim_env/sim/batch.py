@@ -99,21 +99,10 @@ class Bodies:
         self.put(member, self.prepared(member, coordinates, velocity), velocity)
 
     def prepared(self, member: int, coordinates: Array, velocity: Array) -> Array:
-        """Return the state vector (S,) of a start, for `put`; nothing changes.
+        """Return the state vector (S,) of a start as of `minimal_start`, for `put`.
 
-        Parameters
-        ----------
-        member : int
-            Whose work space to use.
-        coordinates : (N + 2,) array
-            Mean centre (m), angle of element 1 and joint angles (rad).
-        velocity : (N + 2,) array
-            Velocity of the mean centre (m/s) and turning rate of every element (rad/s).
-
-        Raises
-        ------
-        SimulationEndedError
-            If the pose cannot be simulated.
+        Nothing changes but the member's work space. A SimulationEndedError says that the pose
+        cannot be simulated.
         """
         state: Array = np.zeros(self.states.shape[1])
         state[: self.unknowns] = coordinates
@@ -176,20 +165,10 @@ class Bodies:
     ) -> None:
         """Advance members by all their rows of torques, in up to that many threads.
 
-        Parameters
-        ----------
-        torques : (M, R, N - 1) array
-            Joint torques (N m), not checked here.
-        hold : int
-            Steps over which each row is held.
-        record : (M, R hold, 12) array
-            Overwritten for these members; see `swim_env.physics.solve.advance.advance`.
-        members : (K,) array of int, optional
-            Which ones; all of them unless given.
-        threads : int
-            Largest number of threads to use; 1 starts none.
-        trace : (M, R hold, trace_columns) array, optional
-            Overwritten with coordinates and momenta after each step, and internal forces.
+        Torques (M, R, N - 1) (N m), not checked here, are held over so many steps each. The record
+        (M, R hold, 12) of these members, all unless given, is overwritten, and so is a trace
+        (M, R hold, trace_columns), if there is one, with coordinates and momenta after each step
+        and internal forces; see `swim_env.physics.solve.advance.advance`. One thread starts none.
         """
         traced = self._no_trace if trace is None else trace
         if self.recorder is not None and trace is None:
@@ -233,19 +212,11 @@ def aligned_zeros(rows: int, columns: int) -> Array:
 
 
 def minimal_start(scene: Scene, initial: Initial) -> tuple[Array, Array]:
-    """Return the minimal coordinates and velocities of an initial state.
+    """Return the minimal coordinates and velocity of an initial state, (N + 2,) each.
 
-    Returns
-    -------
-    coordinates : (N + 2,) array
-        Mean centre (m), angle of element 1 and joint angles (rad).
-    velocity : (N + 2,) array
-        Velocity of the mean centre (m/s) and turning rate of every element (rad/s).
-
-    Raises
-    ------
-    SceneError
-        If the initial state does not fit the beam or breaks inextensibility.
+    They are the mean centre (m), the angle of element 1 and the joint angles (rad); the velocity of
+    the mean centre (m/s) and the turning rate of every element (rad/s). A SceneError says that the
+    initial state does not fit the beam or breaks inextensibility.
     """
     beam = scene.beam
     if initial is not scene.initial:
