@@ -82,7 +82,7 @@ def _sum_of_products(row: Array, strengths: Array) -> float:
 
 @kernel
 def _is_inside(x: float, y: float, count: int, panels: Array) -> bool:
-    """Tell whether a ray from the point crosses the outline an odd number of times."""
+    """Return whether a ray from the point crosses the outline an odd number of times."""
     inside = False
     for j in range(count):
         k = j + 1 if j + 1 < count else 0

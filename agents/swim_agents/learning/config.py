@@ -103,7 +103,7 @@ class TrainingConfig(Block):
     #: What the learner sees is the reward times this. With PPO it may be None: the reward over the
     #: running standard deviation of the discounted return.
     reward_scale: Annotated[float | None, real(above=0.0)] = None
-    #: Whether exploration is a random function of the state (gSDE, Raffin et al. 2022), drawn anew
+    #: Whether exploration is a random function of the state (gSDE, Raffin et al. 2022), drawn again
     #: every `noise_hold` actions, instead of independent noise at every joint and action.
     state_dependent_noise: Annotated[bool, _is_a(bool, "true or false")] = True
     noise_hold: Annotated[int, integer(1, 1_000_000)] = 4

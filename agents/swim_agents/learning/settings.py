@@ -68,7 +68,7 @@ class SACSettings(Block, path="sac"):
     buffer: Annotated[int, integer(1, MOST)] = 300_000
     #: Transitions of one update.
     minibatch: Annotated[int, integer(1, MOST)] = 256
-    #: Actions that each member plays between updates; state-dependent exploration is drawn anew at
+    #: Actions that each member plays between updates; state-dependent exploration is drawn again at
     #: the start of each rollout at the latest.
     rollout: Annotated[int, integer(1, MOST)] = 4
     #: Updates after each rollout.
