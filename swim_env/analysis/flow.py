@@ -256,17 +256,6 @@ class BodyFlow:
         )
         return Flow(flow.potential, flow.velocity @ turn.T, flow.inside)
 
-    def kinetic_energy(self, angles: Array, velocities: Array, turning: Array) -> float:
-        """Return V^T A V / 2 of the fluid (J), NaN where there is no added mass.
-
-        Parameters are those of `at`.
-        """
-        if added_mass(np.diff(angles), self._fluid, self._work, self._mass) != FINE:
-            return float("nan")
-        motion = self._motion(angles, velocities, turning)
-        count = len(motion)
-        return float(0.5 * motion @ self._mass[:count, :count] @ motion)
-
     def during(self, trajectory: Trajectory, instant: int, points: Array) -> tuple[Flow, Array]:
         """Return velocity and pressure at one of a trajectory's instants.
 

@@ -90,17 +90,8 @@ class EnvSnapshot:
 class BatchResults(NamedTuple):
     """What a batched step returns, in Gymnasium's form.
 
-    Attributes
-    ----------
-    observations : (M, n) array of float32
-        Observations.
-    rewards : (M,) array
-        Rewards.
-    terminated, truncated : (M,) arrays of bool
-        Which episodes ended before their time, and whose time is up.
-    infos : dict
-        Arrays, each with its mask. The masks, and the reasons where no episode ended, are the same
-        arrays in every step and cannot be written to.
+    The masks of infos, and the reasons where no episode ended, are the same arrays in every step
+    and cannot be written to.
     """
 
     observations: NDArray[np.float32]
@@ -223,21 +214,11 @@ class Episodes:
         self._assess(self.all_members[member : member + 1], True)
 
     def take(self, actions: object, single: bool, members: Indices) -> None:
-        """Check actions and keep their torques for `play`; bad ones change no torques.
+        """Check the members' actions and keep their torques for `play`.
 
-        Parameters
-        ----------
-        actions : array_like
-            Of shape (N - 1,) for a single member, (M, N - 1) otherwise.
-        single : bool
-            Whether they are of a single environment.
-        members : (K,) array of int
-            Which members act; the others' actions are ignored.
-
-        Raises
-        ------
-        ActionError
-            If they have another shape, are not numbers, or not finite.
+        Actions are (M, N - 1), those of a single environment (N - 1,); other members' are ignored.
+        An ActionError says that they have another shape, are not numbers or not finite; then no
+        torques have changed.
         """
         shape = self.actions.shape[1:] if single else self.actions.shape
         what = "an action" if single else "actions"
@@ -343,13 +324,7 @@ class Episodes:
         return BatchResults(observations, columns[_REWARD], flags[0], flags[1], infos)
 
     def recorded(self, member: int) -> Trajectory:
-        """Return a member's trajectory since its start, of a scene with the effect recording.
-
-        Raises
-        ------
-        OptionError
-            If the scene has no recording.
-        """
+        """Return a member's trajectory since its start; OptionError if the scene records none."""
         recorder = needs_recording(self.bodies.recorder)
         status = int(self.bodies.outcome[member, 1])
         return recorder.trajectory(member, PHYSICS_REASONS[status])

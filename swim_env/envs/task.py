@@ -49,18 +49,9 @@ class Start(NamedTuple):
 class StartPlan(NamedTuple):
     """A start without its noise, made of the checked options of a reset.
 
-    Attributes
-    ----------
-    coordinates, velocity : (N + 2,) arrays
-        As in `Start`, before noise.
-    noise : float
-        Factor on all noise.
-    exact : frozenset of str
-        Fields of the initial state that the options gave.
-    position : pair of float
-        The head's end node before noise (m).
-    goal : (2,) array or None
-        The goal that the options gave.
+    Coordinates and velocity are as in `Start`, before noise, which has a factor; `exact` are the
+    fields of the initial state that the options gave, `position` is the head's end node (m), and
+    the goal is None unless the options gave one.
     """
 
     coordinates: Array
