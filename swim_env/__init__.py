@@ -30,7 +30,7 @@ __version__ = "0.1.0"
 EFFECTS = EFFECT_NAMES
 
 register_environments()
-Scene.chooser = with_chosen_settings
+Scene._choose = with_chosen_settings
 
 __all__ = [
     "EFFECTS",

@@ -96,7 +96,7 @@ class Scene:
     episode: Episode = Episode()
 
     #: What `for_accuracy` calls. It plays scenes, so it is in a higher room, which puts it here.
-    chooser: ClassVar[Callable[[Scene, float, bool, float | None], Scene]]
+    _choose: ClassVar[Callable[[Scene, float, bool, float | None], Scene]]
 
     def __post_init__(self) -> None:
         """Check what the blocks cannot check alone."""
@@ -336,7 +336,7 @@ class Scene:
         SwimError
             If no settings are known to be good enough, or the scene has no converged reference.
         """
-        return self.chooser(tolerance, keep_elements, duration)
+        return self._choose(tolerance, keep_elements, duration)
 
 
 def _known_path(path: object) -> str:
