@@ -16,7 +16,6 @@ from gymnasium.wrappers.vector import (
     NormalizeObservation,
     RecordEpisodeStatistics,
 )
-from numpy.typing import NDArray
 
 from swim_env import TERMINATION_REASONS, OptionError, SimulationEndedError, SwimError
 from tests.support import (
@@ -362,7 +361,7 @@ def test_a_start_that_only_some_members_can_take_changes_nothing(
         each.step(np.ones((4, 2)))
     prepared = envs.episodes.bodies.prepared
 
-    def refuse_member_2(member: int, *state: Any) -> NDArray[np.float64]:
+    def refuse_member_2(member: int, *state: Any) -> Any:
         if member == 2:
             raise SimulationEndedError("outline_degenerate", 0.0, "as if it were folded")
         return prepared(member, *state)
