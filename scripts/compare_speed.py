@@ -14,6 +14,7 @@ from swim_agents.commands.command_line import add_options, progress_bar, run
 
 from studies.benchmark.checkouts import EASY_SCENES, compare_checkouts
 from swim_env.errors import SwimError
+from swim_env.files.tables import text_table
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -32,14 +33,17 @@ def main(arguments: list[str] | None = None) -> int:
     if options.json:
         print(json.dumps(found))
         return 0
-    print("scene        before (us)  after (us)  after/before (quartiles)   of the smallest")
-    for name, one in found.items():
-        paired = one["ratio"]
-        print(
-            f"{name:<12} {one['before']['median']:11.1f} {one['after']['median']:11.1f}  "
-            f"{paired['median']:.3f} ({paired['low']:.3f} to {paired['high']:.3f})     "
-            f"{one['ratio_of_smallest']:.3f}"
+    heads = ("scene", "before (us)", "after (us)", "after/before (quartiles)", "of the smallest")
+    rows = [
+        (
+            name,
+            *(f"{one[when]['median']:.1f}" for when in ("before", "after")),
+            "{median:.3f} ({low:.3f} to {high:.3f})".format_map(one["ratio"]),
+            f"{one['ratio_of_smallest']:.3f}",
         )
+        for name, one in found.items()
+    ]
+    print(text_table([heads, *rows]))
     return 0
 
 

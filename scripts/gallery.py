@@ -18,8 +18,8 @@ from swim_agents.commands.command_line import add_options, print_result, progres
 
 from studies.gallery.page import check_gallery, make_gallery
 from studies.gallery.runs import FULL, QUICK
+from studies.store import page_of
 from swim_env.envs.assessment import load_assessment
-from swim_env.files.folders import page_of
 from swim_env.plots import require_matplotlib
 
 

@@ -21,8 +21,8 @@ from swim_agents.commands.command_line import INTERRUPTED, progress_bar, run
 from studies.paper.book import write_book
 from studies.paper.suite import PARTS, all_units
 from studies.paper.units import do_units, done_units, unit_store
+from studies.store import page_of
 from swim_env.errors import SwimError
-from swim_env.files.folders import page_of
 from swim_env.files.provenance import where_and_when
 from swim_env.plots import require_matplotlib
 

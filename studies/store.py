@@ -155,3 +155,9 @@ class Store:
 def short_commit(commit: str | None) -> str:
     """Return a commit as pages show it, with the ``+`` of a checkout that was changed."""
     return commit[:10] + ("+" if commit.endswith("+") else "") if commit else "unknown"
+
+
+def page_of(folder: str | os.PathLike[str]) -> Path:
+    """Return the file of the page on a folder of results: beside it, with its name."""
+    place = Path(os.path.realpath(folder))
+    return place.with_name(f"{place.name}.md")

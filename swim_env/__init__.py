@@ -3,11 +3,9 @@
 After Leyendecker & Kanso, "Locomotion of a submerged Cosserat beam" (DETC2009-87198).
 """
 
-from typing import Any
-
+from swim_env.accuracy.choice import with_chosen_settings
 from swim_env.analysis.modes import natural_frequencies
-from swim_env.envs.episodes import TERMINATION_REASONS
-from swim_env.envs.interface import EnvSnapshot
+from swim_env.envs.episodes import TERMINATION_REASONS, EnvSnapshot
 from swim_env.envs.registration import register_environments
 from swim_env.envs.single import SwimEnv, SwimTargetEnv
 from swim_env.envs.vector import SwimTargetVectorEnv, SwimVectorEnv
@@ -23,7 +21,6 @@ from swim_env.errors import (
 )
 from swim_env.physics import FLUID_MODELS
 from swim_env.scene import EFFECT_NAMES, Initial, Scene, load_scene, scene_names
-from swim_env.scene.scene import register_choice
 from swim_env.sim.simulator import Simulator, Snapshot
 from swim_env.sim.trajectory import Trajectory
 
@@ -33,16 +30,7 @@ __version__ = "0.1.0"
 EFFECTS = EFFECT_NAMES
 
 register_environments()
-
-
-def _with_chosen_settings(*arguments: Any) -> Scene:
-    # SciPy and the study's front are read where they are wanted.
-    from swim_env.accuracy import with_chosen_settings
-
-    return with_chosen_settings(*arguments)
-
-
-register_choice(_with_chosen_settings)
+Scene._choose = with_chosen_settings
 
 __all__ = [
     "EFFECTS",

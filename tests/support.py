@@ -100,13 +100,12 @@ def rollout(scene: Scene, torques: Array) -> Trajectory:
 
 def state_of(env: SwimEnv | SwimVectorEnv) -> dict[str, Any]:
     """Return all that an environment's future depends on, and what it has recorded."""
-    snapshot, recorder = env.snapshot(), env.episodes.bodies.recorder
+    recorder = env.episodes.bodies.recorder
     return {
-        "arrays": snapshot.episodes.arrays,
-        "random numbers": snapshot.episodes.randoms,
-        "is reset": snapshot.is_reset,
+        "snapshot": env.snapshot(),
         "someone ended": env.episodes.someone_ended,
-        "recording": None if recorder is None else recorder.snapshot(),
+        "recorded": recorder and [recorder.kept(member) for member in env.episodes.all_members],
+        "tape": [getattr(recorder, "over", {}).copy(), getattr(recorder, "begun", []).copy()],
     }
 
 

@@ -143,7 +143,7 @@ def _keep(scratch: str, video: Path) -> None:
 
 
 def _is_whole_video(content: bytes) -> bool:
-    """Tell whether an MP4 file's boxes fill it exactly and its index is among them."""
+    """Return whether an MP4 file's boxes fill it exactly and its index is among them."""
     kinds, at = set(), 0
     while at + 8 <= len(content):
         size, header = int.from_bytes(content[at : at + 4], "big"), 8

@@ -29,7 +29,7 @@ def load_tuned_wave() -> dict[str, Any]:
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise SwimError(
             f"cannot read the tuned wave ({TUNED_WAVE_FILE.name}): {error!r}; "
-            "`swim-env tune` makes it anew"
+            "`swim-env tune` makes it again"
         ) from None
     return {**data, "wave": wave}
 

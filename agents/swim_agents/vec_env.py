@@ -16,7 +16,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from swim_env import EnvSnapshot, OptionError, SwimError, SwimVectorEnv
+from swim_env import OptionError, SwimError, SwimVectorEnv
 from swim_env.envs.interface import checked_render_mode
 
 
@@ -241,8 +241,8 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
         if method_name == "render":
             frames = self.env.render()
             return [None if frames is None else frames[member] for member in members]
-        episodes = self.env.snapshot().episodes
-        return [EnvSnapshot(episodes.member(member), True) for member in members]
+        snapshot = self.env.snapshot()
+        return [snapshot.member(member) for member in members]
 
     def _call(self, name: str, member: int, *args: Any, **kwargs: Any) -> Any:
         return self.env_method(name, *args, indices=member, **kwargs)[0]

@@ -24,7 +24,7 @@ from swim_env.errors import SwimError
 from swim_env.physics import FLUID_MODELS
 from swim_env.physics.runtime.threads import usable_threads
 from swim_env.scene import Scene, load_scene
-from swim_env.scene.fluid import MOST_ELEMENTS_OF_EXPANSION
+from swim_env.scene.fluid import FLUID_TABLE
 
 #: What can be measured by itself.
 SECTIONS = ("kernel", "effects", "environments", "startup", "training", "peers")
@@ -176,7 +176,7 @@ def kernel_scenes(elements: Sequence[int], panels: Sequence[int]) -> list[Scene]
         if model != _NOT_FOR_USE
         for count in ([_USUAL_PANELS] if model in _WITHOUT_PANELS else panels)
         for number in elements
-        if model != "expansion" or number <= MOST_ELEMENTS_OF_EXPANSION
+        if number <= FLUID_TABLE[model].most_elements
     ]
     return [load_scene("paper_i", change) for change in changes]
 

@@ -23,11 +23,12 @@ from studies.gallery.runs import (
     play_all,
     stored_curves,
 )
+from studies.store import page_of
 from swim_env import plots
 from swim_env.envs.task import TARGET_RADIUS
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
-from swim_env.files.folders import check_folder, page_of, write_folder
+from swim_env.files.folders import check_folder, write_folder
 from swim_env.files.provenance import where_and_when
 from swim_env.files.tables import markdown_table
 

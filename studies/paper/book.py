@@ -16,9 +16,8 @@ from studies.paper.statements import find_all
 from studies.paper.suite import collect
 from studies.paper.units import Unit
 from studies.paper.verdicts import Data
-from studies.store import Arrays, Record, Store
+from studies.store import Arrays, Record, Store, page_of
 from swim_env.files.atomic import write_atomically
-from swim_env.files.folders import page_of
 from swim_env.plots import save_figure
 
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
+from studies.kirchhoff import rigid_mass
 from studies.paper.units import Arrays, Figures, Unit
-from swim_env.analysis.kirchhoff import mass_matrix, rigid_mass
-from swim_env.analysis.modes import bending_frequencies, natural_frequencies
+from swim_env.analysis.modes import bending_frequencies, mass_matrix, natural_frequencies
 from swim_env.scene import Scene, load_scene
 from swim_env.sim.simulator import Simulator
 

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import brentq, minimize_scalar
 
+from studies.kirchhoff import RigidMass, growth_rate, rigid_mass
 from studies.paper.runs import LEFT_LINE, first_crossing
 from studies.paper.units import Arrays, Figures, Unit
-from swim_env.analysis.kirchhoff import RigidMass, growth_rate, mass_matrix, rigid_mass
+from swim_env.analysis.modes import mass_matrix
 from swim_env.scene import Scene, load_scene
 from swim_env.sim.simulator import Simulator
 

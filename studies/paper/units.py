@@ -68,8 +68,8 @@ def code_digest(module: str, root: Path = ROOT) -> str:
     The kernels have their own, `studies.fingerprint.kernel_digest`; what starts and keeps the work
     has no part in the figures.
     """
-    follow, leave = ("studies.paper", "swim_env.analysis"), ("studies.paper.units",)
-    return files_digest(with_imports(module, follow, leave, root), root)
+    follow = ("studies.paper", "studies.kirchhoff", "swim_env.analysis")
+    return files_digest(with_imports(module, follow, ("studies.paper.units",), root), root)
 
 
 def unit_store(folder: str | os.PathLike[str]) -> Store:

@@ -7,10 +7,11 @@ from dataclasses import asdict
 
 import numpy as np
 
+from studies.kirchhoff import growth_rate, rigid_mass
 from studies.paper.onset import SPEED
 from studies.paper.runs import NUMERALS, guess, played, run_figures
 from studies.paper.units import Arrays, Figures, Unit
-from swim_env.analysis.kirchhoff import growth_rate, mass_matrix, rigid_mass
+from swim_env.analysis.modes import mass_matrix
 from swim_env.errors import SimulationEndedError
 from swim_env.scene import Scene, load_scene
 from swim_env.sim.simulator import Simulator

@@ -11,7 +11,7 @@ from studies.stability.runs import HardRun
 from studies.stability.torques import SquareWave, WhiteNoise
 from swim_env.errors import SceneError
 from swim_env.scene import ENERGY_EXCESSES, SCHEME_NAMES, STRAIN_NAMES, Scene
-from swim_env.scene.fluid import CENTRELINE_VARIANTS
+from swim_env.scene.fluid import CENTRELINE_VARIANTS, FLUID_TABLE
 
 _MOST_STEPS = 25
 _MODELS = ("none", "strip", "frozen", "expansion", "panels", "panels", "panels", "centreline")
@@ -98,13 +98,13 @@ def _draw(rng: np.random.Generator) -> dict[str, Any]:
     if model != "none":
         panels = 2 * int(rng.integers(1, 5))
         data["fluid"] = {"model": model, "density": density, "panels_per_element": panels}
-        if rng.random() < 0.5 and model in ("panels", "frozen", "expansion"):
+        if rng.random() < 0.5 and FLUID_TABLE[model].outline:
             data["fluid"]["cap_panels"] = (
                 "proportional" if rng.random() < 0.5 else int(rng.integers(1, 4))
             )
-        if model == "centreline":
+        if FLUID_TABLE[model].field == "variant":
             data["fluid"]["variant"] = str(rng.choice(CENTRELINE_VARIANTS))
-        if model == "panels" and rng.random() < 0.3:
+        if FLUID_TABLE[model].axial and rng.random() < 0.3:
             data["axial_added_mass"] = {}
         if rng.random() < 0.3:
             data["cross_flow_drag"] = {"coefficient": _log_uniform(rng, 1e-2, 1e2)}

@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import least_squares
 
-from swim_env.analysis.kirchhoff import growth_rate, mass_matrix, rigid_mass
+from studies.kirchhoff import growth_rate, rigid_mass
+from swim_env.analysis.modes import mass_matrix
 from swim_env.scene import load_scene
 from swim_env.sim.simulator import Simulator
 from swim_env.sim.trajectory import Trajectory

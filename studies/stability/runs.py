@@ -304,8 +304,11 @@ class _Watch:
         own, allowed = verdict.energy_drift, max(tolerance, _LARGEST_ROUND_OFF)
         ends = self._integrator.energy_excess == "end" and not verdict.trusted
         # The state that is left is one to continue from, or at least to look at.
-        left, velocity, status = self._bodies.energy_and_velocity(0)
-        finite = not status and math.isfinite(left) and bool(np.isfinite(velocity).all())
+        try:
+            left, velocity = self._bodies.energy_and_velocity(0)
+            finite = math.isfinite(left) and bool(np.isfinite(velocity).all())
+        except SimulationEndedError:
+            finite = False
         checks = {
             self._not_finite: not self._not_finite,
             f"a residual of {verdict.residual:.1e} was accepted": verdict.residual <= tolerance,

@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 from swim_env.accuracy.front import load_front
 from swim_env.accuracy.outcome import play
 from swim_env.accuracy.reference import FINE, PILOT, plan_for, reference_of
-from swim_env.accuracy.settings import Settings, even, has_fluid, refuse_lists
+from swim_env.accuracy.settings import Settings, even, refuse_lists
 from swim_env.errors import SceneError, SwimError
 from swim_env.scene import Scene
+from swim_env.scene.fluid import FLUID_TABLE, NO_FLUID
 
 __all__ = ["Choice", "choose", "duration_for", "with_chosen_settings"]
 
@@ -164,9 +165,9 @@ def _candidates(scene: Scene, keep_elements: bool) -> list[tuple[Settings, float
             panels = even(settings.elements * settings.panels_per_element / n)
             cost *= (n / settings.elements) ** _GROWTH
             settings = replace(settings, elements=n, panels_per_element=panels)
-        if not has_fluid(scene):
+        if not scene.has_fluid:
             # Settings that differ in the fluid alone are the same here.
-            settings = replace(settings, fluid_model="none", panels_per_element=4, cap_panels=1)
+            settings = replace(settings, fluid_model=NO_FLUID, panels_per_element=4, cap_panels=1)
         try:
             settings.apply(scene).steps_per_action  # noqa: B018
         except SceneError:
@@ -178,7 +179,7 @@ def _candidates(scene: Scene, keep_elements: bool) -> list[tuple[Settings, float
 
 def _words(settings: Settings, kept: bool) -> str:
     panels = ""
-    if settings.fluid_model not in ("none", "strip"):
+    if FLUID_TABLE[settings.fluid_model].panels:
         panels = f", {settings.panels_per_element} panels an element, {settings.cap_panels} an end"
     return (
         f"fluid model {settings.fluid_model}{panels}, {settings.elements} elements"

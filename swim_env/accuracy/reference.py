@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.accuracy.outcome import SAMPLES, Outcome, play, relative_error
-from swim_env.accuracy.settings import Settings, even, has_fluid
+from swim_env.accuracy.settings import Settings, even
 from swim_env.errors import SwimError
 from swim_env.scene import Scene
 
@@ -110,7 +110,7 @@ class Reference:
 
 def plan_for(scene: Scene, refinements: Refinements) -> Refinements:
     """Return the refinements that a scene really gets: fewer if its model cannot be frozen."""
-    return _WITH_PANELS if has_fluid(scene) and scene.axial_added_mass is not None else refinements
+    return _WITH_PANELS if scene.has_fluid and scene.axial_added_mass is not None else refinements
 
 
 def reference_of(
@@ -138,7 +138,7 @@ def reference_of(
     """
     plan = plan_for(scene, refinements)
     runs = _Runs(scene, duration, progress or (lambda _: None))
-    model = "frozen" if has_fluid(scene) and scene.axial_added_mass is None else "panels"
+    model = "frozen" if scene.has_fluid and scene.axial_added_mass is None else "panels"
     coarse = scene.beam.elements if keep_elements else plan.coarse_elements
     parts: dict[str, Array] = {}
     if keep_elements:
@@ -148,7 +148,7 @@ def reference_of(
     step = [runs(model, coarse, plan.panels, plan.time_step / n) for n in (1, 2)]
     change = (step[1] - step[0]) * 4.0 / 3.0
     total, parts["time_step"] = total + change, 0.5 * change
-    if has_fluid(scene):
+    if scene.has_fluid:
         change, parts["panels"] = _panels(runs, model, coarse, plan)
         total = total + change
     if model == "frozen":

@@ -9,7 +9,7 @@ from typing import Any
 from swim_env.errors import SwimError
 from swim_env.scene import Scene
 
-__all__ = ["PAPER_SETTINGS", "Settings", "even", "has_fluid", "refuse_lists"]
+__all__ = ["PAPER_SETTINGS", "Settings", "even", "refuse_lists"]
 
 #: Where a scene holds them.
 _PATHS = {
@@ -46,7 +46,7 @@ class Settings:
         SceneError if that is not possible, as where it lists a stiffness for each of other joints.
         """
         changes = {path: getattr(self, name) for name, path in _PATHS.items()}
-        if not has_fluid(scene):
+        if not scene.has_fluid:
             changes = {path: value for path, value in changes.items() if path[:6] != "fluid."}
         elif scene.fluid and self.fluid_model != scene.fluid.model:
             changes |= {"fluid.added_mass_per_length": None, "fluid.variant": None}
@@ -74,11 +74,6 @@ class Settings:
 
 #: What the paper computes with.
 PAPER_SETTINGS = Settings()
-
-
-def has_fluid(scene: Scene) -> bool:
-    """Tell whether there is a fluid around a scene's body."""
-    return scene.fluid is not None and scene.fluid.present
 
 
 def even(panels: float) -> int:

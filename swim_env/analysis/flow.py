@@ -82,7 +82,7 @@ def _sum_of_products(row: Array, strengths: Array) -> float:
 
 @kernel
 def _is_inside(x: float, y: float, count: int, panels: Array) -> bool:
-    """Tell whether a ray from the point crosses the outline an odd number of times."""
+    """Return whether a ray from the point crosses the outline an odd number of times."""
     inside = False
     for j in range(count):
         k = j + 1 if j + 1 < count else 0
@@ -199,11 +199,11 @@ class BodyFlow:
 
     def __init__(self, scene: Scene) -> None:
         fluid = scene.fluid
-        if fluid is None or fluid.model == "none" or not fluid.density:
+        if fluid is None or fluid.density is None:
             raise OptionError(f"scene {scene.name} has no fluid, so there is no flow to show")
         load_kernels()
         self.scene = scene
-        self.density = float(fluid.density)
+        self.density = fluid.density
         beam, constants, _ = scene_constants(scene)
         geometry = constants.geometry._replace(side_panels=max(1, fluid.panels_per_element // 2))
         self._fluid = fluid_constants("panels", geometry, self.density, axial=constants.axial)
@@ -255,17 +255,6 @@ class BodyFlow:
             self._length,
         )
         return Flow(flow.potential, flow.velocity @ turn.T, flow.inside)
-
-    def kinetic_energy(self, angles: Array, velocities: Array, turning: Array) -> float:
-        """Return V^T A V / 2 of the fluid (J), NaN where there is no added mass.
-
-        Parameters are those of `at`.
-        """
-        if added_mass(np.diff(angles), self._fluid, self._work, self._mass) != FINE:
-            return float("nan")
-        motion = self._motion(angles, velocities, turning)
-        count = len(motion)
-        return float(0.5 * motion @ self._mass[:count, :count] @ motion)
 
     def during(self, trajectory: Trajectory, instant: int, points: Array) -> tuple[Flow, Array]:
         """Return velocity and pressure at one of a trajectory's instants.

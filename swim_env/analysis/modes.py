@@ -1,4 +1,4 @@
-"""The straight body's natural frequencies, in its fluid and alone."""
+"""The straight body's mass matrix and natural frequencies, in its fluid and alone."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.analysis.kirchhoff import mass_matrix
 from swim_env.errors import OptionError
 from swim_env.scene import Scene
 from swim_env.sim.simulator import Simulator
 
-__all__ = ["bending_frequencies", "natural_frequencies"]
+__all__ = ["bending_frequencies", "mass_matrix", "natural_frequencies"]
 
 Array = NDArray[np.float64]
 
@@ -47,6 +46,34 @@ def natural_frequencies(scene: Scene, count: int = 3) -> list[float]:
         raise OptionError(f"count must be at least 1, got {count!r}")
     at_rest = scene.replace({"initial": {}, "stream": None})
     return bending_frequencies(at_rest, mass_matrix(Simulator(at_rest)))[:count]
+
+
+def mass_matrix(simulator: Simulator) -> Array:
+    """Return the mass matrix of a simulator's straight body, with the fluid's added mass.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        It is reset to its scene's start.
+
+    Returns
+    -------
+    (N + 2, N + 2) array
+        Momenta (kg m/s, kg m^2/s) of unit velocities (m/s, rad/s), in the order of
+        `Simulator.velocity`.
+    """
+    n = simulator.elements + 2
+
+    def momentum(velocity: Array) -> Array:
+        simulator.reset_to(np.zeros(n), velocity)
+        return np.frombuffer(simulator.snapshot().state)[n : 2 * n]
+
+    # In a stream a body at rest has momentum: momenta are those relative to the stream.
+    at_rest = momentum(np.zeros(n))
+    matrix: Array = np.array([momentum(unit) - at_rest for unit in np.eye(n)])
+    simulator.reset()
+    symmetric: Array = 0.5 * (matrix + matrix.T)
+    return symmetric
 
 
 def bending_frequencies(scene: Scene, matrix: Array) -> list[float]:

@@ -82,23 +82,10 @@ def observation_size(elements: int, goal_is_point: bool) -> int:
 def torques_of_actions(
     members: Indices, actions: Array, torque_of_one: Array, torques: Array
 ) -> int:
-    """Write the torques (N m) of actions, clipped to [-1, 1], or find one that is not finite.
+    """Write the torques (M, 1, N - 1) (N m) of members' actions (M, N - 1), clipped to [-1, 1].
 
-    Parameters
-    ----------
-    members : (K,) array
-        The rows to look at.
-    actions : (M, N - 1) array
-        Actions.
-    torque_of_one : (N - 1,) array
-        Torque of an action of 1 at each joint (N m); 0 where nothing drives it.
-    torques : (M, 1, N - 1) array
-        Overwritten for these members, unless one of the actions is not finite.
-
-    Returns
-    -------
-    bad : int
-        -1, or member (N - 1) + joint of the first action that is not finite.
+    The torque of an action of 1 (N - 1,) (N m) is 0 where nothing drives a joint. Returned is -1,
+    or member (N - 1) + joint of the first action that is not finite; then nothing is written.
     """
     for member in members:
         for joint in range(actions.shape[1]):
@@ -135,30 +122,10 @@ def assess(
 ) -> None:
     """Evaluate members after a start or an action: what they observe, gain and whether they end.
 
-    Parameters
-    ----------
-    members : (K,) array
-        The rows to look at.
-    start : bool
-        Whether they are at their start: then nothing has been gained.
-    states, velocities : (M, S), (M, N + 2) arrays
-        As `swim_env.physics.solve.advance.advance` leaves them.
-    torques : (M, 1, N - 1) array
-        Torques that were held (N m).
-    torque_of_one : (N - 1,) array
-        Torque of an action of 1 (N m).
-    record, outcome : (M, T, 12), (M, 2) arrays
-        As `advance` leaves them.
-    goals : (M, 2) array
-        A unit vector, or a point (m).
-    settings : (1,) array of TASK_SETTINGS
-        The task.
-    observations : (M, n) array of float32
-        Overwritten for these members.
-    figures : (M,) array of FIGURES
-        Overwritten for these members.
-    counters : (M, 3) array of int
-        Overwritten for these members.
+    At a start nothing has been gained. States, velocities, record and outcome are as
+    `swim_env.physics.solve.advance.advance` leaves them, torques (M, 1, N - 1) (N m) those that
+    were held, goals (M, 2) unit vectors or points (m), settings (1,) the task's. Observations
+    (M, n), figures (M,) and counters (M, 3) are overwritten for these members.
     """
     task = settings[0]
     length, time_step = task["body_length"], task["time_step"]
@@ -272,20 +239,9 @@ def collect(
     """Copy what a batched step returns into new arrays, and count the members at their end.
 
     One call for everything: a step of many members drives Python and NumPy out of the processor's
-    caches, and then the first call of any other function takes tens of microseconds.
-
-    Parameters
-    ----------
-    observations, counters : (M, n), (M, 3) arrays
-        As `assess` leaves them.
-    figures : (M, F) array
-        The same numbers as those of `assess`, by column.
-    seen : (M, n) array of float32
-        Overwritten with the observations.
-    columns : (F, M) array
-        Overwritten with the figures, one row each.
-    flags : (2, M) array of bool
-        Overwritten: which members were terminated, and whose time is up.
+    caches, and then the first call of any other function takes tens of microseconds. Overwritten
+    are seen (M, n) with the observations, columns (F, M) with the figures (M, F), and flags (2, M)
+    with which members were terminated and whose time is up.
     """
     ended = 0
     for member in range(figures.shape[0]):

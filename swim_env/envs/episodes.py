@@ -20,7 +20,7 @@ from swim_env.envs.assessment import (
     load_assessment,
     torques_of_actions,
 )
-from swim_env.envs.task import StartPlan, Task
+from swim_env.envs.task import Start, StartPlan, Task
 from swim_env.errors import ActionError, OptionError, SimulationEndedError, SwimError
 from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
 from swim_env.physics.status import describe
@@ -58,26 +58,29 @@ _POSITION = slice(_COLUMNS["x"], _COLUMNS["y"] + 1)
 
 
 @dataclass(frozen=True)
-class EpisodesSnapshot:
-    """Everything that decides how episodes continue.
+class EnvSnapshot:
+    """An environment's complete state; a restored one continues bit for bit.
 
     Attributes
     ----------
     task : tuple
         Identity of the task, see `Task.identity`.
     arrays : dict of str to numpy.ndarray
-        Copies of the state.
+        Copies of the state, by member.
     randoms : list of dict
         States of the members' random number generators.
+    is_reset : bool
+        Whether an episode had begun.
     """
 
     task: tuple[object, ...]
     arrays: dict[str, NDArray[Any]]
     randoms: list[dict[str, Any]]
+    is_reset: bool = True
 
-    def member(self, index: int) -> EpisodesSnapshot:
+    def member(self, index: int) -> EnvSnapshot:
         """Return the snapshot of one member, which a single environment can restore."""
-        return EpisodesSnapshot(
+        return EnvSnapshot(
             self.task,
             {name: array[index : index + 1].copy() for name, array in self.arrays.items()},
             [deepcopy(self.randoms[index])],
@@ -87,17 +90,8 @@ class EpisodesSnapshot:
 class BatchResults(NamedTuple):
     """What a batched step returns, in Gymnasium's form.
 
-    Attributes
-    ----------
-    observations : (M, n) array of float32
-        Observations.
-    rewards : (M,) array
-        Rewards.
-    terminated, truncated : (M,) arrays of bool
-        Which episodes ended before their time, and whose time is up.
-    infos : dict
-        Arrays, each with its mask. The masks, and the reasons where no episode ended, are the same
-        arrays in every step and cannot be written to.
+    The masks of infos, and the reasons where no episode ended, are the same arrays in every step
+    and cannot be written to.
     """
 
     observations: NDArray[np.float32]
@@ -135,6 +129,8 @@ class Episodes:
         Actions taken, code of the reason for an end, and whether the time is up.
     someone_ended : bool
         Whether any member was at its end at the last call of `results`.
+    is_reset : bool
+        Whether an episode has begun.
 
     Raises
     ------
@@ -165,7 +161,7 @@ class Episodes:
         self._record = self.bodies.new_record(self._hold)
         self.goals: Array = np.zeros((count, 2))
         self._settings = task.settings(self.limit)
-        self.someone_ended = False
+        self.someone_ended = self.is_reset = False
         self.observations = np.zeros((count, task.observation_size), dtype=np.float32)
         self._figures = np.zeros((count, len(_COLUMNS)))
         self.counters = np.zeros((count, 3), dtype=np.int64)
@@ -184,45 +180,45 @@ class Episodes:
     # ---- running -------------------------------------------------------------------------------
 
     def start(self, member: int, random: np.random.Generator, plan: StartPlan) -> None:
-        """Put a member at a start, as `Task.plan_start` has planned it.
+        """Put a member at a start, see `find_start`; where there is none, it is as before."""
+        self.begin(member, *self.find_start(member, random, plan))
+
+    def find_start(
+        self, member: int, random: np.random.Generator, plan: StartPlan
+    ) -> tuple[Start, Array]:
+        """Draw a start that `Task.plan_start` has planned, and return it with its state vector.
 
         Raises
         ------
         SimulationEndedError
-            If the start cannot be simulated, whatever its noise; the member is as before.
+            If the start cannot be simulated, whatever its noise.
         """
         share = 1.0
         while True:
             start = self.task.draw_start(random, plan, share)
             try:
-                self.bodies.start(member, start.coordinates, start.velocity)
-                break
+                return start, self.bodies.prepared(member, start.coordinates, start.velocity)
             except SimulationEndedError:
                 # Large noise may bend the body beyond what its outline allows. The start without
                 # noise was tried when the environment was made.
                 if share == 0.0:
                     raise
                 share = 0.8 * share if share > _SMALLEST_SHARE else 0.0
+
+    def begin(self, member: int, start: Start, state: Array) -> None:
+        """Put a member at a start that `find_start` has found."""
+        self.bodies.put(member, state, start.velocity)
+        self.is_reset = True
         self.goals[member] = start.goal
         self.torques[member] = 0.0
         self._assess(self.all_members[member : member + 1], True)
 
     def take(self, actions: object, single: bool, members: Indices) -> None:
-        """Check actions and keep their torques for `play`; bad ones change no torques.
+        """Check the members' actions and keep their torques for `play`.
 
-        Parameters
-        ----------
-        actions : array_like
-            Of shape (N - 1,) for a single member, (M, N - 1) otherwise.
-        single : bool
-            Whether they are of a single environment.
-        members : (K,) array of int
-            Which members act; the others' actions are ignored.
-
-        Raises
-        ------
-        ActionError
-            If they have another shape, are not numbers, or not finite.
+        Actions are (M, N - 1), those of a single environment (N - 1,); other members' are ignored.
+        An ActionError says that they have another shape, are not numbers or not finite; then no
+        torques have changed.
         """
         shape = self.actions.shape[1:] if single else self.actions.shape
         what = "an action" if single else "actions"
@@ -328,13 +324,7 @@ class Episodes:
         return BatchResults(observations, columns[_REWARD], flags[0], flags[1], infos)
 
     def recorded(self, member: int) -> Trajectory:
-        """Return a member's trajectory since its start, of a scene with the effect recording.
-
-        Raises
-        ------
-        OptionError
-            If the scene has no recording.
-        """
+        """Return a member's trajectory since its start; OptionError if the scene records none."""
         recorder = needs_recording(self.bodies.recorder)
         status = int(self.bodies.outcome[member, 1])
         return recorder.trajectory(member, PHYSICS_REASONS[status])
@@ -355,22 +345,25 @@ class Episodes:
             "counters": self.counters,
         }
 
-    def snapshot(self, randoms: list[np.random.Generator]) -> EpisodesSnapshot:
+    def snapshot(self, randoms: list[np.random.Generator]) -> EnvSnapshot:
         """Return a copy of everything that decides how the episodes continue."""
-        return EpisodesSnapshot(
+        return EnvSnapshot(
             self.task.identity,
             {name: array.copy() for name, array in self._arrays().items()},
             [deepcopy(dict(random.bit_generator.state)) for random in randoms],
+            self.is_reset,
         )
 
-    def restore(self, snapshot: EpisodesSnapshot, randoms: list[np.random.Generator]) -> None:
+    def restore(self, snapshot: EnvSnapshot, randoms: list[np.random.Generator]) -> None:
         """Go back to a snapshot, generators included; what follows is what followed then.
 
         Raises
         ------
         SwimError
-            If the snapshot is of another task, scene or number of members.
+            If it is no snapshot, or one of another task, scene or number of members.
         """
+        if not isinstance(snapshot, EnvSnapshot):
+            raise SwimError(f"restore needs what snapshot returned, got {type(snapshot).__name__}")
         same = snapshot.task == self.task.identity
         if not same or len(snapshot.randoms) != len(randoms):
             raise SwimError(
@@ -389,6 +382,7 @@ class Episodes:
         for member in self.all_members:
             self.bodies.begin_recording(int(member))
         self.someone_ended = bool(self.counters[:, END_CODE:].any())
+        self.is_reset = snapshot.is_reset
         for random, state in zip(randoms, snapshot.randoms, strict=True):
             random.bit_generator.state = deepcopy(state)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
@@ -13,9 +12,9 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from swim_env.envs.assessment import OBSERVATION_LIMIT
-from swim_env.envs.episodes import Episodes, EpisodesSnapshot
+from swim_env.envs.episodes import EnvSnapshot, Episodes
 from swim_env.envs.task import Task
-from swim_env.errors import OptionError, SwimError
+from swim_env.errors import OptionError
 from swim_env.scene import Scene
 from swim_env.scene.checks import nearest
 
@@ -24,22 +23,6 @@ RENDER_MODES = ("rgb_array", "human")
 
 SceneLike = Scene | str | os.PathLike[str]
 Overrides = str | Iterable[str] | Mapping[str, object]
-
-
-@dataclass(frozen=True)
-class EnvSnapshot:
-    """An environment's complete state; a restored one continues bit for bit.
-
-    Attributes
-    ----------
-    episodes : EpisodesSnapshot
-        The episode and the random numbers to come.
-    is_reset : bool
-        Whether an episode had begun.
-    """
-
-    episodes: EpisodesSnapshot
-    is_reset: bool
 
 
 def action_space_of(task: Task) -> gymnasium.spaces.Box:
@@ -67,13 +50,6 @@ def checked_render_mode(mode: str | None) -> str | None:
             f"unknown render_mode {mode!r}{hint}; modes: {', '.join(RENDER_MODES)}, or None"
         )
     return mode
-
-
-def checked_snapshot(snapshot: object) -> EnvSnapshot:
-    """Return an environment's snapshot, or raise SwimError if it is anything else."""
-    if not isinstance(snapshot, EnvSnapshot):
-        raise SwimError(f"restore needs what snapshot returned, got {type(snapshot).__name__}")
-    return snapshot
 
 
 def checked_seed(seed: int | None, where: str = "") -> int | None:
@@ -120,7 +96,6 @@ class SharedInterface:
         self.episodes = Episodes(task, count, limit)
         rate = max(1, round(1.0 / task.scene.episode.control_interval))
         self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": rate}
-        self._is_reset = False
         self._viewer: Any = None
 
     @property
@@ -156,11 +131,47 @@ class SharedInterface:
             self._viewer = EpisodesViewer(self.episodes, self.metadata["render_fps"])
         if self.render_mode == "human":
             return self._viewer.show()
-        frames = self._viewer.frames()
-        return frames if isinstance(self, gymnasium.vector.VectorEnv) else frames[0]
+        return self._own(self._viewer.frames())
+
+    def snapshot(self) -> EnvSnapshot:
+        """Return the complete state: bodies, episodes and random numbers to come.
+
+        Raises
+        ------
+        SwimError
+            If a batch was not reset before.
+        """
+        return self.episodes.snapshot(self._generators())
+
+    def restore(self, snapshot: EnvSnapshot) -> Observation:
+        """Go back to a snapshot; what follows is bit for bit what followed then.
+
+        Returns
+        -------
+        (n,) or (M, n) array of float32
+            The observation at that moment, of a batch those of all members.
+
+        Raises
+        ------
+        SwimError
+            If the snapshot belongs to another scene, task or number of members, or if a batch was
+            not reset before.
+        """
+        self.episodes.restore(snapshot, self._generators())
+        self._forget_frames()
+        observations: Observation = self._own(self.episodes.observations.copy())
+        return observations
+
+    def _generators(self) -> list[np.random.Generator]:
+        """Return the members' random number generators."""
+        raise NotImplementedError
+
+    def _own(self, values: Any) -> Any:
+        """Return all members' values of a batch, the only one's of a single environment."""
+        return values if isinstance(self, gymnasium.vector.VectorEnv) else values[0]
 
     def _need_reset(self, before: str) -> None:
-        if not self._is_reset:
+        if not self.episodes.is_reset:
             raise gymnasium.error.ResetNeeded(f"call reset before {before}")
 
     def _show(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from typing import Any
 
 import gymnasium
@@ -13,14 +14,12 @@ from swim_env.envs.assessment import END_CODE
 from swim_env.envs.episodes import TERMINATION_REASONS
 from swim_env.envs.interface import (
     RENDER_MODES,
-    EnvSnapshot,
     Observation,
     Overrides,
     SceneLike,
     SharedInterface,
     action_space_of,
     checked_seed,
-    checked_snapshot,
     observation_space_of,
 )
 from swim_env.envs.task import (
@@ -194,17 +193,13 @@ class SwimEnv(SharedInterface, gymnasium.Env[Observation, NDArray[Any]]):
         """
         plan = self.task.plan_start(options)
         seed = checked_seed(seed)
-        random, random_seed = self._np_random, self._np_random_seed
-        numbers = None if random is None else dict(random.bit_generator.state)
+        before = deepcopy((self._np_random, self._np_random_seed))
         super().reset(seed=seed)
         try:
             self.episodes.start(0, self.np_random, plan)
         except SimulationEndedError:
-            self._np_random, self._np_random_seed = random, random_seed
-            if random is not None:
-                random.bit_generator.state = numbers  # type: ignore[assignment]
+            self._np_random, self._np_random_seed = before
             raise
-        self._is_reset = True
         self._forget_frames()
         self._show()
         return self.episodes.observations[0].copy(), self.episodes.info(0)
@@ -243,30 +238,8 @@ class SwimEnv(SharedInterface, gymnasium.Env[Observation, NDArray[Any]]):
         """Close the window, if there is one. Closing twice does no harm."""
         self._close_viewer()
 
-    # ---- snapshots -----------------------------------------------------------------------------
-
-    def snapshot(self) -> EnvSnapshot:
-        """Return the complete state: body, episode and random numbers to come."""
-        return EnvSnapshot(self.episodes.snapshot([self.np_random]), self._is_reset)
-
-    def restore(self, snapshot: EnvSnapshot) -> Observation:
-        """Go back to a snapshot; what follows is bit for bit what followed then.
-
-        Returns
-        -------
-        (n,) array of float32
-            The observation at that moment.
-
-        Raises
-        ------
-        SwimError
-            If the snapshot belongs to another scene or task.
-        """
-        self.episodes.restore(checked_snapshot(snapshot).episodes, [self.np_random])
-        self._is_reset = snapshot.is_reset
-        self._forget_frames()
-        observation: Observation = self.episodes.observations[0].copy()
-        return observation
+    def _generators(self) -> list[np.random.Generator]:
+        return [self.np_random]
 
 
 class SwimTargetEnv(SwimEnv):

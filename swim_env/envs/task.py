@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from swim_env.envs.assessment import TASK_SETTINGS, observation_size
 from swim_env.errors import OptionError, SceneError
 from swim_env.scene import Initial, Scene
-from swim_env.scene.checks import check_pair, check_real, check_reals, got, nearest
+from swim_env.scene.checks import checked_option, got, nearest, pair, real, reals
 from swim_env.sim.batch import minimal_start
 
 Array = NDArray[np.float64]
@@ -49,18 +49,9 @@ class Start(NamedTuple):
 class StartPlan(NamedTuple):
     """A start without its noise, made of the checked options of a reset.
 
-    Attributes
-    ----------
-    coordinates, velocity : (N + 2,) arrays
-        As in `Start`, before noise.
-    noise : float
-        Factor on all noise.
-    exact : frozenset of str
-        Fields of the initial state that the options gave.
-    position : pair of float
-        The head's end node before noise (m).
-    goal : (2,) array or None
-        The goal that the options gave.
+    Coordinates and velocity are as in `Start`, before noise, which has a factor; `exact` are the
+    fields of the initial state that the options gave, `position` is the head's end node (m), and
+    the goal is None unless the options gave one.
     """
 
     coordinates: Array
@@ -98,8 +89,9 @@ class Task(ABC):
         self, scene: Scene, effort_weight: float = 0.0, heading_weight: float = 0.0
     ) -> None:
         self.scene = scene
-        self.effort_weight = _number(effort_weight, "effort_weight", "BL/s", at_least=0.0)
-        self.heading_weight = _number(heading_weight, "heading_weight", "BL/s", at_least=0.0)
+        weight = real("BL/s", at_least=0.0)
+        self.effort_weight = checked_option(weight, effort_weight, "effort_weight")
+        self.heading_weight = checked_option(weight, heading_weight, "heading_weight")
         self._default_plan = self.plan_start({})
 
     @property
@@ -161,7 +153,7 @@ class Task(ABC):
                 initial = replace(initial, **changes)
             return StartPlan(
                 *minimal_start(self.scene, initial),
-                noise=check_real(options.get("noise", 1.0), "noise", at_least=0.0, at_most=1e6),
+                noise=real(at_least=0.0, at_most=1e6)(options.get("noise", 1.0), "noise"),
                 exact=frozenset(changes),
                 position=initial.position,
                 goal=self._given_goal(options),
@@ -266,18 +258,16 @@ class TargetTask(Task):
         heading_weight: float = 0.0,
     ) -> None:
         super().__init__(scene, effort_weight, heading_weight)
-        self.radius = _number(radius, "target_radius", "BL", above=0.0)
-        try:
-            bounds = check_reals(distance, "target_distance", "BL")
-        except SceneError as error:
-            raise OptionError(error.problem) from None
+        self.radius = checked_option(real("BL", above=0.0), radius, "target_radius")
+        bounds = checked_option(reals("BL"), distance, "target_distance")
         if len(bounds) != 2 or not self.radius < bounds[0] <= bounds[1]:
             raise OptionError(
                 "target_distance must be two numbers in BL, the least above target_radius "
                 f"({self.radius:g}) and the largest not below it, got {list(bounds)}"
             )
         self.distance = bounds
-        self.bearing = _number(bearing, "target_bearing", "rad", at_least=0.0, at_most=math.pi)
+        half_turn = real("rad", at_least=0.0, at_most=math.pi)
+        self.bearing = checked_option(half_turn, bearing, "target_bearing")
 
     @property
     def identity(self) -> tuple[object, ...]:
@@ -287,7 +277,7 @@ class TargetTask(Task):
     def _given_goal(self, options: Mapping[str, Any]) -> Array | None:
         if "target" not in options:
             return None
-        return np.array(check_pair(options["target"], "target", "m"))
+        return np.array(pair("m")(options["target"], "target"))
 
     def _draw_aim(self, random: np.random.Generator) -> Array:
         low, high = self.distance
@@ -308,11 +298,3 @@ def check_task(name: str) -> str:
         hint = nearest(str(name), TASKS)
         raise OptionError(f"unknown task {name!r}{hint}; tasks: {', '.join(TASKS)}")
     return name
-
-
-def _number(value: object, name: str, unit: str, **bounds: float) -> float:
-    """Return a checked argument of an environment."""
-    try:
-        return check_real(value, name, unit, **bounds)
-    except SceneError as error:
-        raise OptionError(error.problem) from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from typing import Any
 
 import gymnasium
@@ -14,14 +15,12 @@ from numpy.typing import NDArray
 
 from swim_env.envs.episodes import whole_number
 from swim_env.envs.interface import (
-    EnvSnapshot,
     Observation,
     Overrides,
     SceneLike,
     SharedInterface,
     action_space_of,
     checked_seed,
-    checked_snapshot,
     observation_space_of,
 )
 from swim_env.envs.task import (
@@ -33,7 +32,7 @@ from swim_env.envs.task import (
     TargetTask,
     Task,
 )
-from swim_env.errors import OptionError, SimulationEndedError, SwimError
+from swim_env.errors import OptionError, SwimError
 from swim_env.physics.runtime.threads import usable_threads
 from swim_env.scene import load_scene
 from swim_env.scene.checks import got
@@ -167,27 +166,16 @@ class SwimVectorEnv(
             If a start cannot be simulated. Nothing has changed after any of these errors.
         """
         plan, mask = self._plan_and_mask(options)
-        fresh = self._generators(seed)
-        before = self.episodes.snapshot([])
-        recorder = self.episodes.bodies.recorder
-        recorded = None if recorder is None else recorder.snapshot()
-        randoms = list(self._randoms)
-        numbers: list[Any] = [None if one is None else one.bit_generator.state for one in randoms]
-        try:
-            for member in np.flatnonzero(mask):
-                if fresh[member] is not None:
-                    self._randoms[member] = fresh[member]
-                self._start(int(member), plan)
-        except SimulationEndedError:
-            self.episodes.restore(before, [])
-            if recorder is not None and recorded is not None:
-                recorder.restore(recorded)
-            self._randoms = randoms
-            for one, state in zip(randoms, numbers, strict=True):
-                if one is not None:
-                    one.bit_generator.state = state
-            raise
-        self._is_reset = True
+        fresh = self._seeded(seed)
+        found = {}
+        for member in np.flatnonzero(mask).tolist():
+            # A copy: if a later member has no start, none has drawn any numbers.
+            random = deepcopy(fresh[member] or self._randoms[member]) or seeding.np_random()[0]
+            found[member] = random, self.episodes.find_start(member, random, plan)
+        for member, (random, start) in found.items():
+            self._randoms[member] = random
+            self.episodes.begin(member, *start)
+            self._forget_frames(member)
         results = self.episodes.results()
         if isinstance(seed, int):
             super().reset(seed=seed)
@@ -225,7 +213,7 @@ class SwimVectorEnv(
             moving = np.flatnonzero(~ended)
             episodes.take(actions, False, moving)
             for member in np.flatnonzero(ended).tolist():
-                self._start(member, self.task.plan_start())
+                self._restart(member)
         else:
             episodes.take(actions, False, moving)
         episodes.play(moving, self._threads)
@@ -235,7 +223,7 @@ class SwimVectorEnv(
             for member in np.flatnonzero(terminated | truncated).tolist():
                 final = {"final_obs": observations[member], "final_info": episodes.info(member)}
                 last = self._add_info(last, final, member)
-                self._start(member, self.task.plan_start())
+                self._restart(member)
             observations, _, _, _, infos = episodes.results()
             infos.update(last)
         self._show()
@@ -245,11 +233,10 @@ class SwimVectorEnv(
         """Close the window, if there is one."""
         self._close_viewer()
 
-    def _start(self, member: int, plan: StartPlan) -> None:
+    def _restart(self, member: int) -> None:
         random = self._randoms[member]
-        if random is None:
-            random = self._randoms[member] = seeding.np_random()[0]
-        self.episodes.start(member, random, plan)
+        assert random is not None
+        self.episodes.start(member, random, self.task.plan_start())
         self._forget_frames(member)
 
     def _masked_infos(self, mask: Booleans) -> dict[str, Any]:
@@ -274,12 +261,12 @@ class SwimVectorEnv(
                 f"option reset_mask must be an array of {self.num_envs} bools, at least one of "
                 f"them true, got {_described(mask)}"
             )
-        if not (self._is_reset or mask.all()):
+        if not (self.episodes.is_reset or mask.all()):
             raise OptionError("the first reset has to start all members, reset_mask leaves some")
         rest = {name: value for name, value in options.items() if name != "reset_mask"}
         return self.task.plan_start(rest), mask
 
-    def _generators(
+    def _seeded(
         self, seed: int | Sequence[int | None] | NDArray[np.int64] | None
     ) -> list[np.random.Generator | None]:
         """Return new generators where seeds are given, None where not."""
@@ -301,36 +288,7 @@ class SwimVectorEnv(
             checked_seed(one, f"seed of member {member}: ")
         return [None if one is None else seeding.np_random(one)[0] for one in seeds]
 
-    # ---- snapshots -----------------------------------------------------------------------------
-
-    def snapshot(self) -> EnvSnapshot:
-        """Return the complete state of all members.
-
-        Raises
-        ------
-        SwimError
-            Before the first reset.
-        """
-        return EnvSnapshot(self.episodes.snapshot(self._known_randoms()), True)
-
-    def restore(self, snapshot: EnvSnapshot) -> Observation:
-        """Go back to a snapshot; what follows is bit for bit what followed then.
-
-        Returns
-        -------
-        (M, n) array of float32
-            The observations at that moment.
-
-        Raises
-        ------
-        SwimError
-            If the snapshot belongs to another environment, or before the first reset.
-        """
-        self.episodes.restore(checked_snapshot(snapshot).episodes, self._known_randoms())
-        self._forget_frames()
-        return self.episodes.observations.copy()
-
-    def _known_randoms(self) -> list[np.random.Generator]:
+    def _generators(self) -> list[np.random.Generator]:
         randoms = [random for random in self._randoms if random is not None]
         if len(randoms) < self.num_envs:
             raise SwimError("snapshots need an episode: call reset first")

@@ -50,12 +50,6 @@ def write_folder(
         ) from None
 
 
-def page_of(folder: str | os.PathLike[str]) -> Path:
-    """Return the file of the page on a folder of results: beside it, with its name."""
-    place = Path(os.path.realpath(folder))
-    return place.with_name(f"{place.name}.md")
-
-
 def check_folder(folder: str | os.PathLike[str], names: Collection[str]) -> None:
     """Refuse a result folder that exists and holds anything but earlier results.
 

@@ -41,13 +41,15 @@ def markdown_table(
     return "\n".join(f"| {' | '.join(_aligned(line, widths))} |" for line in lines)
 
 
-def text_table(rows: Iterable[Iterable[object]]) -> str:
+def text_table(rows: Iterable[Iterable[object]], left: bool = False) -> str:
     """Return rows in columns for a terminal: the first to the left, the others to the right.
 
     Parameters
     ----------
     rows : iterable of iterables
         Cells, equally many in each row; shown as `str` does, None as an empty cell.
+    left : bool
+        Whether all columns are to the left.
 
     Returns
     -------
@@ -61,7 +63,7 @@ def text_table(rows: Iterable[Iterable[object]]) -> str:
     """
     lines = _cells(rows)
     widths = _widths(lines)
-    return "\n".join("  ".join(_aligned(line, widths)).rstrip() for line in lines)
+    return "\n".join("  ".join(_aligned(line, widths, left)).rstrip() for line in lines)
 
 
 def _cells(rows: Iterable[Iterable[object]]) -> list[list[str]]:
@@ -76,6 +78,8 @@ def _widths(lines: Sequence[Sequence[str]]) -> list[int]:
     return [max(map(len, column)) for column in zip(*lines, strict=True)]
 
 
-def _aligned(line: Sequence[str], widths: Sequence[int]) -> list[str]:
-    pairs = zip(line[1:], widths[1:], strict=True)
-    return [line[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in pairs)]
+def _aligned(line: Sequence[str], widths: Sequence[int], left: bool = False) -> list[str]:
+    pairs = enumerate(zip(line, widths, strict=True))
+    return [
+        cell.rjust(width) if i and not left else cell.ljust(width) for i, (cell, width) in pairs
+    ]

@@ -35,7 +35,7 @@ _ON_COURSE = ("body", "outline", "path", "centre", "heading", "target", "grid")
 class _KeptBlueprint(rrb.Blueprint):  # type: ignore[misc]  # rerun's types are not read
     """A blueprint whose chunks are made once, for all the recordings that hold it.
 
-    Rerun makes them anew for each, which takes 3 to 7 ms of a file's 17 to 30. It asks for them by
+    Rerun makes new ones for each, which takes 3 to 7 ms of a file's 17 to 30. It asks for them by
     the method that is replaced here; a rerun that asked by another would only be slower. Every file
     gets a blueprint store of its own, with the same views.
     """

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.analysis.energy import elastic_energy, elastic_moments, split_energy, summed
-from swim_env.errors import OptionError, SceneError
+from swim_env.errors import OptionError
 from swim_env.scene import Scene
-from swim_env.scene.checks import check_real
+from swim_env.scene.checks import checked_option, real
 from swim_env.sim.trajectory import Trajectory
 
 __all__ = ["Swimmer", "checked_rate", "frames_of"]
@@ -178,10 +178,7 @@ class Swimmer:
 
 def checked_rate(rate: object, name: str) -> float:
     """Return a number of frames in a second, or raise OptionError if it is not above 0."""
-    try:
-        return check_real(rate, name, above=0.0)
-    except SceneError as error:
-        raise OptionError(error.problem) from None
+    return checked_option(real(above=0.0), rate, name)
 
 
 def frames_of(trajectory: Trajectory, rate: float) -> Indices:

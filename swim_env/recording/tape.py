@@ -7,7 +7,7 @@ import os
 import sys
 import warnings
 import weakref
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -22,7 +22,6 @@ from swim_env.recording.swimmer import Swimmer, checked_rate
 from swim_env.recording.writer import WrittenRecording, recording_file, write_recording
 from swim_env.scene import Scene
 from swim_env.sim.recorder import Kept, Recorder
-from swim_env.sim.trajectory import Trajectory
 
 __all__ = ["Tape"]
 
@@ -39,7 +38,7 @@ class _ChosenRecorder(Recorder):
         super().__init__(scene, count)
         #: Members whose steps are kept.
         self.chosen = set(range(count)) if scene.recording is not None else set()
-        #: What was kept of a chosen member when it was started anew.
+        #: What was kept of a chosen member when it started again.
         self.over: dict[int, Kept | None] = {}
         #: How often each member's trajectory has begun: with every start, and with every snapshot
         #: that the environment went back to.
@@ -49,28 +48,15 @@ class _ChosenRecorder(Recorder):
         """Begin a member's trajectory, and put the one before aside."""
         self.begun[member] += 1
         if member in self.chosen and self._steps[member]:
-            self.over[member] = self._kept_of(member)
+            self.over[member] = self.kept(member)
         super().begin(member, steps, energy, state)
 
-    def snapshot(self) -> dict[str, Any]:
-        """Return what there is, to go back to."""
-        return {**super().snapshot(), "over": dict(self.over), "begun": list(self.begun)}
-
-    def restore(self, snapshot: Mapping[str, Any]) -> None:
-        """Go back to a snapshot of this recorder, as if nothing had begun since."""
-        super().restore(snapshot)
-        self.over, self.begun = dict(snapshot["over"]), list(snapshot["begun"])
-
     def wants(self, member: int) -> bool:
-        """Tell whether a member was chosen."""
+        """Return whether a member was chosen."""
         return member in self.chosen
 
-    def trajectory_before(self, member: int, reason: str) -> Trajectory:
-        """Return the trajectory of a chosen member that was started anew since."""
-        return self._trajectory(self.over[member], reason)
-
     def is_paid(self, member: int, rewards: int) -> bool:
-        """Tell whether there is a reward for every action whose steps were kept."""
+        """Return whether there is a reward for every action whose steps were kept."""
         return rewards * self._scene.steps_per_action >= self._steps[member]
 
 
@@ -173,25 +159,25 @@ class Tape:
         """Keep the reward of the member's last action."""
         self.pay(member, self._episodes.rewards.item(member))
 
-    def pay(self, member: int, reward: float, started_anew: bool = False) -> None:
-        """Keep the reward of an action, after which the member may have been started anew.
+    def pay(self, member: int, reward: float, restarted: bool = False) -> None:
+        """Keep the reward of an action, after which the member may have started again.
 
         Where a snapshot was restored since the last one, the trajectory begins there: the start
         and the rewards before it do not belong to it.
         """
-        begun = self._recorder.begun[member] - int(started_anew)
+        begun = self._recorder.begun[member] - int(restarted)
         if begun != self._begun[member]:
             self._begun[member] = begun
             self._rewards[member] = []
             self._velocities.pop(member, None)
-            if not started_anew:
+            if not restarted:
                 self._goals[member] = self._episodes.goals[member].copy()
         self._rewards[member].append(reward)
 
     def end(self, member: int, reason: str | None = None) -> None:
         """Write a member's episode if it is being recorded, and warn where that fails.
 
-        A reason is given where the member was started anew already.
+        A reason is given where the member has already started again.
         """
         try:
             self._write(member, reason)
@@ -205,7 +191,7 @@ class Tape:
         task = self._episodes.task
         if reason is not None and member in self._recorder.over:
             physical = reason if reason in PHYSICS_REASONS.values() else ""
-            trajectory = self._recorder.trajectory_before(member, physical)
+            trajectory = self._recorder.trajectory_of(self._recorder.over[member], physical)
         else:
             trajectory = self._episodes.recorded(member)
         name, file = self.running.pop(member)

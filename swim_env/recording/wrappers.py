@@ -223,13 +223,13 @@ class RecordVectorEpisodes(_Recorded, gymnasium.vector.VectorWrapper):
         tape = self._tape
         result = tape.play(self.env.step, actions)
         _, rewards, terminated, truncated, infos = result
-        anew = self._ended if self._mode is AutoresetMode.NEXT_STEP else set()
+        starting = self._ended if self._mode is AutoresetMode.NEXT_STEP else set()
         self._ended = set()
-        self._begin(sorted(anew))
+        self._begin(sorted(starting))
         for member in self._members:
             ended = bool(terminated[member] or truncated[member])
             same_step = ended and self._mode is AutoresetMode.SAME_STEP
-            if member in tape.running and member not in anew:
+            if member in tape.running and member not in starting:
                 tape.pay(member, float(rewards[member]), same_step)
             if same_step:
                 tape.end(member, str(infos["final_info"]["termination_reason"][member]))

@@ -67,9 +67,8 @@ def require_rerun() -> None:
 
 
 def has_flow(scene: Scene) -> bool:
-    """Tell whether there is a fluid in a scene, whose flow can be recorded."""
-    fluid = scene.fluid
-    return fluid is not None and fluid.model != "none" and bool(fluid.density)
+    """Return whether there is a fluid in a scene, whose flow can be recorded."""
+    return scene.has_fluid
 
 
 def write_recording(

@@ -10,59 +10,14 @@ Scenes and training configurations are made of such blocks. A field's check is i
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass, fields
 from types import NoneType
 from typing import Annotated, Any, ClassVar, TypeVar, get_args, get_origin, get_type_hints
 
 from swim_env.errors import SceneError
-from swim_env.scene.checks import (
-    check_fields,
-    check_integer,
-    check_name,
-    check_pair,
-    check_real,
-    check_text,
-)
+from swim_env.scene.checks import Check, check_fields
 
-#: Returns a value in its stored form; the second argument is the field's name for messages.
-Check = Callable[[object, str], Any]
 _Block = TypeVar("_Block", bound="Block")
-
-
-def real(
-    unit: str = "",
-    *,
-    above: float | None = None,
-    at_least: float | None = None,
-    at_most: float | None = None,
-) -> Check:
-    """Return a check for a finite number inside the bounds."""
-    return functools.partial(check_real, unit=unit, above=above, at_least=at_least, at_most=at_most)
-
-
-def integer(at_least: int, at_most: int) -> Check:
-    """Return a check for an integer inside the bounds."""
-    return functools.partial(check_integer, at_least=at_least, at_most=at_most)
-
-
-def one_of(names: Sequence[str]) -> Check:
-    """Return a check for one of some names."""
-    return functools.partial(check_name, allowed=names)
-
-
-def pair(unit: str = "") -> Check:
-    """Return a check for two numbers (x, y)."""
-    return functools.partial(check_pair, unit=unit)
-
-
-def block(cls: type[Block]) -> Check:
-    """Return a check for a block, or a mapping from which it is made."""
-    return functools.partial(build_block, cls)
-
-
-#: A check for text.
-text: Check = check_text
 
 
 @dataclass(frozen=True)
@@ -106,7 +61,7 @@ class Block:
 
 
 @functools.cache
-def _checks(cls: type[Block]) -> tuple[tuple[str, Check, bool], ...]:
+def _checks(cls: type[Block]) -> tuple[tuple[str, Check[Any], bool], ...]:
     """Return the name, the check and whether None is allowed of a block's annotated fields."""
     hints = get_type_hints(cls, include_extras=True)
     found = []
@@ -116,6 +71,11 @@ def _checks(cls: type[Block]) -> tuple[tuple[str, Check, bool], ...]:
             kind, check = get_args(hint)[:2]
             found.append((spec.name, check, NoneType in get_args(kind)))
     return tuple(found)
+
+
+def block(cls: type[_Block]) -> Check[_Block]:
+    """Return a check for a block, or a mapping from which it is made."""
+    return functools.partial(build_block, cls)
 
 
 def build_block(cls: type[_Block], value: object, field: str) -> _Block:

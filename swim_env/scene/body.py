@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import SceneError
-from swim_env.scene.block import Block, build_block, integer, real
-from swim_env.scene.checks import check_fields, check_real, check_reals, got, is_number, listed
+from swim_env.scene.block import Block, build_block
+from swim_env.scene.checks import check_fields, got, integer, is_number, listed, real, reals
 
 Floats = NDArray[np.float64]
 
@@ -122,11 +122,11 @@ def _check_stiffness(value: object, field: str) -> Stiffness:
             return build_block(LinearStiffness, given["linear"], f"{field}.linear")
         raise SceneError(f"{field} must have either pieces or linear, got {len(given)} of them")
     if listed(value) is not None:
-        return check_reals(value, field, "N m^2", at_least=0.0)
+        return reals("N m^2", at_least=0.0)(value, field)
     if value is None:
         return 0.0
     if is_number(value):
-        return check_real(value, field, "N m^2", at_least=0.0)
+        return real("N m^2", at_least=0.0)(value, field)
     raise SceneError(
         f"{field} must be a number in N m^2, a list of them, pieces or linear, got {got(value)}"
     )

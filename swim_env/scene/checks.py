@@ -1,7 +1,8 @@
-"""Checks of single values: each returns the value in its stored form or names the field.
+"""Checks of single values: each takes a value and the name of its field for messages.
 
-A bool is not a number, a number must be finite, and an integer field takes no float. Numpy
-scalars and arrays pass as the numbers and lists they hold.
+A check returns the value in its stored form or raises a `SceneError`. A bool is not a number, a
+number must be finite, and an integer field takes no float. Numpy scalars and arrays pass as the
+numbers and lists they hold.
 """
 
 from __future__ import annotations
@@ -9,14 +10,16 @@ from __future__ import annotations
 import difflib
 import math
 import numbers
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 
-from swim_env.errors import SceneError
+from swim_env.errors import OptionError, SceneError
 
+T = TypeVar("T")
 Pair = tuple[float, float]
+Check = Callable[[object, str], T]
 
 
 def got(value: object) -> str:
@@ -52,63 +55,66 @@ def is_number(value: object) -> bool:
     return isinstance(value, numbers.Real) and not isinstance(value, (bool, np.bool_))
 
 
-def _unit(unit: str) -> str:
-    return f" in {unit}" if unit else ""
-
-
-def check_real(
-    value: object,
-    field: str,
+def real(
     unit: str = "",
     *,
     above: float | None = None,
     at_least: float | None = None,
     at_most: float | None = None,
-) -> float:
-    """Return `value` as a float if it is a finite number inside the bounds."""
-    if not is_number(value):
-        raise SceneError(f"{field} must be a number{_unit(unit)}, got {got(value)}")
-    try:
-        number = float(value)  # type: ignore[arg-type]
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise SceneError(f"{field} must be a finite number{_unit(unit)}, got {got(value)}")
-    unit_after = f" {unit}" if unit else ""
-    if above is not None and not number > above:
-        raise SceneError(f"{field} must be above {above:g}{unit_after}, got {got(value)}")
-    if at_least is not None and not number >= at_least:
-        raise SceneError(f"{field} must be at least {at_least:g}{unit_after}, got {got(value)}")
-    if at_most is not None and not number <= at_most:
-        raise SceneError(f"{field} must be at most {at_most:g}{unit_after}, got {got(value)}")
-    return number
+) -> Check[float]:
+    """Return a check for a finite number inside the bounds."""
+    of, after = (f" in {unit}", f" {unit}") if unit else ("", "")
+
+    def check(value: object, field: str) -> float:
+        if not is_number(value):
+            raise SceneError(f"{field} must be a number{of}, got {got(value)}")
+        try:
+            number = float(value)  # type: ignore[arg-type]
+        except OverflowError:
+            number = math.inf
+        if not math.isfinite(number):
+            raise SceneError(f"{field} must be a finite number{of}, got {got(value)}")
+        if above is not None and not number > above:
+            raise SceneError(f"{field} must be above {above:g}{after}, got {got(value)}")
+        if at_least is not None and not number >= at_least:
+            raise SceneError(f"{field} must be at least {at_least:g}{after}, got {got(value)}")
+        if at_most is not None and not number <= at_most:
+            raise SceneError(f"{field} must be at most {at_most:g}{after}, got {got(value)}")
+        return number
+
+    return check
 
 
-def check_integer(value: object, field: str, at_least: int, at_most: int) -> int:
-    """Return `value` as an int if it is an integer within the bounds."""
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
-        raise SceneError(f"{field} must be an integer, got {got(value)}")
-    number = int(value)
-    if number < at_least:
-        raise SceneError(f"{field} must be at least {at_least}, got {got(value)}")
-    if number > at_most:
-        raise SceneError(f"{field} must be at most {at_most}, got {got(value)}")
-    return number
+def integer(at_least: int, at_most: int) -> Check[int]:
+    """Return a check for an integer inside the bounds."""
+
+    def check(value: object, field: str) -> int:
+        if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
+            raise SceneError(f"{field} must be an integer, got {got(value)}")
+        number = int(value)
+        if number < at_least:
+            raise SceneError(f"{field} must be at least {at_least}, got {got(value)}")
+        if number > at_most:
+            raise SceneError(f"{field} must be at most {at_most}, got {got(value)}")
+        return number
+
+    return check
 
 
-def check_name(value: object, field: str, allowed: Sequence[str]) -> str:
-    """Return `value` if it is one of the allowed names."""
-    if not isinstance(value, str):
-        raise SceneError(f"{field} must be one of {', '.join(allowed)}, got {got(value)}")
-    if value not in allowed:
-        raise SceneError(
-            f"{field} must be one of {', '.join(allowed)}, got {value!r}{nearest(value, allowed)}"
-        )
-    return value
+def one_of(names: Sequence[str]) -> Check[str]:
+    """Return a check for one of some names."""
+
+    def check(value: object, field: str) -> str:
+        if not isinstance(value, str) or value not in names:
+            shown = repr(value) + nearest(value, names) if isinstance(value, str) else got(value)
+            raise SceneError(f"{field} must be one of {', '.join(names)}, got {shown}")
+        return value
+
+    return check
 
 
-def check_text(value: object, field: str) -> str:
-    """Return `value` if it is text."""
+def text(value: object, field: str) -> str:
+    """Return a value if it is text."""
     if not isinstance(value, str):
         raise SceneError(f"{field} must be text, got {got(value)}")
     return value
@@ -121,25 +127,39 @@ def listed(value: object) -> list[Any] | None:
     return list(value) if isinstance(value, (list, tuple)) else None
 
 
-def check_reals(
-    value: object, field: str, unit: str, *, at_least: float | None = None
-) -> tuple[float, ...]:
-    """Return a list of numbers as a tuple of floats."""
-    items = listed(value)
-    if items is None:
-        raise SceneError(f"{field} must be a list of numbers{_unit(unit)}, got {got(value)}")
-    return tuple(
-        check_real(item, f"{field}[{i}]", unit, at_least=at_least) for i, item in enumerate(items)
-    )
+def reals(unit: str, *, at_least: float | None = None) -> Check[tuple[float, ...]]:
+    """Return a check for a list of numbers, which becomes a tuple."""
+    each = real(unit, at_least=at_least)
+
+    def check(value: object, field: str) -> tuple[float, ...]:
+        items = listed(value)
+        if items is None:
+            raise SceneError(f"{field} must be a list of numbers in {unit}, got {got(value)}")
+        return tuple(each(item, f"{field}[{i}]") for i, item in enumerate(items))
+
+    return check
 
 
-def check_pair(value: object, field: str, unit: str = "") -> Pair:
-    """Return a list of two numbers as a tuple."""
-    items = listed(value)
-    if items is None or len(items) != 2:
-        raise SceneError(f"{field} must be two numbers [x, y]{_unit(unit)}, got {got(value)}")
-    x, y = check_reals(items, field, unit)
-    return x, y
+def pair(unit: str = "") -> Check[Pair]:
+    """Return a check for two numbers (x, y)."""
+    each = real(unit)
+
+    def check(value: object, field: str) -> Pair:
+        items = listed(value)
+        if items is None or len(items) != 2:
+            of = f" in {unit}" if unit else ""
+            raise SceneError(f"{field} must be two numbers [x, y]{of}, got {got(value)}")
+        return each(items[0], f"{field}[0]"), each(items[1], f"{field}[1]")
+
+    return check
+
+
+def checked_option(check: Check[T], value: object, name: str) -> T:
+    """Return an argument of an environment in its stored form, or raise OptionError."""
+    try:
+        return check(value, name)
+    except SceneError as error:
+        raise OptionError(error.problem) from None
 
 
 def check_fields(mapping: object, field: str, allowed: Sequence[str]) -> dict[str, Any]:

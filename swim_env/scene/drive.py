@@ -9,8 +9,9 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swim_env.scene.block import Block, real
+from swim_env.scene.block import Block
 from swim_env.scene.body import Beam
+from swim_env.scene.checks import real
 
 Floats = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from swim_env.errors import SceneError
-from swim_env.scene.block import Block, pair, real
+from swim_env.scene.block import Block
 from swim_env.scene.body import Beam
-from swim_env.scene.checks import Pair
-from swim_env.scene.fluid import Fluid
+from swim_env.scene.checks import Pair, pair, real
+from swim_env.scene.fluid import FLUID_TABLE, NO_FLUID, Fluid
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,13 @@ class AxialAddedMass(Effect, path="axial_added_mass"):
     """Effect: the added mass of the elements' motion along themselves. It has no fields."""
 
     def check_scene(self, beam: Beam, fluid: Fluid | None) -> None:
-        """Refuse all fluids but those of panels."""
-        model = "none" if fluid is None else fluid.model
-        if model != "panels":
+        """Refuse all fluids but those whose end panels can have it."""
+        model = NO_FLUID if fluid is None else fluid.model
+        if not FLUID_TABLE[model].axial:
+            fitting = " or ".join(name for name, row in FLUID_TABLE.items() if row.axial)
             raise SceneError(
-                "axial_added_mass has no meaning without fluid.model panels, as it is that of the "
-                f"end panels; leave it out or change the model, got {model}"
+                f"axial_added_mass has no meaning without fluid.model {fitting}, as it is that of "
+                f"the end panels; leave it out or change the model, got {model}"
             )
 
 

@@ -3,23 +3,57 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from swim_env.errors import SceneError
-from swim_env.scene.block import Block, one_of, real
-from swim_env.scene.body import Beam
-from swim_env.scene.checks import check_integer, check_name, got
+from swim_env.scene.block import Block
+from swim_env.scene.body import MOST_ELEMENTS, Beam
+from swim_env.scene.checks import got, integer, one_of, real
 
-FLUID_MODEL_NAMES: tuple[str, ...] = (
-    "none",
-    "strip",
-    "frozen",
-    "expansion",
-    "panels",
-    "centreline",
-)
-"""Names that `Fluid.model` may have, from the crudest to the full one; the last one is there for
-comparison with the printed equations only."""
+
+class FluidModel(NamedTuple):
+    """What a scene has to know of a fluid model; all else is in `swim_env.physics.fluid`.
+
+    Attributes
+    ----------
+    panels : bool
+        Whether the body is cut into panels, if only once.
+    outline : bool
+        Whether the panels are those of its closed outline, which needs a thickness.
+    axial : bool
+        Whether the end panels can have an added mass of their own.
+    most_elements, why : int, str
+        Largest `Beam.elements`, and where it is a limit of the model, the reason.
+    field : str
+        The field of `Fluid` that no other model reads, if there is one.
+    """
+
+    panels: bool = False
+    outline: bool = False
+    axial: bool = False
+    most_elements: int = MOST_ELEMENTS
+    why: str = ""
+    field: str = ""
+
+
+NO_FLUID = "none"
+"""The name of no fluid at all."""
+
+FLUID_TABLE: dict[str, FluidModel] = {
+    NO_FLUID: FluidModel(),
+    "strip": FluidModel(field="added_mass_per_length"),
+    "frozen": FluidModel(panels=True, outline=True),
+    "expansion": FluidModel(
+        panels=True, outline=True, most_elements=27, why="its tensor grows with their fourth power"
+    ),
+    "panels": FluidModel(panels=True, outline=True, axial=True),
+    "centreline": FluidModel(panels=True, field="variant"),
+}
+"""The models by name, from the crudest to the full one; the last one is there for comparison with
+the printed equations only."""
+
+FLUID_MODEL_NAMES: tuple[str, ...] = tuple(FLUID_TABLE)
+"""Names that `Fluid.model` may have."""
 
 CENTRELINE_VARIANTS: tuple[str, ...] = (
     "consistent",
@@ -32,9 +66,6 @@ CENTRELINE_VARIANTS: tuple[str, ...] = (
 PROPORTIONAL = "proportional"
 """What `Fluid.cap_panels` may be instead of a number."""
 
-MOST_ELEMENTS_OF_EXPANSION = 27
-"""Largest `Beam.elements` with the fluid model ``expansion``, whose tensor grows as N^4."""
-
 MOST_PANELS = 1000
 """Largest `Fluid.panels_per_element` and `Fluid.cap_panels`."""
 
@@ -43,7 +74,7 @@ MOST_PANELS_IN_ALL = 5000
 
 
 def _check_panels(value: object, field: str) -> int:
-    panels = check_integer(value, field, at_least=2, at_most=MOST_PANELS)
+    panels = integer(2, MOST_PANELS)(value, field)
     if panels % 2:
         raise SceneError(
             f"{field} must be even, as it counts both sides of an element, got {panels}"
@@ -53,9 +84,9 @@ def _check_panels(value: object, field: str) -> int:
 
 def _check_caps(value: object, field: str) -> int | str:
     if isinstance(value, str):
-        return check_name(value, field, ("a whole number", PROPORTIONAL))
+        return one_of(("a whole number", PROPORTIONAL))(value, field)
     try:
-        return check_integer(value, field, at_least=1, at_most=MOST_PANELS)
+        return integer(1, MOST_PANELS)(value, field)
     except SceneError as error:
         raise SceneError(f"{error.problem}; or {PROPORTIONAL}") from None
 
@@ -99,21 +130,21 @@ class Fluid(Block, path="fluid"):
     def __post_init__(self) -> None:
         """Check every field, and that the model has a use for it."""
         super().__post_init__()
-        if self.model == "none" and self.density is not None:
+        if not self.present and self.density is not None:
             raise SceneError(
-                "fluid.density has no meaning with fluid.model none, which needs null, "
+                f"fluid.density has no meaning with fluid.model {NO_FLUID}, which needs null, "
                 f"got {got(self.density)}"
             )
-        if self.model != "none" and self.density is None:
+        if self.present and self.density is None:
             raise SceneError(
                 f"fluid.model {self.model} needs fluid.density, a number above 0 in kg/m^3, "
                 "got null"
             )
-        for name, model in (("variant", "centreline"), ("added_mass_per_length", "strip")):
-            value = getattr(self, name)
+        for model, row in FLUID_TABLE.items():
+            value = getattr(self, row.field) if row.field else None
             if value is not None and self.model != model:
                 raise SceneError(
-                    f"fluid.{name} has no meaning with fluid.model {self.model}, only with "
+                    f"fluid.{row.field} has no meaning with fluid.model {self.model}, only with "
                     f"{model}; it needs null, got {got(value)}"
                 )
 
@@ -125,14 +156,9 @@ class Fluid(Block, path="fluid"):
         return self.cap_panels
 
     @property
-    def has_outline(self) -> bool:
-        """Whether the body's closed outline is cut into panels, if only once."""
-        return self.model in ("frozen", "expansion", "panels")
-
-    @property
     def present(self) -> bool:
         """Whether there is any fluid, that is, the model is not ``none``."""
-        return self.model != "none"
+        return self.model != NO_FLUID
 
     def check_body(self, beam: Beam) -> None:
         """Refuse a body that the model cannot be computed for.
@@ -142,22 +168,21 @@ class Fluid(Block, path="fluid"):
         SceneError
             If it is too thin or too thick for an outline, or has too many panels or elements.
         """
-        if not self.present:
-            return
+        model = FLUID_TABLE[self.model]
         limit = 0.25 * beam.length
-        if self.has_outline and not 0.0 < beam.half_thickness < limit:
+        if model.outline and not 0.0 < beam.half_thickness < limit:
             raise SceneError(
                 f"beam.half_thickness must be above 0 and below a quarter of the length, "
                 f"{limit:.6g} m, for an outline of panels, got {beam.half_thickness!r}"
             )
         panels = beam.elements * self.panels_per_element + 2 * self.panels_per_end(beam)
-        if self.model != "strip" and panels > MOST_PANELS_IN_ALL:
+        if model.panels and panels > MOST_PANELS_IN_ALL:
             raise SceneError(
                 f"beam.elements times fluid.panels_per_element and the ends' panels must be "
                 f"at most {MOST_PANELS_IN_ALL} panels, got {panels}"
             )
-        if self.model == "expansion" and beam.elements > MOST_ELEMENTS_OF_EXPANSION:
+        if beam.elements > model.most_elements:
             raise SceneError(
-                f"fluid.model expansion takes at most {MOST_ELEMENTS_OF_EXPANSION} elements, as "
-                f"its tensor grows with their fourth power, got {beam.elements}; take panels"
+                f"fluid.model {self.model} takes at most {model.most_elements} elements, as "
+                f"{model.why}, got {beam.elements}; take panels"
             )

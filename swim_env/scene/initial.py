@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -11,34 +10,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import SceneError
-from swim_env.scene.block import Block, pair, real
+from swim_env.scene.block import Block
 from swim_env.scene.body import Beam
-from swim_env.scene.checks import Pair, check_pair, check_real, check_reals, listed
+from swim_env.scene.checks import Check, Pair, listed, pair, real, reals
 
 Floats = NDArray[np.float64]
 
 
-def _check_one_or_many(value: object, field: str, unit: str) -> float | tuple[float, ...]:
-    if listed(value) is None:
-        return check_real(value, field, unit)
-    return check_reals(value, field, unit)
+def _one_or_many(unit: str) -> Check[float | tuple[float, ...]]:
+    def check(value: object, field: str) -> float | tuple[float, ...]:
+        return real(unit)(value, field) if listed(value) is None else reals(unit)(value, field)
+
+    return check
 
 
 def _check_velocity(value: object, field: str) -> Pair | tuple[Pair, ...]:
-    items = listed(value)
+    check, items = pair("m/s"), listed(value)
     if items and all(listed(item) is not None for item in items):
-        return tuple(check_pair(item, f"{field}[{i}]", "m/s") for i, item in enumerate(items))
-    return check_pair(value, field, "m/s")
+        return tuple(check(item, f"{field}[{i}]") for i, item in enumerate(items))
+    return check(value, field)
 
 
 def _per_element(value: Sequence[Any], count: int, field: str, what: str) -> None:
     """Refuse a list that does not have one entry per joint or element."""
     if len(value) != count:
         raise SceneError(f"{field} must list one value per {what}, {count}, got {len(value)}")
-
-
-_angles = functools.partial(_check_one_or_many, unit="rad")
-_rates = functools.partial(_check_one_or_many, unit="rad/s")
 
 
 @dataclass(frozen=True)
@@ -64,10 +60,10 @@ class Initial(Block, path="initial"):
 
     position: Annotated[Pair, pair("m")] = (0.0, 0.0)
     heading: Annotated[float, real("rad")] = 0.0
-    joint_angles: Annotated[float | tuple[float, ...], _angles] = 0.0
+    joint_angles: Annotated[float | tuple[float, ...], _one_or_many("rad")] = 0.0
     velocity: Annotated[Pair | tuple[Pair, ...], _check_velocity] = (0.0, 0.0)
     velocity_slope: Annotated[float, real("1/s")] = 0.0
-    turning_rate: Annotated[float | tuple[float, ...] | None, _rates] = None
+    turning_rate: Annotated[float | tuple[float, ...] | None, _one_or_many("rad/s")] = None
 
     def check_sizes(self, beam: Beam) -> None:
         """Refuse lists that do not fit the beam's number of elements."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from swim_env.errors import SceneError
-from swim_env.scene.block import Block, one_of, real
-from swim_env.scene.checks import Pair, check_pair
+from swim_env.scene.block import Block
+from swim_env.scene.checks import Pair, one_of, pair, real
 
 SCHEME_NAMES: tuple[str, ...] = ("paper", "composed")
 """Names that `Integrator.scheme` may have: of first order, and of second."""
@@ -60,7 +60,7 @@ class Integrator(Block, path="integrator"):
 
 
 def _check_direction(value: object, field: str) -> Pair:
-    heading = check_pair(value, field)
+    heading = pair()(value, field)
     norm = math.hypot(*heading)
     if not abs(norm - 1.0) <= 1e-6:
         raise SceneError(

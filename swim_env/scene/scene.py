@@ -8,12 +8,12 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, ClassVar
 
 from swim_env.errors import SceneError
 from swim_env.scene.block import Block, build_block, plain
 from swim_env.scene.body import Beam
-from swim_env.scene.checks import check_fields, check_text, nearest
+from swim_env.scene.checks import check_fields, nearest, text
 from swim_env.scene.drive import Actuation
 from swim_env.scene.effects import (
     EFFECT_BLOCKS,
@@ -25,7 +25,7 @@ from swim_env.scene.effects import (
     SelfContact,
     Stream,
 )
-from swim_env.scene.fluid import Fluid
+from swim_env.scene.fluid import NO_FLUID, Fluid
 from swim_env.scene.initial import Initial
 from swim_env.scene.library import find_scene_file, read_scene_file
 from swim_env.scene.run import Episode, Integrator
@@ -95,20 +95,23 @@ class Scene:
     integrator: Integrator = Integrator()
     episode: Episode = Episode()
 
+    #: What `for_accuracy` calls. It plays scenes, so it is in a higher room, which puts it here.
+    _choose: ClassVar[Callable[[Scene, float, bool, float | None], Scene]]
+
     def __post_init__(self) -> None:
         """Check what the blocks cannot check alone."""
-        if not check_text(self.name, "name").strip() or "\n" in self.name:
+        if not text(self.name, "name").strip() or "\n" in self.name:
             raise SceneError(f"name must be text on one line, got {self.name!r}")
-        check_text(self.description, "description")
+        text(self.description, "description")
         for block, cls in _BLOCKS.items():
             value = getattr(self, block)
             if not isinstance(value, cls) and not (value is None and block in _OPTIONAL):
                 raise SceneError(
                     f"{block} must be of type {cls.__name__}, got {type(value).__name__}"
                 )
-        if self.fluid is not None and self.fluid.present:
+        if self.fluid is not None:
             self.fluid.check_body(self.beam)
-        elif self.beam.rotary_inertia == 0.0:
+        if not self.has_fluid and self.beam.rotary_inertia == 0.0:
             raise SceneError(
                 "beam.rotary_inertia must be above 0 kg m without a fluid, as the mass matrix is "
                 "singular otherwise, got 0.0"
@@ -117,10 +120,14 @@ class Scene:
             effect = getattr(self, name)
             if effect is not None:
                 effect.check_scene(self.beam, self.fluid)
-        self.initial.check_sizes(self.beam)
         self.initial.check_inextensible(self.beam)
 
     # ---- views ---------------------------------------------------------------------------------
+
+    @property
+    def has_fluid(self) -> bool:
+        """Whether there is any fluid around the body."""
+        return self.fluid is not None and self.fluid.present
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -298,7 +305,7 @@ class Scene:
                 data.pop(block, None)
             else:
                 data[block] = new
-        if changes.get("fluid.model") == "none" and "fluid.density" not in changes:
+        if changes.get("fluid.model") == NO_FLUID and "fluid.density" not in changes:
             data["fluid"].pop("density", None)
         return Scene.from_dict(data)
 
@@ -329,18 +336,7 @@ class Scene:
         SwimError
             If no settings are known to be good enough, or the scene has no converged reference.
         """
-        if _choose_settings is None:
-            raise RuntimeError("nothing chooses settings: swim_env.accuracy was not registered")
-        return _choose_settings(self, tolerance, keep_elements, duration)
-
-
-_choose_settings: Callable[[Scene, float, bool, float | None], Scene] | None = None
-
-
-def register_choice(choose: Callable[[Scene, float, bool, float | None], Scene]) -> None:
-    """Set the function behind `Scene.for_accuracy`: it plays scenes, so it is in a higher room."""
-    global _choose_settings
-    _choose_settings = choose
+        return self._choose(tolerance, keep_elements, duration)
 
 
 def _known_path(path: object) -> str:

@@ -95,31 +95,27 @@ class Bodies:
         return self.states[:, self._steps_column]
 
     def start(self, member: int, coordinates: Array, velocity: Array) -> None:
-        """Put a member at a start, or leave it as it is where that cannot be simulated.
+        """Put a member at a start; if that cannot be simulated, it stays as it is."""
+        self.put(member, self.prepared(member, coordinates, velocity), velocity)
 
-        Parameters
-        ----------
-        member : int
-            Which one.
-        coordinates : (N + 2,) array
-            Mean centre (m), angle of element 1 and joint angles (rad).
-        velocity : (N + 2,) array
-            Velocity of the mean centre (m/s) and turning rate of every element (rad/s).
+    def prepared(self, member: int, coordinates: Array, velocity: Array) -> Array:
+        """Return the state vector (S,) of a start as of `minimal_start`, for `put`.
 
-        Raises
-        ------
-        SimulationEndedError
-            If the pose cannot be simulated.
+        Nothing changes but the member's work space. A SimulationEndedError says that the pose
+        cannot be simulated.
         """
-        state = np.zeros(self.states.shape[1])
+        state: Array = np.zeros(self.states.shape[1])
         state[: self.unknowns] = coordinates
         given = self.member(member)
         _, status = energy_and_velocity(state, np.empty(self.unknowns), *given)
         if not status and not np.isfinite(momentum_of_velocity(state, velocity, *given)):
             status = STATE_NOT_FINITE
         if status:
-            reason = TERMINATION_REASONS[status]
-            raise SimulationEndedError(reason, 0.0, describe(reason))
+            raise ended(TERMINATION_REASONS[status], 0.0)
+        return state
+
+    def put(self, member: int, state: Array, velocity: Array) -> None:
+        """Put a member at a start that was `prepared`."""
         self.states[member] = state
         self.velocities[member] = velocity
         self.outcome[member] = 0
@@ -132,14 +128,17 @@ class Bodies:
             state = self.states[member, : 2 * self.unknowns]
             self.recorder.begin(member, steps, self.energy_and_velocity(member)[0], state)
 
-    def energy_and_velocity(self, member: int) -> tuple[float, Array, int]:
-        """Return a member's energy (J), its velocity M^-1 p (N + 2,), and a code that is 0.
+    def energy_and_velocity(self, member: int, time: float = 0.0) -> tuple[float, Array]:
+        """Return a member's energy (J) and its velocity M^-1 p (N + 2,).
 
-        Every state that is handed out has been prepared before, so this does not fail.
+        Every state that is handed out has been prepared before, so this does not fail; of any other
+        state it may raise a SimulationEndedError, which names a time (s).
         """
         velocity = np.zeros(self.unknowns)
         energy, status = energy_and_velocity(self.states[member], velocity, *self.member(member))
-        return energy, velocity, status
+        if status:
+            raise ended(TERMINATION_REASONS[status], time)
+        return energy, velocity
 
     def member(self, index: int) -> tuple[NDArray[np.void], Array, Array, Indices]:
         """Return what kernels take of one member: the scene's constants and its work space."""
@@ -166,20 +165,10 @@ class Bodies:
     ) -> None:
         """Advance members by all their rows of torques, in up to that many threads.
 
-        Parameters
-        ----------
-        torques : (M, R, N - 1) array
-            Joint torques (N m), not checked here.
-        hold : int
-            Steps over which each row is held.
-        record : (M, R hold, 12) array
-            Overwritten for these members; see `swim_env.physics.solve.advance.advance`.
-        members : (K,) array of int, optional
-            Which ones; all of them unless given.
-        threads : int
-            Largest number of threads to use; 1 starts none.
-        trace : (M, R hold, trace_columns) array, optional
-            Overwritten with coordinates and momenta after each step, and internal forces.
+        Torques (M, R, N - 1) (N m), not checked here, are held over so many steps each. The record
+        (M, R hold, 12) of these members, all unless given, is overwritten, and so is a trace
+        (M, R hold, trace_columns), if there is one, with coordinates and momenta after each step
+        and internal forces; see `swim_env.physics.solve.advance.advance`. One thread starts none.
         """
         traced = self._no_trace if trace is None else trace
         if self.recorder is not None and trace is None:
@@ -206,6 +195,11 @@ class Bodies:
             self.recorder.add(chosen, self.outcome[:, 0], traced, torques, hold, record)
 
 
+def ended(reason: str, time: float) -> SimulationEndedError:
+    """Return the error of a simulation that ended for a reason at a time (s)."""
+    return SimulationEndedError(reason, time, describe(reason))
+
+
 def aligned_zeros(rows: int, columns: int) -> Array:
     """Return zeros (rows, columns) that begin at a cache line: loads across two take twice as long.
 
@@ -218,23 +212,14 @@ def aligned_zeros(rows: int, columns: int) -> Array:
 
 
 def minimal_start(scene: Scene, initial: Initial) -> tuple[Array, Array]:
-    """Return the minimal coordinates and velocities of an initial state.
+    """Return the minimal coordinates and velocity of an initial state, (N + 2,) each.
 
-    Returns
-    -------
-    coordinates : (N + 2,) array
-        Mean centre (m), angle of element 1 and joint angles (rad).
-    velocity : (N + 2,) array
-        Velocity of the mean centre (m/s) and turning rate of every element (rad/s).
-
-    Raises
-    ------
-    SceneError
-        If the initial state does not fit the beam or breaks inextensibility.
+    They are the mean centre (m), the angle of element 1 and the joint angles (rad); the velocity of
+    the mean centre (m/s) and the turning rate of every element (rad/s). A SceneError says that the
+    initial state does not fit the beam or breaks inextensibility.
     """
     beam = scene.beam
     if initial is not scene.initial:
-        initial.check_sizes(beam)
         initial.check_inextensible(beam)
     centre, angles = initial.pose(beam)
     moving, turning = initial.velocities(beam)

@@ -11,6 +11,7 @@ from swim_env.physics.fluid.strip import plate_added_mass
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.solve.constants import SolverConstants
 from swim_env.scene import Fluid, Scene
+from swim_env.scene.fluid import NO_FLUID
 
 #: Time that an outer step may take before it ends unsolved (s), by rough figures of the costs: a
 #: core that is shared takes twice as long, and has to be done within a second.
@@ -23,7 +24,7 @@ def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, Solver
     dl = beam.element_length
     stiffness = beam.stiffness_at_joints() / dl
     retardation = scene.damping.retardation_time if scene.damping else 0.0
-    fluid = scene.fluid or Fluid(model="none")
+    fluid = scene.fluid or Fluid(model=NO_FLUID)
     model = MODELS[fluid.model]
     geometry = FluidGeometry(
         beam.elements,

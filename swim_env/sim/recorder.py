@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -43,19 +40,9 @@ def trajectory_of(
 ) -> Trajectory:
     """Make a trajectory of T steps from what `Bodies.advance` has written.
 
-    Parameters
-    ----------
-    reason : str
-        Why it ended early, empty if it did not.
-    first, energy : int, float
-        Steps taken before the first instant, and H at it (J).
-    trace : (T + 1, C) array
-        Coordinates and momenta at the first instant and after each step, and internal forces of
-        each step if the scene has them.
-    torques : (T, N - 1) array
-        Torques of each step (N m).
-    record : (T, 12) array
-        Columns RECORD_NAMES.
+    The reason for an early end is empty if there was none; `first` steps were taken before the
+    first instant, at which H is the energy (J). The trace is (T + 1, C) with a row for the first
+    instant, torques (T, N - 1) (N m) and record (T, 12) are those of each step.
     """
     elements = scene.beam.elements
     n = elements + 2
@@ -90,13 +77,6 @@ class Recorder:
 
     A member has a table with a row for its start and for every step, which doubles when it is full.
     Rows are never overwritten, so arrays that were taken out of a table stay valid.
-
-    Parameters
-    ----------
-    scene : Scene
-        Their scene.
-    count : int
-        Their number M.
     """
 
     def __init__(self, scene: Scene, count: int) -> None:
@@ -126,20 +106,10 @@ class Recorder:
         count = len(self._kept)
         self._kept, self._steps = [None] * count, [0] * count
 
-    def snapshot(self) -> dict[str, Any]:
-        """Return what is recorded, for `restore`."""
-        return {"kept": [self._kept_of(member) for member in range(len(self._kept))]}
-
-    def _kept_of(self, member: int) -> Kept | None:
+    def kept(self, member: int) -> Kept | None:
+        """Return what is recorded of a member, None before its first start."""
         kept = self._kept[member]
         return None if kept is None else (*kept[:2], kept[2][: self._steps[member] + 1])
-
-    def restore(self, snapshot: Mapping[str, Any]) -> None:
-        """Go back to a snapshot of this recorder."""
-        kept: Sequence[Kept | None] = snapshot["kept"]
-        # Arrays that the snapshot shares must not be written to when steps are added.
-        self._kept = [None if one is None else (*one[:2], one[2].copy()) for one in kept]
-        self._steps = [0 if one is None else len(one[2]) - 1 for one in kept]
 
     def room(self, steps: int) -> Array:
         """Return an array for a trace of T steps, (M, T, C); the same one while T is the same."""
@@ -156,63 +126,37 @@ class Recorder:
         hold: int,
         record: Array,
     ) -> None:
-        """Add the steps that members have taken, as `Bodies.advance` has written them.
-
-        Parameters
-        ----------
-        members : (K,) array of int
-            Their indices.
-        taken : (M,) array of int
-            Steps that every member has taken in the last call of `advance`.
-        trace : (M, T, C) array
-            Coordinates and momenta after each step, and internal forces if any.
-        torques : (M, R, N - 1) array
-            Torques (N m).
-        hold : int
-            Number of steps over which each row of torques is held.
-        record : (M, T, 12) array
-            Columns RECORD_NAMES.
-        """
-        for member in members.tolist():
-            if self.wants(member):
-                self._add(member, int(taken[member]), trace, torques, hold, record)
+        """Add the steps that members have taken, with what `Bodies.advance` was given and wrote."""
+        traced, driven, recorded = self._parts
+        for member, steps in zip(members.tolist(), taken[members].tolist(), strict=True):
+            kept = self._kept[member]
+            # Without a start, this recorder was attached in the middle of the member's run.
+            if kept is None or not self.wants(member):
+                continue
+            rows = kept[2]
+            begin = self._steps[member] + 1
+            end = begin + steps
+            if end > len(rows):
+                longer = np.empty((max(end, 2 * len(rows), _FIRST_ROWS), rows.shape[1]))
+                longer[:begin] = rows[:begin]
+                rows = longer
+                self._kept[member] = (*kept[:2], rows)
+            held = torques[member]
+            rows[begin:end, traced] = trace[member, :steps]
+            rows[begin:end, driven] = held if len(held) == 1 else held[np.arange(steps) // hold]
+            rows[begin:end, recorded] = record[member, :steps]
+            self._steps[member] = end - 1
 
     def wants(self, member: int) -> bool:
         """Return whether a member's steps are recorded: those of all members here."""
         return True
 
-    def _add(
-        self, member: int, taken: int, trace: Array, torques: Array, hold: int, record: Array
-    ) -> None:
-        kept = self._kept[member]
-        if kept is None:  # this recorder was attached in the middle of the member's run
-            return
-        rows = kept[2]
-        begin = self._steps[member] + 1
-        end = begin + taken
-        if end > len(rows):
-            longer = np.empty((max(end, 2 * len(rows), _FIRST_ROWS), rows.shape[1]))
-            longer[:begin] = rows[:begin]
-            rows = longer
-            self._kept[member] = (*kept[:2], rows)
-        traced, driven, recorded = self._parts
-        rows[begin:end, traced] = trace[member, :taken]
-        held = torques[member]
-        rows[begin:end, driven] = held if len(held) == 1 else held[np.arange(taken) // hold]
-        rows[begin:end, recorded] = record[member, :taken]
-        self._steps[member] = end - 1
-
     def trajectory(self, member: int, reason: str) -> Trajectory:
-        """Return a member's trajectory since its start, with the reason for its end, if any.
+        """Return a member's trajectory since its start (OptionError if there was none)."""
+        return self.trajectory_of(self.kept(member), reason)
 
-        Raises
-        ------
-        OptionError
-            If it was never started.
-        """
-        return self._trajectory(self._kept_of(member), reason)
-
-    def _trajectory(self, kept: Kept | None, reason: str) -> Trajectory:
+    def trajectory_of(self, kept: Kept | None, reason: str) -> Trajectory:
+        """Return the trajectory of what was kept of a member, with the reason for its end."""
         if kept is None:
             raise OptionError("nothing was recorded yet: call reset first")
         steps, energy, rows = kept
@@ -222,13 +166,7 @@ class Recorder:
 
 
 def needs_recording(recorder: Recorder | None) -> Recorder:
-    """Return the recorder of a scene with the effect ``recording``.
-
-    Raises
-    ------
-    OptionError
-        If there is none.
-    """
+    """Return the recorder of a scene with the effect ``recording``, OptionError without one."""
     if recorder is None:
         raise OptionError(
             "nothing was recorded: the scene needs the block recording "

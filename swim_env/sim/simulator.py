@@ -9,15 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swim_env.errors import SimulationEndedError, SwimError, TorqueError
+from swim_env.errors import SwimError, TorqueError
 from swim_env.physics.fluid.outline import LENGTH
 from swim_env.physics.fluid.sources import normal_influence
 from swim_env.physics.invariants import momentum_map
 from swim_env.physics.planar.chain import centres
 from swim_env.physics.solve.state import RECORD_NAMES, energy_drift_of
-from swim_env.physics.status import TERMINATION_REASONS, describe
+from swim_env.physics.status import TERMINATION_REASONS
 from swim_env.scene import Initial, Scene, load_scene
-from swim_env.sim.batch import Bodies, minimal_start
+from swim_env.sim.batch import Bodies, ended, minimal_start
 from swim_env.sim.recorder import needs_recording, trajectory_of
 from swim_env.sim.trajectory import Trajectory
 
@@ -148,7 +148,7 @@ class Simulator:
 
         This does not fail: no state is reached at which it cannot be computed.
         """
-        return self._energy_and_velocity()[0]
+        return self._bodies.energy_and_velocity(0)[0]
 
     def velocity(self) -> Array:
         """Return M(q_n)^-1 p_n, (N + 2,).
@@ -158,7 +158,7 @@ class Simulator:
         (N + 2,) array
             Velocity of the mean centre (m/s) and turning rate of every element (rad/s).
         """
-        return self._energy_and_velocity()[1]
+        return self._bodies.energy_and_velocity(0)[1]
 
     def energy_drift(self) -> float:
         """Return the largest unexplained energy of all steps since the start.
@@ -183,7 +183,7 @@ class Simulator:
             and as it bends. Where G can be eliminated only by exchanging rows, as for very thin
             bodies, a run ends beyond 1e10 with ``influence_singular``.
         """
-        self._energy_and_velocity()
+        self._bodies.energy_and_velocity(0)
         work = self._bodies.views(0).fluid_work
         if not work.inverse.size:
             return 0.0
@@ -192,15 +192,6 @@ class Simulator:
         normal_influence(work.outline.panels, count, work.layers, normal)
         inverse = work.inverse[:count, :count]
         return float(np.linalg.norm(normal[:count, :count], 1) * np.linalg.norm(inverse, 1))
-
-    def _energy_and_velocity(self) -> tuple[float, Array]:
-        energy, velocity, status = self._bodies.energy_and_velocity(0)
-        if status:
-            raise self._ended(TERMINATION_REASONS[status])
-        return energy, velocity
-
-    def _ended(self, reason: str) -> SimulationEndedError:
-        return SimulationEndedError(reason, self.time, describe(reason))
 
     # ---- running -------------------------------------------------------------------------------
 
@@ -273,7 +264,7 @@ class Simulator:
         status = int(self._bodies.outcome[0, 1])
         if status:
             self._reason = TERMINATION_REASONS[status]
-            raise self._ended(self._reason)
+            raise ended(self._reason, self.time)
 
     def rollout(
         self, torques: ArrayLike, progress: Callable[[int], object] | None = None
@@ -338,7 +329,7 @@ class Simulator:
 
     def _refuse_after_end(self) -> None:
         if self._reason:
-            raise self._ended(self._reason)
+            raise ended(self._reason, self.time)
 
     def _checked(self, torques: ArrayLike, dimensions: int) -> Array:
         """Return torques as a contiguous (T, N - 1) array of finite numbers."""

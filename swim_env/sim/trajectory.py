@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import zipfile
 from dataclasses import dataclass, fields
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -211,21 +211,16 @@ class Trajectory:
         TrajectoryError
             If the file cannot be written.
         """
-        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        content = {
+            "format_version": FORMAT_VERSION,
+            "scene": self.scene.to_yaml(),
+            "termination_reason": self.termination_reason,
+            **{name: getattr(self, name) for name in _ARRAYS},
+        }
         if self.internal_forces is not None:
-            arrays["internal_forces"] = self.internal_forces
-
-        def write(file: IO[bytes]) -> None:
-            np.savez_compressed(
-                file,
-                format_version=np.array(FORMAT_VERSION),
-                scene=np.array(self.scene.to_yaml()),
-                termination_reason=np.array(self.termination_reason),
-                **arrays,
-            )
-
+            content["internal_forces"] = self.internal_forces
         try:
-            write_atomically(path, write)
+            write_atomically(path, lambda file: np.savez_compressed(file, **content))
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             raise TrajectoryError(

@@ -9,8 +9,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from studies.kirchhoff import growth_rate, rigid_mass
 from swim_env import Simulator, Trajectory, load_scene
-from swim_env.analysis.kirchhoff import growth_rate, mass_matrix, rigid_mass
+from swim_env.analysis.modes import mass_matrix
 
 Array = NDArray[np.float64]
 

@@ -236,7 +236,7 @@ def test_a_members_snapshot_continues_in_a_single_environment() -> None:
         venv.step(now)
     [snapshot] = venv.env_method("snapshot", indices=1)
     assert len(venv.env_method("snapshot")) == 3
-    assert len(venv.get_attr("snapshot")[2]().episodes.randoms) == 1
+    assert len(venv.get_attr("snapshot")[2]().randoms) == 1
     single = DummyVecEnv([lambda: SwimEnv(overrides=SMALL)])
     single.reset()
     single.envs[0].restore(snapshot)

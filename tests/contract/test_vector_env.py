@@ -359,15 +359,15 @@ def test_a_start_that_only_some_members_can_take_changes_nothing(
     for each in (envs, twin):
         each.reset(seed=0)
         each.step(np.ones((4, 2)))
-    start = envs.episodes.bodies.start
+    prepared = envs.episodes.bodies.prepared
 
-    def refuse_member_2(member: int, *state: Any) -> None:
+    def refuse_member_2(member: int, *state: Any) -> Any:
         if member == 2:
             raise SimulationEndedError("outline_degenerate", 0.0, "as if it were folded")
-        start(member, *state)
+        return prepared(member, *state)
 
     with monkeypatch.context() as patch:
-        patch.setattr(envs.episodes.bodies, "start", refuse_member_2)
+        patch.setattr(envs.episodes.bodies, "prepared", refuse_member_2)
         with refuses(SimulationEndedError, leaving=envs):
             envs.reset(seed=seed, options=options)
     assert_same(envs.step(np.ones((4, 2))), twin.step(np.ones((4, 2))))

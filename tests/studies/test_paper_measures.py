@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from studies.kirchhoff import RigidMass, growth_rate, rigid_mass
 from studies.paper.constants import (
     RESOLVED,
     internal_figures,
@@ -31,8 +32,7 @@ from studies.paper.onset import (
 from studies.paper.runs import first_crossing, played, run_figures
 from studies.paper.variants import of_variant, with_halved_turning
 from swim_env import load_scene
-from swim_env.analysis.kirchhoff import RigidMass, growth_rate, mass_matrix, rigid_mass
-from swim_env.analysis.modes import natural_frequencies
+from swim_env.analysis.modes import mass_matrix, natural_frequencies
 from swim_env.sim.simulator import Simulator
 
 

@@ -176,6 +176,7 @@ def test_tables_in_markdown_and_for_a_terminal():
     assert markdown_table(["n", "", "c"], ROWS, padded=True) == (
         "| n    |     |   c |\n| ---- | --: | --: |\n| one  |   1 |     |\n| a\\|b |  22 |   x |"
     )
+    assert text_table(ROWS, left=True) == "one  1\na|b  22  x"
     assert text_table([["n", "m", "c"], *ROWS]) == "n     m  c\none   1\na|b  22  x"
     with pytest.raises(ValueError, match="a row of 1 cells in a table of 2"):
         markdown_table(["a", "b"], [["c"]])

@@ -144,12 +144,6 @@ def print_result(result: Any, as_json: bool, text: Callable[[], str]) -> None:
     print(json.dumps(result, allow_nan=False) if as_json else text())
 
 
-def aligned(rows: Sequence[tuple[str, str]]) -> str:
-    """Return lines of names and values, the values one below the other."""
-    width = max(len(name) for name, _ in rows)
-    return "\n".join(f"{name:<{width}}  {value}" for name, value in rows)
-
-
 @contextlib.contextmanager
 def progress_bar(
     total: int, unit: str, label: str, **options: Any
@@ -206,7 +200,7 @@ def run(main: Callable[[list[str] | None], int], arguments: list[str] | None = N
 
 
 def _machine_failed(error: BaseException) -> bool:
-    """Tell whether an error comes from a full or broken disk."""
+    """Return whether an error comes from a full or broken disk."""
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, OSError) and cause.errno in _FAILURES:

@@ -12,6 +12,7 @@ from swim_agents.policies import policy_names
 from swim_env.envs.assessment import load_assessment
 from swim_env.errors import SwimError
 from swim_env.files.folders import check_folder
+from swim_env.files.tables import text_table
 from swim_env.physics.loading import load_kernels
 from swim_env.plots import require_matplotlib
 from swim_env.plots.results import RESULT_FILES, write_results
@@ -116,4 +117,6 @@ def _table(summary: dict[str, Any]) -> str:
         rows.append(("recording", f"{recording['file']}, {recording['bytes'] / 1e6:.2f} MB"))
     if summary["halved_steps"]:
         rows.append(("steps cut", f"{summary['halved_steps']}, into up to {summary['most_parts']}"))
-    return "\n".join([cli.aligned(rows), *(f"warning: {text}" for text in summary["warnings"])])
+    return "\n".join(
+        [text_table(rows, left=True), *(f"warning: {text}" for text in summary["warnings"])]
+    )

@@ -12,6 +12,7 @@ from swim_agents.commands import command_line as cli
 from swim_agents.learning.config import TrainingConfig, config_names, load_config
 from swim_env.envs.assessment import load_assessment
 from swim_env.errors import SwimError
+from swim_env.files.tables import text_table
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -109,10 +110,14 @@ def _train_all(
 def _table(runs: list[dict[str, Any]], task: str) -> str:
     score = "success_rate" if task == "target" else "net_displacement_median"
     unit = "of the targets" if task == "target" else "BL"
-    lines = [f"{'seed':>6} {'steps':>12} {'seconds':>9} {'last':>9} {'best':>9}  ({unit})"]
-    for one in runs:
-        lines.append(
-            f"{one['seed']:>6} {one['steps']:>12,} {one['seconds']:>9.0f} "
-            f"{one['last'][score]:>9.3f} {one['best'][score]:>9.3f}"
+    heads = ("seed", "steps", "seconds", f"last ({unit})", f"best ({unit})")
+    rows = [
+        (
+            one["seed"],
+            f"{one['steps']:,}",
+            f"{one['seconds']:.0f}",
+            *(f"{one[when][score]:.3f}" for when in ("last", "best")),
         )
-    return "\n".join(lines)
+        for one in runs
+    ]
+    return text_table([heads, *rows])

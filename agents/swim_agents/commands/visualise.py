@@ -15,6 +15,7 @@ from swim_env.analysis.energy import velocity_of_start
 from swim_env.envs.assessment import load_assessment
 from swim_env.envs.task import check_task
 from swim_env.errors import SwimError
+from swim_env.files.tables import text_table
 from swim_env.recording import FLOW_RATE, FRAME_RATE, Swimmer, WrittenRecording
 from swim_env.scene import Scene
 from swim_env.sim.replay import steps_of
@@ -186,7 +187,7 @@ def _play(options: argparse.Namespace, scene: Scene, policies: list[str]) -> lis
 
 
 def _table(written: WrittenRecording) -> str:
-    return cli.aligned(
+    return text_table(
         [
             ("recording", written.file),
             ("size", f"{written.size / 1e6:.2f} MB"),
@@ -194,5 +195,6 @@ def _table(written: WrittenRecording) -> str:
             ("logging", f"{written.logging_seconds:.2f} s"),
             ("fluid", f"{written.flow_seconds:.2f} s"),
             ("schema", str(written.schema)),
-        ]
+        ],
+        left=True,
     )

@@ -21,8 +21,8 @@ from swim_env.envs.task import TASKS, Task
 from swim_env.errors import SceneError, SettingsError, SwimError
 from swim_env.files.atomic import write_atomically
 from swim_env.scene import Scene, load_scene
-from swim_env.scene.block import Block, Check, block, integer, one_of, plain, real, text
-from swim_env.scene.checks import check_fields, check_real, check_text, got, nearest
+from swim_env.scene.block import Block, block, plain
+from swim_env.scene.checks import Check, check_fields, got, integer, nearest, one_of, real, text
 from swim_env.scene.yaml import dump_yaml, parse_overrides, parse_yaml, read_text
 
 _FORWARD_OPTIONS = ("effort_weight", "heading_weight")
@@ -49,13 +49,13 @@ def _located(source: str | None = None, prefix: str = "") -> Iterator[None]:
 
 
 def _name(value: object, field: str) -> str:
-    name = check_text(value, field)
+    name = text(value, field)
     if name in ("", ".", "..") or not name.isprintable() or set(name) & set("/\\"):
         raise ConfigError(f"name must be a short text without slashes, got {name!r}")
     return name
 
 
-def _is_a(kind: type, what: str) -> Check:
+def _is_a(kind: type, what: str) -> Check[object]:
     """Return a check for an instance of a type."""
 
     def check(value: object, field: str) -> object:
@@ -67,7 +67,7 @@ def _is_a(kind: type, what: str) -> Check:
 
 
 def _discount(value: object, field: str) -> float:
-    number = check_real(value, field, above=0.0)
+    number = real(above=0.0)(value, field)
     if not number < 1.0:
         raise ConfigError(f"{field} must be below 1, got {number:g}")
     return number
@@ -103,7 +103,7 @@ class TrainingConfig(Block):
     #: What the learner sees is the reward times this. With PPO it may be None: the reward over the
     #: running standard deviation of the discounted return.
     reward_scale: Annotated[float | None, real(above=0.0)] = None
-    #: Whether exploration is a random function of the state (gSDE, Raffin et al. 2022), drawn anew
+    #: Whether exploration is a random function of the state (gSDE, Raffin et al. 2022), drawn again
     #: every `noise_hold` actions, instead of independent noise at every joint and action.
     state_dependent_noise: Annotated[bool, _is_a(bool, "true or false")] = True
     noise_hold: Annotated[int, integer(1, 1_000_000)] = 4

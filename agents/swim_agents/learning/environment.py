@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from swim_agents.learning.config import TrainingConfig
 from swim_agents.vec_env import SwimVecEnv
-from swim_env.envs.episodes import EpisodesSnapshot
-from swim_env.envs.interface import EnvSnapshot
+from swim_env.envs.episodes import EnvSnapshot
 from swim_env.envs.vector import VECTOR_ENVIRONMENTS, SwimVectorEnv
 
 # After swim_agents.vec_env, which says in one line what is missing where this is not installed.
@@ -85,10 +84,10 @@ class TrainingEnv(VecEnvWrapper):  # type: ignore[misc]
 
     def state(self) -> dict[str, Any]:
         """Return everything the episodes need to continue, as arrays and plain values."""
-        episodes = self.batch.snapshot().episodes
+        snapshot = self.batch.snapshot()
         return {
-            "arrays": episodes.arrays,
-            "randoms": episodes.randoms,
+            "arrays": snapshot.arrays,
+            "randoms": snapshot.randoms,
             "returns": self.venv.episode_returns.copy(),
             "lengths": self.venv.episode_lengths.copy(),
             "count": self.venv.episode_count,
@@ -100,8 +99,7 @@ class TrainingEnv(VecEnvWrapper):  # type: ignore[misc]
         """Restore what `state` returned."""
         self.venv.reset()  # gives every member a generator, whose state is then replaced
         task = self.batch.episodes.task.identity
-        snapshot = EpisodesSnapshot(task, state["arrays"], state["randoms"])
-        self.batch.restore(EnvSnapshot(snapshot, True))
+        self.batch.restore(EnvSnapshot(task, state["arrays"], state["randoms"]))
         self.venv.episode_returns = state["returns"].copy()
         self.venv.episode_lengths = state["lengths"].copy()
         self.venv.episode_count = state["count"]

@@ -29,7 +29,7 @@ class CsvLog:
     """A CSV file that grows by a line at a time, its first column the environment steps.
 
     Where a run continues at a number of steps, lines beyond it, and half a line at the end, are
-    removed; at 0 the file starts anew. What cannot be written is a SwimError.
+    removed; at 0 the file is emptied. What cannot be written is a SwimError.
     """
 
     def __init__(

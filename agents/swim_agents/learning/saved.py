@@ -31,7 +31,7 @@ from swim_env.errors import OptionError, SceneError, SettingsError, SwimError
 from swim_env.files.folders import write_folder
 from swim_env.scene import Beam, Scene
 from swim_env.scene.block import build_block, plain
-from swim_env.scene.checks import check_name, check_text
+from swim_env.scene.checks import one_of, text
 
 #: What an agent's folder holds, and what a training run may put beside it.
 AGENT_FILES = ("agent.json", "model.zip")
@@ -185,9 +185,9 @@ def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
         task: Task = TASKS[description["task"]](scene)
         network = build_block(Network, description["network"], "network")
         layout = description["observation"]
-        algorithm = check_name(description["algorithm"], "algorithm", ALGORITHMS)
+        algorithm = one_of(ALGORITHMS)(description["algorithm"], "algorithm")
         gsde = bool(description["state_dependent_noise"])
-        name = check_text(description["name"], "name")
+        name = text(description["name"], "name")
         if not name.isprintable():
             raise SceneError("name must be text on one line")
         if not isinstance(layout, Mapping):

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from swim_env.errors import SceneError
-from swim_env.scene.block import Block, integer, one_of, real
-from swim_env.scene.checks import check_integer, got, listed
+from swim_env.scene.block import Block
+from swim_env.scene.checks import got, integer, listed, one_of, real
 
 ALGORITHMS = ("PPO", "SAC")
 ACTIVATIONS = ("tanh", "relu", "elu")
@@ -21,7 +21,7 @@ def _widths(value: object, field: str) -> tuple[int, ...]:
     widths = listed(value)
     if not widths:
         raise SceneError(f"{field} must be a list of widths such as [64, 64], got {got(value)}")
-    return tuple(check_integer(width, f"{field}[{i}]", 1, 65536) for i, width in enumerate(widths))
+    return tuple(integer(1, 65536)(width, f"{field}[{i}]") for i, width in enumerate(widths))
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class SACSettings(Block, path="sac"):
     buffer: Annotated[int, integer(1, MOST)] = 300_000
     #: Transitions of one update.
     minibatch: Annotated[int, integer(1, MOST)] = 256
-    #: Actions that each member plays between updates; state-dependent exploration is drawn anew at
+    #: Actions that each member plays between updates; state-dependent exploration is drawn again at
     #: the start of each rollout at the latest.
     rollout: Annotated[int, integer(1, MOST)] = 4
     #: Updates after each rollout.

@@ -135,8 +135,8 @@ def train(
     seed : int
         Of starts, first weights, exploration and minibatches.
     resume : bool
-        Whether to continue from the folder's last checkpoint; a run without one starts anew, and a
-        finished one is left as it is.
+        Whether to continue from the folder's last checkpoint; a run without one starts afresh,
+        and a finished one is left as it is.
     device : str
         For PyTorch: ``cpu``, ``cuda``, ``auto``.
     threads : int, optional

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 
+from studies.kirchhoff import RigidMass
 from studies.paper.bars import STEPS, coarse_error, with_bar
 from studies.paper.charts import STARTS
 from studies.paper.measures import Fields, seconds, table
@@ -17,7 +18,6 @@ from studies.paper.onset import (
     rate_for_onset,
 )
 from studies.paper.verdicts import Data, MissingError, onset_of, onset_pairs, onset_time
-from swim_env.analysis.kirchhoff import RigidMass
 
 
 def onset(data: Data) -> Fields | None:

@@ -206,7 +206,7 @@ class Lettering:
 
 
 def _keep(store: dict[str, Image.Image], text: str, mask: Image.Image) -> Image.Image:
-    """Keep a mask; a store that is full starts anew."""
+    """Keep a mask; a store that is full is emptied first."""
     if len(store) >= _KEPT_TEXTS:
         store.clear()
     store[text] = mask

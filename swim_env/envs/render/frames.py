@@ -89,7 +89,7 @@ class FramePainter:
     # ---- the frames ----------------------------------------------------------------------------
 
     def forget(self) -> None:
-        """Start a new episode: trail and camera begin anew."""
+        """Start a new episode, with a new trail and a new place of the camera."""
         self._camera = None
 
     def draw(

@@ -1,8 +1,7 @@
 """Kirchhoff's equations for a straight body in its fluid: rigid masses and growth rate.
 
 A straight body that moves along itself is unstable: it turns broadside on (Lamb, Hydrodynamics,
-ch. 6). The masses come from the mass matrix of the straight discrete body, whose columns are the
-momenta of unit velocities.
+ch. 6). The masses come from the mass matrix of the straight discrete body.
 """
 
 from __future__ import annotations
@@ -13,9 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.sim.simulator import Simulator
-
-__all__ = ["RigidMass", "growth_rate", "mass_matrix", "rigid_mass"]
+__all__ = ["RigidMass", "growth_rate", "rigid_mass"]
 
 Array = NDArray[np.float64]
 
@@ -38,34 +35,6 @@ class RigidMass:
     across: float
     inertia: float
     coupling: float
-
-
-def mass_matrix(simulator: Simulator) -> Array:
-    """Return the mass matrix of a simulator's straight body, with the fluid's added mass.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        It is reset to its scene's start.
-
-    Returns
-    -------
-    (N + 2, N + 2) array
-        Momenta (kg m/s, kg m^2/s) of unit velocities (m/s, rad/s), in the order of
-        `Simulator.velocity`.
-    """
-    n = simulator.elements + 2
-
-    def momentum(velocity: Array) -> Array:
-        simulator.reset_to(np.zeros(n), velocity)
-        return np.frombuffer(simulator.snapshot().state)[n : 2 * n]
-
-    # In a stream a body at rest has momentum: momenta are those relative to the stream.
-    at_rest = momentum(np.zeros(n))
-    matrix: Array = np.array([momentum(unit) - at_rest for unit in np.eye(n)])
-    simulator.reset()
-    symmetric: Array = 0.5 * (matrix + matrix.T)
-    return symmetric
 
 
 def rigid_mass(matrix: Array) -> RigidMass:

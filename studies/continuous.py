@@ -22,11 +22,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.errors import SimulationEndedError, SwimError
+from swim_env.errors import SwimError
 from swim_env.physics.fluid.layout import motion_count
 from swim_env.physics.fluid.models import shape_force
 from swim_env.physics.planar.chain import chain_levers
-from swim_env.physics.status import TERMINATION_REASONS, describe
 from swim_env.scene import Scene
 from swim_env.sim.batch import Bodies, minimal_start
 from swim_env.sim.constants import scene_constants
@@ -99,11 +98,7 @@ class _Equations:
         # The place does not matter, and implicit solvers try remote ones for that very reason: as
         # nothing changes, they look for a derivative by ever larger differences.
         self.bodies.states[0, :2] = 0.0
-        energy, velocity, status = self.bodies.energy_and_velocity(0)
-        if status:
-            reason = TERMINATION_REASONS[status]
-            raise SimulationEndedError(reason, time, describe(reason))
-        return energy, velocity
+        return self.bodies.energy_and_velocity(0, time)
 
     def __call__(self, time: float, state: Array) -> Array:
         self.evaluations += 1
