@@ -128,7 +128,7 @@ class _Equations:
                 motion[2 * elements : 2 * elements + 2] = along[[0, -1]]
             impulse = self._views.body.mass.added[: self._motions] @ motion
             shape = np.empty(elements)
-            shape_force(motion, fluid, self._views.fluid_work, shape)
+            shape_force(motion, fluid, self._views.fluid_buffers, shape)
             rates[2:] += shape - impulse[:elements] * along
             push += impulse[:elements, None] * normal
             if fluid.axial:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from studies.benchmark.floor import FLOOR_WAYS, floor_calls
 from studies.benchmark.timing import Spread, ratio, spread_of, time_in_turn
+from swim_env.physics.fluid.layout import fluid_views
 from swim_env.physics.fluid.models import added_mass, shape_force
 from swim_env.physics.fluid.outline import build_outline, outline_status, panel_count
 from swim_env.physics.fluid.panel_mass import SMALLEST_PIVOT
@@ -69,7 +70,8 @@ def _repeat(
     """Evaluate one part of a step a number of times, at the pose of a state."""
     beam, fluid, solver = unpack_constants(scalars, vectors)
     m, _ = member_views(state_vector, beam, fluid, floats, integers)
-    state, body, work, newton, step, _ = m
+    state, body, buffers, newton, step, _ = m
+    work, _ = fluid_views(buffers, fluid)
     q, p, z = state.q, state.p, state.history[0]
     panels = work.outline.panels
     count = panel_count(fluid.geometry)
@@ -79,11 +81,11 @@ def _repeat(
             # It remembers its pose and the joint angles of its added mass.
             body.mass.known[TOTAL] = 0
             body.mass.known[ADDED] = 0
-            prepare(q, p, beam, fluid, solver, body, work, newton, step.effort)
+            prepare(q, p, beam, fluid, solver, body, buffers, newton, step.effort)
         elif part == _WHOLE_STEP:
-            evaluate_step(p, torques, z, h, beam, fluid, body, work)
+            evaluate_step(p, torques, z, h, beam, fluid, body, buffers)
         elif part == _JACOBIAN:
-            step_jacobian(h, 0.0, beam, fluid, body, work, newton)
+            step_jacobian(h, 0.0, beam, fluid, body, buffers, newton)
             lu_factor(newton.jacobian, newton.permutation)
         elif part == _HELD_STEP:
             evaluate_held_step(p, torques, z, h, beam, fluid, body)
@@ -98,9 +100,9 @@ def _repeat(
             normal_influence(panels, count, work.layers, work.inverse)
             invert_in_order(work.inverse, SMALLEST_PIVOT)
         elif part == _ADDED_MASS:
-            added_mass(q[3:], fluid, work, body.mass.added)
+            added_mass(q[3:], fluid, buffers, body.mass.added)
         elif part == _SHAPE_FORCE:
-            shape_force(body.inc.motion, fluid, work, body.balance.shape)
+            shape_force(body.inc.motion, fluid, buffers, body.balance.shape)
 
 
 def _calibrated(call: Callable[[int], object]) -> tuple[Callable[[], object], int]:

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import OptionError
-from swim_env.physics.fluid.layout import fluid_views, fluid_work_sizes, motion_count
+from swim_env.physics.fluid.layout import fluid_buffers, fluid_views, motion_count
 from swim_env.physics.fluid.models import added_mass, fluid_constants
 from swim_env.physics.fluid.outline import CT, CX, CY, X, Y, panel_count
 from swim_env.physics.fluid.sources import (
@@ -207,10 +207,8 @@ class BodyFlow:
         beam, constants, _ = scene_constants(scene)
         geometry = constants.geometry._replace(side_panels=max(1, fluid.panels_per_element // 2))
         self._fluid = fluid_constants("panels", geometry, self.density, axial=constants.axial)
-        floats, integers = fluid_work_sizes(self._fluid)
-        self._work, _ = fluid_views(
-            np.zeros(floats), np.zeros(integers, dtype=np.int64), self._fluid
-        )
+        self._buffers = fluid_buffers(self._fluid)
+        self._work, _ = fluid_views(self._buffers, self._fluid)
         size = padded(motion_count(self._fluid))
         self._mass = np.zeros((size, size))
         self._length = scene.beam.length
@@ -240,7 +238,7 @@ class BodyFlow:
         Flow or None
             None if the panels have no solution for this shape.
         """
-        if added_mass(np.diff(angles), self._fluid, self._work, self._mass) != FINE:
+        if added_mass(np.diff(angles), self._fluid, self._buffers, self._mass) != FINE:
             return None
         motion = self._motion(angles, velocities, turning)
         strengths = self._work.strengths[:, : len(motion)] @ motion

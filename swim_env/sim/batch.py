@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import SimulationEndedError
+from swim_env.physics.fluid.layout import FluidWork, fluid_views
 from swim_env.physics.loading import load_kernels
 from swim_env.physics.runtime.threads import share
 from swim_env.physics.solve.advance import advance, energy_and_velocity, momentum_of_velocity
@@ -149,6 +150,11 @@ class Bodies:
         scalars, vectors, floats, integers = self.member(index)
         beam, fluid, _ = unpack_constants(scalars, vectors)
         return member_views(self.states[index], beam, fluid, floats, integers)[0]
+
+    def fluid_work(self, index: int) -> FluidWork:
+        """Return the names of what the fluid model left behind for one member's shape."""
+        _, fluid, _ = unpack_constants(*self._constants)
+        return fluid_views(self.views(index).fluid_buffers, fluid)[0]
 
     def new_record(self, steps: int) -> Array:
         """Return an array for `advance` to write to: (M, steps, 12), columns RECORD_NAMES."""

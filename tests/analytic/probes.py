@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from swim_env import Simulator
 from swim_env.physics.fluid import models
 from swim_env.physics.fluid.layout import (
+    FluidBuffers,
     FluidConstants,
+    fluid_buffers,
     fluid_views,
-    fluid_work_sizes,
     motion_count,
 )
 from swim_env.physics.fluid.models import added_mass, shape_force
@@ -51,14 +52,13 @@ def _fluid_probe(
     joint_angles: Array,
     motion: Array,
     fluid: FluidConstants,
-    floats: Array,
-    integers: Integers,
+    buffers: FluidBuffers,
     out: FluidProbe,
 ) -> int:
-    work, _ = fluid_views(floats, integers, fluid)
-    status = added_mass(joint_angles, fluid, work, out.mass)
+    work, _ = fluid_views(buffers, fluid)
+    status = added_mass(joint_angles, fluid, buffers, out.mass)
     if status == 0:
-        shape_force(motion, fluid, work, out.gradient)
+        shape_force(motion, fluid, buffers, out.gradient)
         for a in range(out.raw.shape[0]):
             for b in range(out.raw.shape[0]):
                 total = 0.0
@@ -100,7 +100,7 @@ def _step_probe(
     out: StepProbe,
 ) -> int:
     m, _ = member_views(state, beam, fluid, floats, integers)
-    body, work, newton = m.body, m.fluid_work, m.newton
+    body, work, newton = m.body, m.fluid_buffers, m.newton
     status = prepare(q, p, beam, fluid, solver, body, work, newton, m.step.effort)
     if status != 0:
         return status
@@ -149,13 +149,13 @@ def probe_fluid(
 ) -> FluidProbe:
     load_kernels()
     count = int(motion_count(fluid))
-    floats, integers = fluid_work_sizes(fluid)
     if motion is None:
         motion = np.zeros(count)
     gradient = np.zeros(fluid.geometry.elements)
     out = FluidProbe(np.zeros((count, count)), np.zeros((count, count)), gradient)
-    work = (np.zeros(floats), np.zeros(integers, dtype=np.int64))
-    status = _fluid_probe(np.asarray(joint_angles, dtype=float), motion, fluid, *work, out)
+    status = _fluid_probe(
+        np.asarray(joint_angles, dtype=float), motion, fluid, fluid_buffers(fluid), out
+    )
     assert status == 0, f"no added mass, status {status}, for joints {joint_angles}"
     return out
 
@@ -176,10 +176,10 @@ class PanelProbe(NamedTuple):
 
 def probe_panels(joint_angles: Array, fluid: FluidConstants) -> PanelProbe:
     elements = fluid.geometry.elements
-    floats, integers = fluid_work_sizes(fluid)
-    work, _ = fluid_views(np.zeros(floats), np.zeros(integers, dtype=np.int64), fluid)
+    buffers = fluid_buffers(fluid)
+    work, _ = fluid_views(buffers, fluid)
     mass = np.zeros((2 * elements, 2 * elements))
-    assert added_mass(joint_angles, fluid, work, mass) == 0
+    assert added_mass(joint_angles, fluid, buffers, mass) == 0
     panels, element = work.outline.panels, work.outline.element
     lengths = panels[LENGTH]
     normal = np.empty((lengths.size, lengths.size))

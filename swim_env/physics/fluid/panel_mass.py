@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from swim_env.physics.fluid.layout import FluidConstants, FluidWork, motion_count, unit_motion
 from swim_env.physics.fluid.outline import AXIAL, LATERAL, LENGTH, ROTARY
 from swim_env.physics.fluid.sources import POTENTIAL, normal_influence, shape_gradient
-from swim_env.physics.runtime.compile import inlined, kernel
+from swim_env.physics.runtime.compile import kernel
 from swim_env.physics.runtime.dense import (
     invert,
     invert_in_order,
@@ -68,7 +68,7 @@ def _largest_column_sum(count: int, matrix: Array) -> float:
     return largest
 
 
-@inlined
+@kernel
 def invert_influence(count: int, chained: bool, fluid: FluidConstants, work: FluidWork) -> int:
     """Invert the normal influence of the first panels, as many as count; 0 or a reason's code.
 
@@ -91,7 +91,7 @@ def invert_influence(count: int, chained: bool, fluid: FluidConstants, work: Flu
     return FINE
 
 
-@inlined
+@kernel
 def sum_added_mass(fluid: FluidConstants, work: FluidWork, out: Array) -> None:
     """Write A = -rho sym(loads strengths)."""
     motions = motion_count(fluid)
@@ -104,7 +104,7 @@ def sum_added_mass(fluid: FluidConstants, work: FluidWork, out: Array) -> None:
             out[b, a] = value
 
 
-@inlined
+@kernel
 def differentiate_panels(motion: Array, count: int, fluid: FluidConstants, work: FluidWork) -> None:
     """Differentiate -V^T A V/rho by what the panels are made of, into `work.gradient`.
 

@@ -32,7 +32,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.layout import FluidConstants, FluidBuffers, motion_count, unit_motion
+from swim_env.physics.fluid.layout import FluidBuffers, FluidConstants, motion_count, unit_motion
 from swim_env.physics.fluid.models import shape_force
 from swim_env.physics.fluid.outline import AXIAL, LATERAL, ROTARY
 from swim_env.physics.planar.chain import BeamConstants, sum_from_centres, sum_to_centres
@@ -44,7 +44,7 @@ from swim_env.physics.planar.elastic import (
     linearise_mean_joints,
 )
 from swim_env.physics.planar.layout import Balance, Body, Drag, Increment, Pose
-from swim_env.physics.runtime.compile import kernel
+from swim_env.physics.runtime.compile import inlined, kernel
 from swim_env.physics.runtime.dense import mat_vec
 from swim_env.physics.runtime.elementary import SMALL_ANGLE, cos_small, sin_small
 
@@ -68,7 +68,7 @@ def set_pose(q: Array, beam: BeamConstants, pose: Pose) -> None:
         linearise_joints(q, pose)
 
 
-@kernel
+@inlined
 def _set_increment(z: Array, pose: Pose, inc: Increment) -> None:
     """Compute turns, first directors and mean joints from the increment z (N + 2,)."""
     elements = inc.turn_sine.size

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.layout import FluidConstants, FluidBuffers, motion_count, unit_motion
+from swim_env.physics.fluid.layout import FluidBuffers, FluidConstants, motion_count, unit_motion
 from swim_env.physics.fluid.models import shape_force
 from swim_env.physics.fluid.outline import AXIAL, LATERAL, ROTARY
 from swim_env.physics.planar.chain import BeamConstants, chain_weight, sum_from_centres
@@ -179,7 +179,7 @@ def _inertia_columns(
             behind_y += pushes[1, k]
 
 
-@kernel
+@inlined
 def mass_matrix(beam: BeamConstants, fluid: FluidConstants, body: Body, newton: Newton) -> None:
     """Write the reduced total mass at q_n, in the basis (c, theta_1 ... theta_N), to `mass.total`.
 

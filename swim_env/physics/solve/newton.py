@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.layout import FluidConstants, FluidBuffers
+from swim_env.physics.fluid.layout import FluidBuffers, FluidConstants
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.equations import (
     evaluate_adjoint_step,
@@ -117,42 +117,7 @@ def _evaluate(
     return evaluate_adjoint_step(p, torques, z, h, beam, fluid, body)
 
 
-@kernel
-def _evaluate_held(
-    p: Array,
-    torques: Array,
-    z: Array,
-    h: float,
-    adjoint: bool,
-    beam: BeamConstants,
-    fluid: FluidConstants,
-    body: Body,
-) -> float:
-    """Evaluate the residual with what depends on z only weakly taken as it is."""
-    if adjoint:
-        return evaluate_adjoint_step(p, torques, z, h, beam, fluid, body)
-    return evaluate_held_step(p, torques, z, h, beam, fluid, body)
-
-
-@kernel
-def _find_jacobian(
-    h: float,
-    adjoint: bool,
-    shape_difference: float,
-    beam: BeamConstants,
-    fluid: FluidConstants,
-    body: Body,
-    fluid_buffers: FluidBuffers,
-    newton: Newton,
-) -> None:
-    """Write Newton's matrix at the increment that was evaluated last."""
-    if adjoint:
-        adjoint_jacobian(h, beam, fluid, body, newton)
-    else:
-        step_jacobian(h, shape_difference, beam, fluid, body, fluid_buffers, newton)
-
-
-@kernel
+@inlined
 def _correct_once_more(
     met: float,
     p: Array,
@@ -225,9 +190,14 @@ def newton_in_passes(
     balance = body.balance
     z = newton.increment
     if shape_known:
-        norm = _evaluate_held(p, torques, z, h, adjoint, beam, fluid, body)
+        if adjoint:
+            norm = evaluate_adjoint_step(p, torques, z, h, beam, fluid, body)
+        else:
+            norm = evaluate_held_step(p, torques, z, h, beam, fluid, body)
     else:
-        norm = _evaluate(q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_buffers, step)
+        norm = _evaluate(
+            q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_buffers, step
+        )
     if not norm < np.inf:
         return False, norm
     if norm <= solver.tolerance and not shape_known:
@@ -235,7 +205,10 @@ def newton_in_passes(
     # The matrix of the pose has no drag in it.
     if fluid.drag > 0.0 or turns_beyond(z, _SMALL_TURN):
         step.effort[0] += solver.matrix_cost
-        _find_jacobian(h, adjoint, 0.0, beam, fluid, body, fluid_buffers, newton)
+        if adjoint:
+            adjoint_jacobian(h, beam, fluid, body, newton)
+        else:
+            step_jacobian(h, 0.0, beam, fluid, body, fluid_buffers, newton)
     else:
         pose_jacobian(h, beam, body.pose, body.mass, newton.jacobian)
     if not lu_factor(newton.jacobian, newton.permutation):
@@ -256,7 +229,10 @@ def newton_in_passes(
             size = new_size
             for i in range(z.size):
                 z[i] += newton.correction[i]
-            norm = _evaluate_held(p, torques, z, h, adjoint, beam, fluid, body)
+            if adjoint:
+                norm = evaluate_adjoint_step(p, torques, z, h, beam, fluid, body)
+            else:
+                norm = evaluate_held_step(p, torques, z, h, beam, fluid, body)
             step.tally[CORRECTIONS] += 1
             if norm <= enough:
                 break
@@ -320,7 +296,10 @@ def newton_with_shortening(
             if effort[0] > 1.0:
                 return False, norm, False
             # Here the last evaluation was that of z.
-            _find_jacobian(h, adjoint, difference, beam, fluid, body, fluid_buffers, newton)
+            if adjoint:
+                adjoint_jacobian(h, beam, fluid, body, newton)
+            else:
+                step_jacobian(h, difference, beam, fluid, body, fluid_buffers, newton)
             if not lu_factor(newton.jacobian, newton.permutation):
                 return False, norm, False
             copy(balance.residual, newton.correction)
@@ -375,5 +354,7 @@ def newton_with_shortening(
             return False, norm, False
         difference = SHAPE_DIFFERENCE
         renew = True
-        norm = _evaluate(q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_buffers, step)
+        norm = _evaluate(
+            q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_buffers, step
+        )
     return False, norm, False

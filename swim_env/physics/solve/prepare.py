@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.physics.fluid.contact import touches_itself
-from swim_env.physics.fluid.layout import FluidConstants, FluidBuffers
+from swim_env.physics.fluid.layout import FluidBuffers, FluidConstants
 from swim_env.physics.fluid.models import added_mass
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.elastic import with_elastic_energy
 from swim_env.physics.planar.equations import set_pose
 from swim_env.physics.planar.layout import ADDED, TOTAL, Body, Mass, Newton, Pose
 from swim_env.physics.planar.matrix import mass_matrix
-from swim_env.physics.runtime.compile import kernel
+from swim_env.physics.runtime.compile import inlined, kernel
 from swim_env.physics.runtime.dense import cholesky, cholesky_solve, copy, dot
 from swim_env.physics.solve.constants import SolverConstants
 from swim_env.physics.status import FINE, MASS_NOT_POSITIVE, SELF_CONTACT, STATE_NOT_FINITE
@@ -27,7 +27,7 @@ def energy_of_pose(p: Array, beam: BeamConstants, pose: Pose, mass: Mass) -> flo
     return with_elastic_energy(0.5 * dot(p, mass.velocity), beam, pose)
 
 
-@kernel
+@inlined
 def find_added_mass(
     joint_angles: Array,
     fluid: FluidConstants,

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.physics.fluid.layout import (
-    FluidConstants,
     FluidBuffers,
+    FluidConstants,
     fluid_work_sizes,
     motion_count,
 )
@@ -178,7 +178,7 @@ class Member(NamedTuple):
 def member_views(
     state: Array, beam: BeamConstants, fluid: FluidConstants, floats: Array, integers: Integers
 ) -> tuple[Member, int]:
-    """Lay a `Member` over its state and work space; returns it and the end of what it has names for.
+    """Lay a `Member` over its state and work space; returns it and the end of the named part.
 
     The fluid's buffers begin behind.
     """
