@@ -31,7 +31,7 @@ from swim_env.physics.runtime.compile import inlined, kernel
 from swim_env.physics.runtime.dense import copy, lu_factor, lu_solve
 from swim_env.physics.solve.constants import SolverConstants
 from swim_env.physics.solve.prepare import find_added_mass
-from swim_env.physics.solve.state import CORRECTIONS, EVALUATED, SHAPE_FAILURE, OuterStep, State
+from swim_env.physics.solve.state import CORRECTIONS, EVALUATED, SHAPE_FAILURE, Member, OuterStep
 from swim_env.physics.status import FINE
 
 Array = NDArray[np.float64]
@@ -150,11 +150,7 @@ def _correct_once_more(
 
 @inlined
 def newton_in_passes(
-    state: State,
-    body: Body,
-    fluid_buffers: FluidBuffers,
-    newton: Newton,
-    step: OuterStep,
+    m: Member,
     torques: Array,
     h: float,
     adjoint: bool,
@@ -171,8 +167,8 @@ def newton_in_passes(
 
     Parameters
     ----------
-    state, body, fluid_buffers, newton, step
-        The parts of a `Member`; `newton.increment` is improved.
+    m : Member
+        The member; `newton.increment` is improved.
     torques : (N - 1,) array
         Joint torques (N m).
     h : float
@@ -189,6 +185,7 @@ def newton_in_passes(
     solved, norm : bool, float
         False where corrections do not shrink fast enough, and the residual's norm.
     """
+    state, body, fluid_buffers, newton, step, _ = m
     q, p = state.q, state.p
     balance = body.balance
     z = newton.increment
@@ -256,11 +253,7 @@ def newton_in_passes(
 
 @inlined
 def newton_with_shortening(
-    state: State,
-    body: Body,
-    fluid_buffers: FluidBuffers,
-    newton: Newton,
-    step: OuterStep,
+    m: Member,
     torques: Array,
     h: float,
     adjoint: bool,
@@ -280,6 +273,7 @@ def newton_with_shortening(
         Whether it was met, the residual's norm, and whether rounding kept it from falling to the
         tolerance.
     """
+    state, body, fluid_buffers, newton, step, _ = m
     q, p = state.q, state.p
     balance = body.balance
     z = newton.increment

@@ -17,12 +17,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.layout import FluidBuffers, FluidConstants
+from swim_env.physics.fluid.layout import FluidConstants
 from swim_env.physics.fluid.models import shape_force
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.drag import drag_loss, drag_moment
 from swim_env.physics.planar.equations import evaluate_adjoint_step, set_pose
-from swim_env.physics.planar.layout import TOTAL, Body, Drag, Increment, Newton, Pose
+from swim_env.physics.planar.layout import TOTAL, Drag, Increment, Pose
 from swim_env.physics.runtime.compile import inlined, kernel
 from swim_env.physics.runtime.dense import copy
 from swim_env.physics.solve.budget import keep_budget
@@ -87,11 +87,7 @@ def _extrapolate(
 
 @inlined
 def _solve_part(
-    state: State,
-    body: Body,
-    fluid_buffers: FluidBuffers,
-    newton: Newton,
-    step: OuterStep,
+    m: Member,
     torques: Array,
     h: float,
     part: int,
@@ -107,6 +103,7 @@ def _solve_part(
     status, norm, at_round_off : int, float, bool
         0 or a reason's code, and as `newton`.
     """
+    state, body, _, newton, step, _ = m
     increment = newton.increment
     velocity = body.mass.velocity
     step.tally[SHAPE_FAILURE] = FINE
@@ -144,24 +141,13 @@ def _solve_part(
             extrapolated = start == 0 and (not adjoint or not fluid.varies)
             at_round_off = False
             solved, norm = newton_in_passes(
-                state,
-                body,
-                fluid_buffers,
-                newton,
-                step,
-                torques,
-                h,
-                adjoint,
-                beam,
-                fluid,
-                solver,
-                extrapolated,
+                m, torques, h, adjoint, beam, fluid, solver, extrapolated
             )
             if not solved:
                 copy(newton.start, increment)
         if not solved:
             solved, norm, at_round_off = newton_with_shortening(
-                state, body, fluid_buffers, newton, step, torques, h, adjoint, beam, fluid, solver
+                m, torques, h, adjoint, beam, fluid, solver
             )
         if solved:
             if not turns_beyond(increment, LARGEST_TURN):
@@ -310,9 +296,7 @@ def outer_step(
         if part < _WHOLE and step.effort[0] > 1.0:
             status = STEP_NOT_SOLVED
             break
-        outcome, norm, at_round_off = _solve_part(
-            state, body, fluid_buffers, newton, step, torques, h, part, adjoint, beam, fluid, solver
-        )
+        outcome, norm, at_round_off = _solve_part(m, torques, h, part, adjoint, beam, fluid, solver)
         if outcome != FINE:
             if part == 1 or step.effort[0] > 1.0:
                 status = outcome
