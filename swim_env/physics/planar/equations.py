@@ -108,7 +108,7 @@ def _set_increment(z: Array, pose: Pose, inc: Increment) -> None:
         inc.new_d1[1, k] = pose.d1[1, k] * inc.turn_cosine[k] - pose.d3[1, k] * inc.turn_sine[k]
 
 
-@kernel
+@inlined
 def _move(
     z: Array,
     h: float,
@@ -236,7 +236,7 @@ def evaluate_adjoint_step(
     return _balance(p, torques, z, h, inc.new_d1, early, beam, fluid, pose, inc, balance, drag)
 
 
-@kernel
+@inlined
 def _pose_forces(
     h: float, normal: Array, fluid: FluidConstants, inc: Increment, balance: Balance
 ) -> None:
@@ -253,7 +253,7 @@ def _pose_forces(
         balance.pose_forces[1, j] = inverse_h * balance.shape[j]
 
 
-@kernel
+@inlined
 def _balance(
     p: Array,
     torques: Array,
