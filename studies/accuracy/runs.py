@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from studies.continuous import METHODS, integrate
 from swim_env.accuracy.outcome import Outcome, compared_figures, play
 from swim_env.accuracy.settings import PAPER_SETTINGS, Settings
+from swim_env.analysis.continuous import METHODS, integrate
 from swim_env.scene import Scene, load_scene
 from swim_env.sim.simulator import Simulator
 
@@ -49,8 +49,8 @@ def scene_with(settings: Settings, scene: Scene) -> Scene:
 def solve(scene: Scene, duration: float, method: str, tolerance: float) -> Outcome:
     """Solve a scene's equations in continuous time for a duration (s); return what is compared.
 
-    The method is one of `studies.continuous.METHODS`, whose errors come through; its absolute
-    tolerance is a hundredth of the relative one.
+    The method is one of `swim_env.analysis.continuous.METHODS`, whose errors come through; its
+    absolute tolerance is a hundredth of the relative one.
     """
     run = integrate(scene, duration, method, tolerance, _ABSOLUTE * tolerance)
     bends = float(np.abs(run.coordinates[:, 3:]).max(initial=0.0))

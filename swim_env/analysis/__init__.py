@@ -1,1 +1,1 @@
-"""Analysis of runs and bodies: energy, flow, natural frequencies."""
+"""Analysis of runs and bodies: energy, flow, frequencies, continuous time."""

@@ -120,6 +120,7 @@ class Scene:
             effect = getattr(self, name)
             if effect is not None:
                 effect.check_scene(self.beam, self.fluid)
+        self.initial.check_sizes(self.beam)
         self.initial.check_inextensible(self.beam)
 
     # ---- views ---------------------------------------------------------------------------------

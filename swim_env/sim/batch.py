@@ -226,6 +226,7 @@ def minimal_start(scene: Scene, initial: Initial) -> tuple[Array, Array]:
     """
     beam = scene.beam
     if initial is not scene.initial:
+        initial.check_sizes(beam)
         initial.check_inextensible(beam)
     centre, angles = initial.pose(beam)
     moving, turning = initial.velocities(beam)

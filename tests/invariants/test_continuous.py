@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_simpson
 
-from studies.continuous import METHODS, ContinuousRun, _Equations, integrate
 from swim_env import Scene, SimulationEndedError, Simulator, SwimError, load_scene
+from swim_env.analysis.continuous import METHODS, ContinuousRun, _Equations, integrate
 from swim_env.physics.invariants import momentum_map
 from swim_env.sim.batch import Bodies
 

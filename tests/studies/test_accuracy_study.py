@@ -33,13 +33,13 @@ from studies.accuracy.runs import Yardstick, label_of, scene_with, solve, solver
 from studies.accuracy.study import Study, case_digest
 from studies.accuracy.sweeps import sweep_tables
 from studies.benchmark.effects import effect_pairs, measure_effects
-from studies.continuous import integrate
 from swim_env import EFFECT_NAMES, Scene, SimulationEndedError, SwimError, load_scene
 from swim_env.accuracy import Outcome, Reference, Settings, choose, play, reference_of
 from swim_env.accuracy.front import load_front
 from swim_env.accuracy.outcome import SAMPLES, relative_error
 from swim_env.accuracy.reference import PILOT
 from swim_env.accuracy.settings import PAPER_SETTINGS
+from swim_env.analysis.continuous import integrate
 from swim_env.physics import added_mass_of_polygon
 from tests.analytic.conformal import rectangle_mass
 from tests.contract.test_for_accuracy import FROZEN, PANELS, ROLLED, STRIP, settings_of
