@@ -120,7 +120,7 @@ class _Equations:
         rates = np.zeros_like(p)
         if fluid.present:
             elements = beam.elements
-            motion = self._views.body.inc.motion
+            motion = self._views.body.inc.motion[: self._views.body.mass.added.shape[1]]
             motion[:elements] = (normal * moving).sum(axis=1)
             motion[elements : 2 * elements] = turning
             along = (tangent * moving).sum(axis=1)
