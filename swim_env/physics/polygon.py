@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -14,22 +16,35 @@ from swim_env.physics.runtime.views import padded
 Array = NDArray[np.float64]
 
 _ROWS = 7
+#: Largest number of panels: the matrices of more take over a gigabyte.
+MOST_PANELS = 5000
+#: A last corner this close to the first one, in sizes of the outline, repeats it.
+_CLOSED = 1e-6
+#: Outlines of up to this many panels are checked by cutting each in two, and a change of the added
+#: mass beyond this share is warned of.
+_CHECKED, _LARGEST_CHANGE = 512, 0.05
 
 
-def added_mass_of_polygon(vertices: ArrayLike, density: float = 1.0) -> Array:
+def added_mass_of_polygon(
+    vertices: ArrayLike, density: float = 1.0, *, panels_per_edge: int = 1
+) -> Array:
     """Compute the rigid-body added mass of a closed outline in the plane.
 
     Every edge is one source panel of constant strength with its collocation point at the middle
-    (Hess & Smith). Polygons inscribed in a smooth curve converge at first order in the number
-    of edges: about 250 edges for 1 %.
+    (Hess & Smith), or is cut into `panels_per_edge` equal ones. Polygons inscribed in a smooth
+    curve converge at first order in the number of edges: about 250 edges for 1 %.
 
     Parameters
     ----------
     vertices : (M, 2) array_like
         Corners of the outline (m), M >= 3, in either turning sense; the last edge closes it (a
-        repeated first corner at the end is dropped). Edges must not cross or touch.
+        last corner that repeats the first one to a millionth of the size is dropped). Edges must
+        not cross or touch.
     density : float
         Fluid density (kg/m^3, unit depth).
+    panels_per_edge : int
+        Panels on every edge; at most 5000 in all. The edges of a body with corners, such as a
+        square, need many.
 
     Returns
     -------
@@ -41,14 +56,51 @@ def added_mass_of_polygon(vertices: ArrayLike, density: float = 1.0) -> Array:
     ------
     OutlineError
         If the corners are not a finite (M, 2) array, edges have no length, cross or touch, the
-        outline encloses no area, or the density is not a positive number.
+        outline encloses no area, there are too many panels, or the density is not a positive
+        number.
+
+    Warns
+    -----
+    UserWarning
+        If an outline of up to 512 panels has too few: the added mass changes by more than 5 % when
+        each is cut in two.
     """
-    corners = _checked_corners(vertices)
+    if isinstance(panels_per_edge, bool) or int(panels_per_edge) != panels_per_edge:
+        raise OutlineError(f"panels_per_edge must be a whole number, got {panels_per_edge!r}")
+    if panels_per_edge < 1:
+        raise OutlineError(f"panels_per_edge must be at least 1, got {panels_per_edge}")
+    corners = _cut(_checked_corners(vertices, int(panels_per_edge)), int(panels_per_edge))
     if isinstance(density, bool) or not isinstance(density, (int, float, np.number)):
         raise OutlineError(f"density must be a number in kg/m^3, got {density!r}")
     if not 0.0 < float(density) < np.inf:
         raise OutlineError(f"density must be a positive number in kg/m^3, got {density!r}")
     load_kernels()
+    mass = _added_mass(corners, float(density))
+    if len(corners) <= _CHECKED:
+        finer = _added_mass(_cut(corners, 2), float(density))
+        # A body that is thin, or round, has hardly any of its own along itself, or in rotation.
+        moving = finer[:2, :2].diagonal().max()
+        radius = 0.5 * float(np.ptp(corners, axis=0).max())
+        scale = np.sqrt([moving, moving, max(moving * radius**2, finer[2, 2])])
+        change = float((np.abs(finer - mass) / np.outer(scale, scale)).max())
+        if not change <= _LARGEST_CHANGE:
+            warnings.warn(
+                f"{len(corners)} panels are too few for this outline: its added mass changes by "
+                f"{change:.0%} when each is cut in two; give more corners or panels_per_edge",
+                stacklevel=2,
+            )
+    return mass
+
+
+def _cut(corners: Array, parts: int) -> Array:
+    """Cut every edge into equal parts."""
+    edges = np.roll(corners, -1, axis=0) - corners
+    shares = np.arange(parts) / parts
+    cut: Array = (corners[:, None] + shares[:, None] * edges[:, None]).reshape(-1, 2)
+    return cut
+
+
+def _added_mass(corners: Array, density: float) -> Array:
     count = len(corners)
     panels = _panels(corners)
     size = panels.shape[1]
@@ -63,12 +115,12 @@ def added_mass_of_polygon(vertices: ArrayLike, density: float = 1.0) -> Array:
     motions = np.stack([normal_x, normal_y, normal_y * panels[CX] - normal_x * panels[CY]], axis=1)
     strengths = np.linalg.solve(normal[:count, :count], motions)
     potential = layers[POTENTIAL, :count, :count] @ strengths
-    mass = -float(density) * motions.T @ (panels[LENGTH][:, None] * potential)
+    mass = -density * motions.T @ (panels[LENGTH][:, None] * potential)
     symmetric: Array = 0.5 * (mass + mass.T)
     return symmetric
 
 
-def _checked_corners(vertices: ArrayLike) -> Array:
+def _checked_corners(vertices: ArrayLike, panels_per_edge: int) -> Array:
     try:
         corners = np.array(vertices, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -78,12 +130,17 @@ def _checked_corners(vertices: ArrayLike) -> Array:
     if not np.isfinite(corners).all():
         row = int(np.flatnonzero(~np.isfinite(corners).all(axis=1))[0])
         raise OutlineError(f"vertices must be finite, got {corners[row].tolist()} in row {row}")
-    if len(corners) > 1 and np.array_equal(corners[0], corners[-1]):
+    size = float(np.ptp(corners, axis=0).max(initial=0.0)) if len(corners) else 0.0
+    if len(corners) > 1 and np.hypot(*(corners[0] - corners[-1])) <= _CLOSED * size:
         corners = corners[:-1]
     if len(corners) < 3:
         raise OutlineError(f"an outline must have at least 3 corners, got {len(corners)}")
+    if len(corners) * panels_per_edge > MOST_PANELS:
+        raise OutlineError(
+            f"an outline may have at most {MOST_PANELS} panels, got {len(corners)} edges with "
+            f"{panels_per_edge} on each"
+        )
     edges = np.roll(corners, -1, axis=0) - corners
-    size = float(np.ptp(corners, axis=0).max())
     short = np.flatnonzero(np.hypot(edges[:, 0], edges[:, 1]) <= 1e-14 * size)
     if short.size:
         raise OutlineError(f"edge {int(short[0])} of the outline has no length")

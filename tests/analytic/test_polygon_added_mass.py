@@ -132,6 +132,7 @@ def test_thin_plate_limit() -> None:
     assert thin[0] < 2e-4 * plate[0], f"a plate has no mass along itself, got {thin[0]:.2e}"
 
 
+@pytest.mark.filterwarnings("ignore:5 panels are too few")
 @pytest.mark.parametrize("shape", ["ellipse", "lopsided"])
 def test_symmetric_positive_definite_and_free_of_order(shape: str) -> None:
     corners = ellipse(1.0, 0.4, 60) if shape == "ellipse" else lopsided()
@@ -145,6 +146,7 @@ def test_symmetric_positive_definite_and_free_of_order(shape: str) -> None:
         assert largest(added_mass_of_polygon(other) - mass) < 1e-14
 
 
+@pytest.mark.filterwarnings("ignore:5 panels are too few")
 @pytest.mark.parametrize("angle", [0.3, 2.0, -1.1])
 @pytest.mark.parametrize("shift", [(0.0, 0.0), (0.7, -0.4), (-30.0, 20.0)])
 def test_turned_and_shifted(angle: float, shift: tuple[float, float]) -> None:
@@ -161,6 +163,7 @@ def test_turned_and_shifted(angle: float, shift: tuple[float, float]) -> None:
     assert largest(moved - exact) < 1e-12 * largest(exact)
 
 
+@pytest.mark.filterwarnings("ignore:5 panels are too few")
 @pytest.mark.parametrize("scale", [1e-3, 250.0])
 def test_scaled_and_mirrored(scale: float) -> None:
     mass = added_mass_of_polygon(lopsided())
@@ -237,3 +240,38 @@ def test_bad_outline_is_refused_by_name(vertices: object, message: str) -> None:
 def test_bad_density_is_refused(density: object) -> None:
     with pytest.raises(OutlineError, match="density must be a .*number.* in kg/m"):
         added_mass_of_polygon(UNIT_SQUARE, density=density)  # type: ignore[arg-type]
+
+
+def test_a_square_by_its_corners_warns_and_has_its_mass_with_panels_on_its_edges() -> None:
+    # Exact: 4.7543 per density and half side squared (from the square's conformal radius), 0.7252
+    # about the centre.
+    square = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+    with pytest.warns(UserWarning, match="4 panels are too few .* panels_per_edge"):
+        added_mass_of_polygon(square)
+    mass = np.diag(added_mass_of_polygon(square, panels_per_edge=200))
+    np.testing.assert_allclose(mass, [4.7543, 4.7543, 0.7252], rtol=0.01)
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32])
+def test_a_closing_corner_repeats_the_first_one_up_to_rounding(kind: type) -> None:
+    angles = np.linspace(0.0, 2.0 * np.pi, 201).astype(kind)
+    circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    mass = added_mass_of_polygon(circle)
+    np.testing.assert_allclose(mass, added_mass_of_polygon(circle[:-1]), rtol=0.0, atol=1e-12)
+    assert mass[0, 0] == pytest.approx(np.pi, rel=0.02)
+
+
+@pytest.mark.parametrize(("corners", "per_edge"), [(20_000, 1), (200_000, 1), (100, 51)])
+def test_too_many_panels_are_refused_before_anything_is_computed(
+    corners: int, per_edge: int
+) -> None:
+    angles = np.arange(corners) * (2.0 * np.pi / corners)
+    circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    with pytest.raises(OutlineError, match=f"at most 5000 panels, got {corners} edges with"):
+        added_mass_of_polygon(circle, panels_per_edge=per_edge)
+
+
+@pytest.mark.parametrize("panels", [0, -1, 1.5, True])
+def test_bad_panels_per_edge_are_refused(panels: object) -> None:
+    with pytest.raises(OutlineError, match="panels_per_edge must be"):
+        added_mass_of_polygon(UNIT_SQUARE, panels_per_edge=panels)  # type: ignore[arg-type]
