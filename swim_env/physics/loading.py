@@ -9,16 +9,20 @@ finds the cache empty has another one fill it.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numba
 import numpy as np
+from filelock import FileLock, Timeout
+from numba.core import config as numba_config
 from numpy.typing import NDArray
 
 from swim_env.physics.fluid.layout import FluidConstants
@@ -32,7 +36,7 @@ from swim_env.physics.planar.equations import (
     evaluate_step,
 )
 from swim_env.physics.planar.matrix import adjoint_jacobian, step_jacobian
-from swim_env.physics.runtime.compile import cache_folder
+from swim_env.physics.runtime.cache import ForgivingCache, cache_folder, say, why_temporary
 from swim_env.physics.runtime.views import LANES
 from swim_env.physics.solve.advance import advance, energy_and_velocity, momentum_of_velocity
 from swim_env.physics.solve.constants import Constants, SolverConstants, pack_constants
@@ -47,26 +51,61 @@ def load_kernels() -> None:
     """Load every kernel that is called from Python; compile them first where that is needed.
 
     Call this before calling a kernel from Python. It takes a fraction of a second where
-    the cache is filled, and announces on stderr when it is not.
+    the cache is filled, and announces on stderr when it is not. Of several processes that find it
+    empty one compiles, and the others wait for it.
     """
+    if numba_config.DISABLE_JIT:
+        say("NUMBA_DISABLE_JIT is set: the kernels run as Python, a thousand times slower")
+        return
     marker = cache_folder() / "compiled"
     if not marker.exists():
-        start = time.perf_counter()
-        _say("compiling the physics kernels, once for this version and machine (half a minute)")
-        filled = _compile_in_own_processes()
-        _call_all()
-        if filled:
-            marker.touch()
-            _say(f"compiled in {time.perf_counter() - start:.0f} s, kept in the kernel cache")
-        else:
-            # Results may then differ in the last bit from those of processes that load the cache.
-            _say("a process that compiled kernels was lost; the next start tries again")
+        with _alone():
+            if not marker.exists():
+                _fill_cache(marker)
+    _call_all()
+
+
+@contextlib.contextmanager
+def _alone() -> Iterator[None]:
+    """Wait while another process compiles into the same folder."""
+    lock = FileLock(cache_folder() / "lock")
+    try:
+        lock.acquire(blocking=False)
+    except Timeout:
+        say("another process compiles the physics kernels; waiting for it")
+        lock.acquire()
+    except (OSError, NotImplementedError):
+        # A file system without locks: each compiles for itself, as before.
+        yield
+        return
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def _fill_cache(marker: Path) -> None:
+    """Compile everything and leave a mark that all of it is there."""
+    start = time.perf_counter()
+    say("compiling the physics kernels, once for this version and machine (half a minute)")
+    filled = _compile_in_own_processes()
+    _call_all()
+    took = f"compiled in {time.perf_counter() - start:.0f} s"
+    if not filled:
+        # Results may then differ in the last bit from those of processes that load the cache.
+        say("a process that compiled kernels was lost; the next start tries again")
+    elif ForgivingCache.complaints:
+        say(f"{took} for this process only")
+    elif why_temporary():
+        say(
+            f"{took} for this process only, as {why_temporary()}; NUMBA_CACHE_DIR may name a folder"
+        )
     else:
-        _call_all()
-
-
-def _say(message: str) -> None:
-    print(f"swim_env: {message}", file=sys.stderr, flush=True)
+        try:
+            marker.touch()
+            say(f"{took}, kept in the kernel cache")
+        except OSError as error:
+            say(f"{took} for this process only: {error}")
 
 
 def _compile_in_own_processes() -> bool:
@@ -89,7 +128,15 @@ def _compile_in_own_processes() -> bool:
             for function in together:
                 code = f"{setup}; loading.{function.__name__}()"
                 command = [sys.executable, "-P", "-c", code]
-                started.append(subprocess.Popen(command, stdin=subprocess.DEVNULL, env=environment))
+                started.append(
+                    subprocess.Popen(
+                        command,
+                        stdin=subprocess.DEVNULL,
+                        # What stops them stops this process as well, and it says so once.
+                        stderr=subprocess.DEVNULL,
+                        env=environment,
+                    )
+                )
         except OSError:
             pass
         try:

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 
-from swim_env.physics.runtime.compile import fingerprint
+from swim_env.physics.loading import load_kernels
+from swim_env.physics.runtime.cache import cache_folder, fingerprint
 from tests.support import ROOT, Done, run_python
 
 
@@ -51,3 +56,90 @@ def test_two_processes_fill_an_empty_cache_without_writing_to_the_same_place(
     assert [path.name for path in kept if not path.name.endswith(".1.nbc")] == []
     assert load(tmp_path) == Done(0, "", "")
     assert len(list(tmp_path.rglob("*.nbc"))) == len(kept)
+
+
+KERNEL = """
+from swim_env.physics.runtime.compile import entry_kernel
+
+@entry_kernel
+def doubled(x):
+    return 2.0 * x
+"""
+
+
+def double(folder: Path, setup: str = "pass") -> Done:
+    (folder / "tiny.py").write_text(KERNEL)
+    code = f"import sys; sys.path.insert(0, {str(folder)!r}); {setup}; import tiny"
+    return run_python("-c", f"{code}; print(tiny.doubled(21.0))", NUMBA_CACHE_DIR=str(folder / "c"))
+
+
+@pytest.mark.parametrize("length", [0, 10, 60])
+@pytest.mark.parametrize("kind", ["nbc", "nbi"])
+def test_a_damaged_file_costs_a_compilation_and_one_line(
+    tmp_path: Path, kind: str, length: int
+) -> None:
+    assert double(tmp_path) == Done(0, "42.0\n", "")
+    (file,) = tmp_path.rglob(f"tiny.*.{kind}")
+    file.write_bytes(file.read_bytes()[:length])
+    found = double(tmp_path)
+    assert (found.code, found.out, found.err.count("\n")) == (0, "42.0\n", 1)
+    assert "a damaged file of the kernel cache is compiled again (" in found.err
+    assert double(tmp_path) == Done(0, "42.0\n", ""), "it is whole again"
+
+
+def test_a_full_disk_costs_one_line(tmp_path: Path) -> None:
+    full = (
+        "import numba.core.caching as c; "
+        "c.IndexDataCacheFile.save = lambda *a: open('/dev/full', 'wb', 0).write(b'x')"
+    )
+    found = double(tmp_path, full)
+    assert (found.code, found.out, found.err.count("\n")) == (0, "42.0\n", 1)
+    assert "the kernel cache cannot be written (" in found.err and "No space left" in found.err
+
+
+def test_a_relative_folder_is_that_of_the_start(tmp_path: Path) -> None:
+    code = (
+        "import os; from swim_env.physics.runtime.cache import cache_folder; "
+        "os.chdir('/'); print(cache_folder().parent)"
+    )
+    assert run_python("-c", code, NUMBA_CACHE_DIR=".", cwd=tmp_path).out == f"{tmp_path}\n"
+
+
+def test_where_nothing_can_be_written_it_says_so(tmp_path: Path) -> None:
+    code = "from swim_env.physics.runtime.cache import why_temporary; print(why_temporary())"
+    file = tmp_path / "file"
+    file.touch()
+    found = run_python("-c", code, NUMBA_CACHE_DIR=str(file / "under"))
+    assert found.out == f"{file / 'under'} cannot be written\n"
+
+
+def test_processes_wait_for_the_one_that_compiles(tmp_path: Path) -> None:
+    load_kernels()
+    folder = tmp_path / cache_folder().name
+    shutil.copytree(cache_folder(), folder)
+    (folder / "compiled").unlink(missing_ok=True)
+    with FileLock(folder / "lock"):
+        code = "from swim_env.physics.loading import load_kernels; load_kernels()"
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(ROOT)}
+        process = subprocess.Popen(
+            [sys.executable, "-c", code], stderr=subprocess.PIPE, text=True, env=environment
+        )
+        assert process.stderr is not None
+        assert "another process compiles" in process.stderr.readline()
+        assert process.poll() is None
+        (folder / "compiled").touch()
+    assert process.communicate(timeout=60)[1] == "", "it takes what the other one has compiled"
+    assert process.returncode == 0
+
+
+def test_without_compilation_kernels_run_as_python() -> None:
+    code = (
+        "import swim_env; s = swim_env.Simulator(swim_env.load_scene('paper_i', "
+        "{'beam.elements': 3, 'fluid.panels_per_element': 4})); "
+        "print(*s.rollout(s.prescribed_torques(2)).displacement)"
+    )
+    found = [run_python("-c", code, **jit) for jit in ({}, {"NUMBA_DISABLE_JIT": "1"})]
+    assert [one.code for one in found] == [0, 0], found[1].err
+    compiled, slow = ([float(x) for x in one.out.split()] for one in found)
+    assert slow == pytest.approx(compiled, rel=1e-9, abs=1e-15)
+    assert found[1].err.count("\n") == 1 and "NUMBA_DISABLE_JIT is set" in found[1].err

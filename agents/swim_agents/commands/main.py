@@ -18,6 +18,7 @@ COMMANDS = {
     "visualise": "record how policies swim, and look at it in rerun's viewer",
     "tune": "search for the travelling wave that swims farthest",
     "accuracy": "choose the cheapest settings that compute a scene to a tolerance",
+    "warm-up": "compile the kernels, for images and clusters",
 }
 
 
@@ -33,7 +34,7 @@ def command(name: str, prog: str | None = None) -> Callable[[list[str] | None], 
     """
 
     def run_command(arguments: list[str] | None = None) -> int:
-        module = importlib.import_module(f"swim_agents.commands.{name}")
+        module = importlib.import_module(f"swim_agents.commands.{name.replace('-', '_')}")
         given = sys.argv[1:] if arguments is None else list(arguments)
         parser = argparse.ArgumentParser(prog=prog, description=module.__doc__)
         module.add_arguments(parser)

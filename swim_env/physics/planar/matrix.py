@@ -107,7 +107,8 @@ def _inertia_columns(
     """Differentiate the negative inertial part of the residual, a column per row of `transposed`.
 
     Columns belong to dc and to the turns delta_k. The inertia is measured with the normals (2, N);
-    `early` is whether the forces of its pose act at the beginning of the step.
+    `early` is whether the forces of its pose act at the beginning of the step. Callers write it as
+    bool(1) or bool(0): a literal is a type of its own, and all of this would be compiled for each.
     """
     pose, inc, balance, _, mass = body
     pushes = balance.sums
@@ -193,7 +194,7 @@ def mass_matrix(beam: BeamConstants, fluid: FluidConstants, body: Body, newton: 
         copy(pose.d1[i], inc.new_d1[i])
     inc.shift[:] = 0.0
     inc.impulse[:] = 0.0
-    _inertia_columns(1.0, pose.d1, True, beam, fluid, body, newton)
+    _inertia_columns(1.0, pose.d1, bool(1), beam, fluid, body, newton)
     for i in range(mass.total.shape[0]):
         copy(newton.transposed[i], mass.total[i])
         mass.diagonal[i] = mass.total[i, i]
@@ -249,7 +250,7 @@ def step_jacobian(
     evaluations of it, as much as the rest of the step.
     """
     pose, inc, balance, _, _ = body
-    _inertia_columns(h, pose.d1, True, beam, fluid, body, newton)
+    _inertia_columns(h, pose.d1, bool(1), beam, fluid, body, newton)
     if fluid.present and shape_difference > 0.0:
         _shape_columns(1.0 / h, shape_difference, fluid, fluid_buffers, inc, balance.shape, newton)
     _finish_jacobian(h, beam, fluid, body, newton)
@@ -264,7 +265,7 @@ def adjoint_jacobian(
     Call `evaluate_adjoint_step` before. The added mass of q_{n+1} and the normals that it is
     measured with are held.
     """
-    _inertia_columns(h, body.inc.new_d1, False, beam, fluid, body, newton)
+    _inertia_columns(h, body.inc.new_d1, bool(0), beam, fluid, body, newton)
     _finish_jacobian(h, beam, fluid, body, newton)
 
 

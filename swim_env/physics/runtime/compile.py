@@ -1,113 +1,23 @@
-"""One decorator for every compiled kernel, and the folder in which compiled code is kept.
-
-numba's own cache looks only at the file that a kernel is in. A kernel whose *callee* changed
-would keep running the old code. Every kernel of this package is therefore cached in a folder
-whose name carries a hash of all files with kernels in them, of the versions of numba, llvmlite,
-NumPy and Python, of the processor that the code was made for, and of the place of the package.
-Where no cache folder can be written, the code is kept in a temporary folder for this process alone.
-"""
+"""One decorator for every compiled kernel."""
 
 from __future__ import annotations
 
-import atexit
-import hashlib
-import os
-import platform
-import shutil
-import sys
-import tempfile
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, TypeVar
 
-import llvmlite
-import llvmlite.binding
 import numba
-import numpy as np
 from numba.core import config as numba_config
 from numba.extending import register_jitable
 
+from swim_env.physics.runtime.cache import ForgivingCache, cache_folder
+
 Function = TypeVar("Function", bound=Callable[..., Any])
-
-
-def fingerprint(package: Path) -> str:
-    """Return a hash of everything that the machine code of a package's kernels depends on."""
-    digest = hashlib.sha256()
-    for source in (
-        *sorted((package / "physics").rglob("*.py")),
-        package / "envs" / "assessment.py",
-        package / "scene" / "fluid.py",  # the names, in the order of the kernels' codes
-    ):
-        digest.update(source.relative_to(package).as_posix().encode())
-        digest.update(source.read_bytes())
-    for part in (
-        # numba files kernels under the path of their source, so every installation has its own.
-        package.resolve(),
-        numba.__version__,
-        llvmlite.__version__,
-        np.__version__,
-        platform.python_version(),
-        platform.machine(),
-        llvmlite.binding.get_host_cpu_name(),
-        llvmlite.binding.get_host_cpu_features().flatten(),
-        numba_config.BOUNDSCHECK,
-    ):
-        digest.update(str(part).encode())
-    return digest.hexdigest()[:16]
-
-
-def _base_folder() -> Path:
-    given = os.environ.get("NUMBA_CACHE_DIR")
-    if given:
-        return Path(given)
-    if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
-    elif sys.platform == "darwin":
-        base = Path.home() / "Library" / "Caches"
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return base / "swim_env"
-
-
-def _private_temporary_folder(name: str) -> Path:
-    """Make a folder that no other user can write to: cached code is trusted when it is loaded."""
-    base = tempfile.mkdtemp(prefix="swim_env-")
-    atexit.register(shutil.rmtree, base, ignore_errors=True)
-    folder = Path(base) / name
-    folder.mkdir()
-    return folder
-
-
-def _writable(folder: Path) -> bool:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return True
-    except OSError:
-        return False
-
-
-def _find_cache_folder() -> Path:
-    name = f"kernels-{fingerprint(Path(__file__).parents[2])}"
-    try:
-        folder = _base_folder() / name
-    except RuntimeError:  # there is no home folder
-        return _private_temporary_folder(name)
-    return folder if _writable(folder) else _private_temporary_folder(name)
-
-
-_CACHE_FOLDER = _find_cache_folder()
-
-
-def cache_folder() -> Path:
-    """Return the folder that holds this version's compiled kernels."""
-    return _CACHE_FOLDER
 
 
 def _compile(function: Function, **options: Any) -> Function:
     # The folder is set only while the decorator runs: other packages keep their own cache.
     before = numba_config.CACHE_DIR
-    numba_config.CACHE_DIR = str(_CACHE_FOLDER)
+    numba_config.CACHE_DIR = str(cache_folder())
     try:
         compiled: Function = numba.njit(
             cache=True,
@@ -122,6 +32,9 @@ def _compile(function: Function, **options: Any) -> Function:
         )(function)
     finally:
         numba_config.CACHE_DIR = before
+    # With NUMBA_DISABLE_JIT it is the Python function.
+    if hasattr(compiled, "_cache"):
+        compiled._cache = ForgivingCache(compiled._cache)
     return compiled
 
 

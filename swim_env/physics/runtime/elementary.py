@@ -9,8 +9,11 @@ range that remains after the power of two is split off, and of ``atan(a)/a`` on
 
 from __future__ import annotations
 
+import struct
+
 from llvmlite import ir
 from numba import types
+from numba.core import config as numba_config
 from numba.extending import intrinsic
 
 from swim_env.physics.runtime.compile import kernel
@@ -50,6 +53,15 @@ def _float_of(typingctx, value):  # type: ignore[no-untyped-def]
         return builder.bitcast(args[0], ir.DoubleType())
 
     return types.float64(types.int64), codegen
+
+
+if numba_config.DISABLE_JIT:  # debuggers and coverage run kernels as Python
+
+    def _bits_of(value: float) -> int:  # noqa: F811
+        return int(struct.unpack("<q", struct.pack("<d", value))[0])
+
+    def _float_of(value: int) -> float:  # noqa: F811
+        return float(struct.unpack("<d", struct.pack("<q", value))[0])
 
 
 @kernel
