@@ -11,10 +11,10 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # studies are not installed
 
 from swim_agents.commands.command_line import add_options, progress_bar, run
+from swim_agents.tables import text_table
 
 from studies.benchmark.checkouts import EASY_SCENES, compare_checkouts
 from swim_env.errors import SwimError
-from swim_env.files.tables import text_table
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -15,10 +15,10 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # studies are not installed
 
 from swim_agents.commands.command_line import run
+from swim_agents.tables import text_table
 
 from studies.fingerprint import ROOT
 from studies.release import STORED
-from swim_env.files.tables import text_table
 
 HEADS = ("study", "state", "command", "duration")
 

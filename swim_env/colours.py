@@ -27,11 +27,9 @@ TORQUE_STOPS: tuple[Colour, ...] = (
 
 def ramp(stops: Sequence[Colour], places: ArrayLike) -> Colours:
     """Return the colours (..., 3) at places (...) between stops, which are at 0, 1, 2 ..."""
-    at = np.asarray(places, dtype=np.float64)
-    below = np.minimum(at.astype(np.int64), len(stops) - 2)
-    table = np.array(stops, dtype=np.float64)
-    mixed = table[below] + (at - below)[..., None] * (table[below + 1] - table[below])
-    colours: Colours = np.rint(mixed).astype(np.uint8)
+    at, numbers = np.asarray(places, dtype=np.float64), np.arange(len(stops))
+    mixed = [np.interp(at, numbers, channel) for channel in zip(*stops, strict=True)]
+    colours: Colours = np.rint(np.stack(mixed, axis=-1)).astype(np.uint8)
     return colours
 
 

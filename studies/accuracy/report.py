@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from swim_agents.tables import markdown_table
 
 from studies.accuracy.front import pareto, stepped
 from studies.accuracy.grid import FINE_STEPS, SOLVED
@@ -17,7 +18,6 @@ from studies.store import short_commit
 from swim_env.accuracy.outcome import relative_error
 from swim_env.accuracy.reference import Reference
 from swim_env.accuracy.settings import PAPER_SETTINGS, Settings
-from swim_env.files.tables import markdown_table
 
 Rows = Iterable[Sequence[object]]
 

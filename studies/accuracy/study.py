@@ -21,6 +21,7 @@ from studies.accuracy.mass_error import mass_errors
 from studies.accuracy.runs import Run, Yardstick, scene_with, timed_run
 from studies.fingerprint import text_digest
 from studies.store import Record, Store
+from swim_env.accuracy.outcome import Outcome
 from swim_env.accuracy.reference import Reference, reference_of
 from swim_env.accuracy.settings import Settings
 from swim_env.errors import SimulationEndedError, SwimError
@@ -98,8 +99,8 @@ class Study:
         straight, bent = mass_errors(scene_with(settings, case.scene))
         figures = {
             "error": reference.error(outcome),
-            "path_error": reference.path_error(outcome),
-            "energy_error": reference.energy_error(outcome),
+            "path_error": path_error(reference, outcome),
+            "energy_error": energy_error(reference, outcome),
             "added_mass_error": straight,
             "bent_added_mass_error": bent,
             "displacement": outcome.displacement.tolist(),
@@ -153,3 +154,24 @@ def case_digest(case: Case) -> str:
     integrator = data["integrator"]
     data["integrator"] = {k: integrator[k] for k in integrator if not k.startswith("energy_")}
     return text_digest(f"{case.duration!r}\n{dump_yaml(data)}")[:12]
+
+
+def path_error(reference: Reference, outcome: Outcome) -> float:
+    """Return the largest distance between the paths, relative to the reference's extent.
+
+    It is infinite if the run ended early.
+    """
+    if outcome.termination_reason:
+        return np.inf
+    off, extent = (
+        float(np.hypot(*path.T).max(initial=0.0))
+        for path in (outcome.path - reference.path, reference.path)
+    )
+    return off / max(extent, 0.01 * reference.length)
+
+
+def energy_error(reference: Reference, outcome: Outcome) -> float:
+    """Return the relative error of the mean energy; infinite if the run ended early."""
+    if outcome.termination_reason:
+        return np.inf
+    return abs(outcome.energy - reference.energy) / (abs(reference.energy) or 1.0)

@@ -8,11 +8,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from swim_agents.tables import markdown_table
 
 from swim_env.accuracy.outcome import Outcome, play, relative_error
 from swim_env.accuracy.settings import PAPER_SETTINGS, Settings
 from swim_env.errors import SimulationEndedError
-from swim_env.files.tables import markdown_table
 from swim_env.plots import style
 from swim_env.scene import Scene, load_scene
 

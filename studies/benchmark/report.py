@@ -9,10 +9,11 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
+from swim_agents.tables import markdown_table
+
 from studies.benchmark.picture import draw_benchmark
 from studies.benchmark.startup import PHASES
 from swim_env.files.folders import write_folder
-from swim_env.files.tables import markdown_table
 from swim_env.plots import save_figure
 
 #: What a folder of results holds.

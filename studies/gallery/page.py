@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from swim_agents.comparison.performance import measure_gait
+from swim_agents.tables import markdown_table
 
 from studies.gallery.pictures import draw_learning, draw_pareto
 from studies.gallery.runs import (
@@ -30,7 +31,6 @@ from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
 from swim_env.files.folders import check_folder, write_folder
 from swim_env.files.provenance import where_and_when
-from swim_env.files.tables import markdown_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

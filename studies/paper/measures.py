@@ -6,9 +6,10 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeVar
 
+from swim_agents.tables import markdown_table
+
 from studies.paper.bars import bar_of, with_bar
 from studies.paper.verdicts import LEVELS, Data
-from swim_env.files.tables import markdown_table
 
 #: The figures of `studies.paper.runs.run_figures`.
 Run = Mapping[str, Any]

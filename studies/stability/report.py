@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from swim_env.files.tables import markdown_table
+from swim_agents.tables import markdown_table
 
 Record = Mapping[str, Any]
 

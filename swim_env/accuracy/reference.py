@@ -75,7 +75,8 @@ class Reference:
     displacement, path, energy, length
         As in `Outcome`, and the body's length (m).
     uncertainty, path_uncertainty, energy_uncertainty : float
-        Error bars, on the scales of `error`, `path_error` and `energy_error`.
+        Error bars, relative as `error` is: of the displacement, of the path to its extent, and of
+        the energy.
     parts : dict of str to float
         Parts of the displacement's error bar: elements, time_step, panels, model.
     """
@@ -94,18 +95,6 @@ class Reference:
         if outcome.termination_reason:
             return np.inf
         return relative_error(outcome.displacement, self.displacement, self.length)
-
-    def path_error(self, outcome: Outcome) -> float:
-        """Return the largest distance between the paths, relative to the reference's extent."""
-        if outcome.termination_reason:
-            return np.inf
-        return _largest(outcome.path - self.path) / max(_largest(self.path), 0.01 * self.length)
-
-    def energy_error(self, outcome: Outcome) -> float:
-        """Return the relative error of the mean energy."""
-        if outcome.termination_reason:
-            return np.inf
-        return abs(outcome.energy - self.energy) / (abs(self.energy) or 1.0)
 
 
 def plan_for(scene: Scene, refinements: Refinements) -> Refinements:

@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 from swim_env.errors import SwimError
 from swim_env.physics.fluid.layout import motion_count
 from swim_env.physics.fluid.models import shape_force
-from swim_env.physics.planar.chain import chain_levers
 from swim_env.scene import Scene
 from swim_env.sim.batch import Bodies, minimal_start
 from swim_env.sim.constants import scene_constants
@@ -81,7 +80,7 @@ class _Equations:
         #: SciPy's own count leaves out Jacobians.
         self.evaluations = 0
         self._beam, self._fluid, _ = scene_constants(scene)
-        self._levers = chain_levers(self._beam.elements, self._beam.element_length)
+        self._levers = _levers(self._beam.elements, self._beam.element_length)
         self._views = self.bodies.views(0)
         self._motions = int(motion_count(self._fluid))
         self._drag_places = np.array([-1.0, 1.0]) * self._beam.element_length / np.sqrt(12.0)
@@ -152,6 +151,14 @@ class _Equations:
             rates[2:] += (force * self._drag_places).sum(axis=1)
             rates[2:] += ((self._levers.T @ drag) * normal).sum(axis=1)
         return rates
+
+
+def _levers(elements: int, element_length: float) -> Array:
+    """Return E, (N, N): centre k moves by E_kj (m) times the change of d3 of element j."""
+    k, j = np.indices((elements, elements))
+    weight = (elements - j - 0.5) / elements
+    levers: Array = element_length * (np.where(j < k, 1.0, 0.0) + 0.5 * (j == k) - weight)
+    return levers
 
 
 def integrate(

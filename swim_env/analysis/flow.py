@@ -38,7 +38,8 @@ from swim_env.physics.fluid.sources import (
     influence_row,
 )
 from swim_env.physics.loading import load_kernels
-from swim_env.physics.runtime.compile import entry_kernel, kernel, vector_kernel
+from swim_env.physics.runtime.compile import entry_kernel, kernel
+from swim_env.physics.runtime.dense import dot
 from swim_env.physics.runtime.views import LANES, padded
 from swim_env.physics.status import FINE
 from swim_env.scene import Scene
@@ -70,14 +71,6 @@ class Flow:
     potential: Array
     velocity: Array
     inside: NDArray[np.bool_]
-
-
-@vector_kernel
-def _sum_of_products(row: Array, strengths: Array) -> float:
-    total = 0.0
-    for j in range((strengths.size >> 3) << 3):
-        total += row[j] * strengths[j]
-    return total
 
 
 @kernel
@@ -114,9 +107,9 @@ def _flow_at(
         panels[CX, last] = points[p, 0]
         panels[CY, last] = points[p, 1]
         influence_row(last, panels, inverse_square, half_log, layers)
-        out[p, _PHI] = _sum_of_products(layers[POTENTIAL, last], strengths)
-        out[p, _U] = _sum_of_products(layers[VELOCITY_X, last], strengths)
-        out[p, _V] = _sum_of_products(layers[VELOCITY_Y, last], strengths)
+        out[p, _PHI] = dot(layers[POTENTIAL, last], strengths)
+        out[p, _U] = dot(layers[VELOCITY_X, last], strengths)
+        out[p, _V] = dot(layers[VELOCITY_Y, last], strengths)
         out[p, _INSIDE] = 1.0 if _is_inside(points[p, 0], points[p, 1], count, panels) else 0.0
 
 

@@ -166,9 +166,9 @@ class Episodes:
         self._figures = np.zeros((count, len(_COLUMNS)))
         self.counters = np.zeros((count, 3), dtype=np.int64)
         start = task.draw_start(np.random.default_rng(0), task.plan_start({"noise": 0.0}))
-        self.bodies.start(0, start.coordinates, start.velocity)
-        if self.bodies.recorder is not None:
-            self.bodies.recorder.forget()
+        # Not `start`, with which a recording would begin.
+        self.bodies.states[0] = self.bodies.prepared(0, start.coordinates, start.velocity)
+        self.bodies.velocities[0] = start.velocity
         names = _TARGET_INFO if task.goal_is_point else _FORWARD_INFO
         self._info_columns = [(name, _COLUMNS[name]) for name in names]
         self._all_there = np.ones(count, dtype=np.bool_)

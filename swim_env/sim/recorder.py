@@ -101,11 +101,6 @@ class Recorder:
         self._kept[member] = (steps, energy, start)
         self._steps[member] = 0
 
-    def forget(self) -> None:
-        """Forget everything."""
-        count = len(self._kept)
-        self._kept, self._steps = [None] * count, [0] * count
-
     def kept(self, member: int) -> Kept | None:
         """Return what is recorded of a member, None before its first start."""
         kept = self._kept[member]

@@ -16,6 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 from studies.accuracy.front import front_to_json
+from studies.accuracy.study import energy_error, path_error
 from swim_env import Scene, SceneError, SimulationEndedError, SwimError, Trajectory, load_scene
 from swim_env.accuracy import Choice, Outcome, Reference, Settings, choose, play, reference_of
 from swim_env.accuracy.front import Measured, load_front
@@ -245,20 +246,20 @@ def test_errors_of_path_and_energy():
     off[7] += [0.3, -0.4]
     run = made_outcome(np.concatenate([path[-1] + [0.0, 0.2], [3.0], off.ravel()]))
     # The largest distance of 0.5 on a path of extent 2, and a quarter of the energy.
-    assert reference.path_error(run) == pytest.approx(0.25)
-    assert reference.energy_error(run) == pytest.approx(0.25)
+    assert path_error(reference, run) == pytest.approx(0.25)
+    assert energy_error(reference, run) == pytest.approx(0.25)
     assert reference.error(run) == pytest.approx(0.1)
     early = replace(run, termination_reason="turn_too_large")
-    for error in (reference.error, reference.path_error, reference.energy_error):
-        assert error(early) == math.inf
+    for error in (Reference.error, path_error, energy_error):
+        assert error(reference, early) == math.inf
     # Of a body that stays put they are finite.
     still = Reference(np.zeros(2), np.zeros((SAMPLES + 1, 2)), 0.0, 2.0, 0.0, 0.0, 0.0, {})
     values = np.zeros(2 * SAMPLES + 5)
-    for error in (still.error, still.path_error, still.energy_error):
-        assert error(made_outcome(values)) == 0.0
+    for error in (Reference.error, path_error, energy_error):
+        assert error(still, made_outcome(values)) == 0.0
     values[2:4] = [0.5, 0.01]
-    assert still.energy_error(made_outcome(values)) == 0.5
-    assert still.path_error(made_outcome(values)) == pytest.approx(0.5)
+    assert energy_error(still, made_outcome(values)) == 0.5
+    assert path_error(still, made_outcome(values)) == pytest.approx(0.5)
 
 
 # ---- references --------------------------------------------------------------------------------

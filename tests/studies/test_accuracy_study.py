@@ -30,7 +30,7 @@ from studies.accuracy.mass_error import BEND, mass_errors, rigid_added_mass
 from studies.accuracy.picture import draw_study
 from studies.accuracy.report import budget_of, held_out_table, study_tables
 from studies.accuracy.runs import Yardstick, label_of, scene_with, solve, solver_of, timed_run
-from studies.accuracy.study import Study, case_digest
+from studies.accuracy.study import Study, case_digest, energy_error, path_error
 from studies.accuracy.sweeps import sweep_tables
 from studies.benchmark.effects import effect_pairs, measure_effects
 from swim_env import EFFECT_NAMES, Scene, SimulationEndedError, SwimError, load_scene
@@ -417,8 +417,8 @@ def test_the_command_writes_a_whole_study(tmp_path, tiny, capsys):
     assert stored.keys() == {"commit", "machine", "versions", "date", "references", "cases"}
     (reference,) = tiny_study(folder).references.values()
     outcome = play(TINY[2].apply(load_scene("swimmer")), 1.0)
-    for name in ("error", "path_error", "energy_error"):
-        assert getattr(reference, name)(outcome) == lines[2][name]
+    for error in (Reference.error, path_error, energy_error):
+        assert error(reference, outcome) == lines[2][error.__name__]
     figures = printed["scenes"]["swimmer"]
     # As far as the grid has the runs for it.
     assert figures["paper_settings"].keys() == {"all"}

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from swim_agents.tables import markdown_table, text_table
 
 from studies.fingerprint import code_of, files_digest, kernel_digest, text_digest, with_imports
 from studies.store import Store
 from swim_env.errors import SwimError
-from swim_env.files.tables import markdown_table, text_table
 from tests.stability.test_interrupts import files_of_at_most
 
 

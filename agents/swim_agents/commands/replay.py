@@ -9,10 +9,10 @@ from typing import Any
 from swim_agents.commands import command_line as cli
 from swim_agents.commands.playing import play_policy, play_prescribed, record, report_early_end
 from swim_agents.policies import policy_names
+from swim_agents.tables import text_table
 from swim_env.envs.assessment import load_assessment
 from swim_env.errors import SwimError
 from swim_env.files.folders import check_folder
-from swim_env.files.tables import text_table
 from swim_env.physics.loading import load_kernels
 from swim_env.plots import require_matplotlib
 from swim_env.plots.results import RESULT_FILES, write_results

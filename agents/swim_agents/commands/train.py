@@ -10,9 +10,9 @@ from typing import Any
 
 from swim_agents.commands import command_line as cli
 from swim_agents.learning.config import TrainingConfig, config_names, load_config
+from swim_agents.tables import text_table
 from swim_env.envs.assessment import load_assessment
 from swim_env.errors import SwimError
-from swim_env.files.tables import text_table
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

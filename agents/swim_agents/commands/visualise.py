@@ -10,12 +10,12 @@ from pathlib import Path
 from swim_agents.commands import command_line as cli
 from swim_agents.commands import playing
 from swim_agents.policies import load_policy, policy_names
+from swim_agents.tables import text_table
 from swim_env import recording
 from swim_env.analysis.energy import velocity_of_start
 from swim_env.envs.assessment import load_assessment
 from swim_env.envs.task import check_task
 from swim_env.errors import SwimError
-from swim_env.files.tables import text_table
 from swim_env.recording import FLOW_RATE, FRAME_RATE, Swimmer, WrittenRecording
 from swim_env.scene import Scene
 from swim_env.sim.replay import steps_of

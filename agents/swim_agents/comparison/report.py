@@ -11,8 +11,8 @@ from typing import Any
 from swim_agents import files
 from swim_agents.comparison.contest import Contest
 from swim_agents.comparison.performance import Performance
+from swim_agents.tables import markdown_table, text_table
 from swim_env.files.folders import write_folder
-from swim_env.files.tables import markdown_table, text_table
 from swim_env.plots import draw_gaits, draw_paths, draw_scores, save_figure
 
 __all__ = ["CONTEST_FILES", "as_csv", "as_markdown", "as_text", "write_contest"]

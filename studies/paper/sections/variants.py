@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
+from swim_agents.tables import markdown_table
+
 from studies.paper.bars import STEPS, coarse_error, with_bar
 from studies.paper.measures import (
     Fields,
@@ -20,7 +22,6 @@ from studies.paper.runs import NUMERALS
 from studies.paper.statements import STATEMENTS, find_all
 from studies.paper.variants import VARIANTS
 from studies.paper.verdicts import AGREE, Data
-from swim_env.files.tables import markdown_table
 
 #: Statements about driven scenes, which any reading can be compared with.
 _OF_DRIVEN = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -126,9 +127,10 @@ class Lettering:
         self._large_font = ImageFont.load_default(_LARGER * size)
         _, top, _, bottom = self._font.getbbox("Ag0(", anchor="ls")
         self._ascent, self._height = 1 - math.floor(top), math.ceil(bottom) - math.floor(top) + 2
-        self._letters: dict[str, Image.Image] = {}
-        self._figures: dict[str, Image.Image] = {}
-        self._words: dict[str, Image.Image] = {}
+        kept = functools.lru_cache(_KEPT_TEXTS)
+        self._word = kept(self._drawn_word)
+        self._line = kept(self._drawn_line)
+        self._letter = kept(self._drawn_letter)
 
     def words(
         self, image: Image.Image, at: Point, text: str, colour: Colour, shift: float = 0.0
@@ -137,16 +139,7 @@ class Lettering:
 
         It begins (shift 0), has its middle (0.5) or ends (1) at a point on the base line.
         """
-        mask = self._words.get(text)
-        if mask is None:
-            # Drawn larger, and so without the font's rounding of letters to whole pixels.
-            size = (_LARGER * math.ceil(self.words_width(text)), _LARGER * self._height)
-            large = Image.new("L", size)
-            start = (0.0, float(_LARGER * self._ascent))
-            draw = ImageDraw.Draw(large)
-            draw.text(start, text, fill=255, font=self._large_font, anchor="ls")
-            mask = _keep(self._words, text, large.reduce(_LARGER))
-        self._paste(image, at, mask, colour, shift)
+        self._paste(image, at, self._word(text), colour, shift)
         return self.words_width(text)
 
     def words_width(self, text: str) -> float:
@@ -177,20 +170,25 @@ class Lettering:
         corner = (round(at[0] - shift * mask.width), round(at[1]) - self._ascent)
         image.paste(colour, corner, mask)
 
-    def _line(self, text: str) -> Image.Image:
+    def _drawn_word(self, text: str) -> Image.Image:
+        """Return a text, white on black, drawn larger and so without rounding its letters."""
+        size = (_LARGER * math.ceil(self.words_width(text)), _LARGER * self._height)
+        large = Image.new("L", size)
+        start = (0.0, float(_LARGER * self._ascent))
+        ImageDraw.Draw(large).text(start, text, fill=255, font=self._large_font, anchor="ls")
+        return large.reduce(_LARGER)
+
+    def _drawn_line(self, text: str) -> Image.Image:
         """Return a text put together from letters, white on black."""
-        line = self._figures.get(text)
-        if line is None:
-            letters = [self._letters.get(letter) or self._letter(letter) for letter in text]
-            line = Image.new("L", (sum(letter.width for letter in letters), self._height))
-            x = 0
-            for letter in letters:
-                line.paste(letter, (x, 0))
-                x += letter.width
-            _keep(self._figures, text, line)
+        letters = [self._letter(letter) for letter in text]
+        line = Image.new("L", (sum(letter.width for letter in letters), self._height))
+        x = 0
+        for letter in letters:
+            line.paste(letter, (x, 0))
+            x += letter.width
         return line
 
-    def _letter(self, letter: str) -> Image.Image:
+    def _drawn_letter(self, letter: str) -> Image.Image:
         """Return a letter, white on black, as wide as the way to the next one."""
         shape = "+" if letter == "-" else letter
         mask = Image.new("L", (round(self._font.getlength(shape)), self._height))
@@ -202,12 +200,4 @@ class Lettering:
             columns = np.flatnonzero(pixels.any(axis=0))
             pixels[:, columns] = pixels[:, columns[1], None]
             mask = Image.fromarray(pixels)
-        return _keep(self._letters, letter, mask)
-
-
-def _keep(store: dict[str, Image.Image], text: str, mask: Image.Image) -> Image.Image:
-    """Keep a mask; a store that is full is emptied first."""
-    if len(store) >= _KEPT_TEXTS:
-        store.clear()
-    store[text] = mask
-    return mask
+        return mask

@@ -69,14 +69,6 @@ def chain_weight(element: int, elements: int) -> float:
     return (elements - element - 0.5) / elements
 
 
-def chain_levers(elements: int, element_length: float) -> Array:
-    """Return E, (N, N): centre k moves by E_kj (m) times the change of d3 of element j."""
-    k, j = np.indices((elements, elements))
-    weight = (elements - j - 0.5) / elements
-    levers: Array = element_length * (np.where(j < k, 1.0, 0.0) + 0.5 * (j == k) - weight)
-    return levers
-
-
 @entry_kernel
 def centres(q: Array, element_length: float, out: Array) -> None:
     """Write the element centres (N, 2) in m of the minimal coordinates q (N + 2,).
