@@ -238,6 +238,7 @@ def test_a_failed_process_is_one_error_with_its_last_words():
 # ---- the report --------------------------------------------------------------------------------
 
 
+@pytest.mark.release
 def test_the_stored_page_is_made_of_the_stored_data():
     folder = ROOT / "docs" / "benchmark"
     assert report_page(kept()) == (folder / "benchmark.md").read_text(encoding="utf-8")
