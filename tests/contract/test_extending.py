@@ -86,7 +86,7 @@ def probed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 @pytest.mark.slow
 @pytest.mark.ci_slice
 @pytest.mark.timeout(900)
-def test_a_model_of_ones_own_is_there_and_has_its_mass(probed: dict[str, Any]) -> None:
+def test_a_model_of_ones_own_is_there_and_has_its_mass(probed):
     assert "tapered" in probed["models"]
     momentum, plain = np.array(probed["momentum"]), np.array(probed["plain"])
     # As much mass as the strips have, but further ahead.
@@ -97,7 +97,7 @@ def test_a_model_of_ones_own_is_there_and_has_its_mass(probed: dict[str, Any]) -
 @pytest.mark.slow
 @pytest.mark.ci_slice
 @pytest.mark.timeout(900)
-def test_an_effect_of_ones_own_dissipates(probed: dict[str, Any]) -> None:
+def test_an_effect_of_ones_own_dissipates(probed):
     everything, present = probed["effects"]
     assert "joint_viscosity" in everything and "joint_viscosity" in present
     assert min(probed["dissipated"]) > 0.0
@@ -106,7 +106,7 @@ def test_an_effect_of_ones_own_dissipates(probed: dict[str, Any]) -> None:
 @pytest.mark.slow
 @pytest.mark.ci_slice
 @pytest.mark.timeout(900)
-def test_a_scheme_of_ones_own_converges_to_the_same_motion(probed: dict[str, Any]) -> None:
+def test_a_scheme_of_ones_own_converges_to_the_same_motion(probed):
     gaps = np.linalg.norm(np.array(probed["ends"]) - np.array(probed["starts"]), axis=1)
     # Both are of first order, and the steps are short enough to show it.
     assert gaps[1] / gaps[0] == pytest.approx(0.5, abs=0.03)

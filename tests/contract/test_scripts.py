@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 from importlib.metadata import distributions
-from pathlib import Path
 
 import pytest
 
@@ -18,7 +17,7 @@ INSTALLED = any(one.name == "swim-env" for one in distributions())
 
 @pytest.mark.skipif(not INSTALLED, reason="swim-env is not installed, only on the path")
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
-def test_a_script_needs_no_path_of_its_own(script: Path, tmp_path: Path) -> None:
+def test_a_script_needs_no_path_of_its_own(script, tmp_path):
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     done = subprocess.run(
         [sys.executable, script, "--help"],

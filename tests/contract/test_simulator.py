@@ -35,7 +35,7 @@ def simulator() -> Simulator:
     return Simulator("paper_i")
 
 
-def test_names_of_scene_and_kernels_agree() -> None:
+def test_names_of_scene_and_kernels_agree():
     assert set(FLUID_MODELS) == set(FLUID_MODEL_NAMES)
     assert EFFECTS == EFFECT_NAMES
 

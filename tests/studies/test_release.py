@@ -5,16 +5,12 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import pytest
-
 from studies import release
 from swim_env.accuracy.settings import PAPER_SETTINGS
 from tests.support import call_script
 
 
-def test_studies_are_stale_where_their_code_is_not_the_present_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_studies_are_stale_where_their_code_is_not_the_present_one(tmp_path, monkeypatch):
     kept = {"kernels": "stored", "commit": "0123456", "cases": {}, "references": {}}
     for name in ("stability", "benchmark", "references", "study", "sweeps", "held_out"):
         (tmp_path / f"{name}.json").write_text(json.dumps(kept), encoding="utf-8")
@@ -32,11 +28,11 @@ def test_studies_are_stale_where_their_code_is_not_the_present_one(
         assert [bool(problem_of[name](place)) for name, place in places.items()] == stale
 
 
-def test_the_command_lists_all_of_them(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_lists_all_of_them(capsys):
     found = call_script(capsys, "release", "--json").figures()["studies"]
     assert [row["study"] for row in found] == [f"docs/{one.place}" for one in release.STORED]
     assert all(row["state"] and row["command"] and row["duration"] for row in found)
 
 
-def test_a_commit_that_is_not_there_counts_as_another() -> None:
+def test_a_commit_that_is_not_there_counts_as_another():
     assert release.kernels_at("0" * 40) is None
