@@ -36,7 +36,7 @@ from swim_env.scene import (
     load_scene,
     scene_names,
 )
-from tests.support import ROOT, refuses, run_python
+from tests.support import ROOT, full_disk, refuses, run_python
 
 PAPER = ["i", "ii", "iii", "iv", "v", "vi", "vii", "viii", "ix", "x", "xi", "xii"]
 SHIPPED = [f"paper_{number}" for number in PAPER] + ["swimmer"]
@@ -791,12 +791,8 @@ def test_a_failed_save_leaves_the_old_file_and_nothing_half_written(tmp_path, mo
     monkeypatch.chdir(tmp_path)
     load_scene("paper_i").save("s.yaml")
     before = Path("s.yaml").read_bytes()
-
-    def refuse(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
     with monkeypatch.context() as patch:
-        patch.setattr(os, "replace", refuse)
+        patch.setattr(os, "replace", full_disk)
         fails(lambda: Scene().save("s.yaml"), "cannot write", "No space left", "(s.yaml)")
     assert Path("s.yaml").read_bytes() == before
     assert os.listdir() == ["s.yaml"]

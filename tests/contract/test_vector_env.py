@@ -11,11 +11,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
-from gymnasium.wrappers.vector import (
-    DictInfoToList,
-    NormalizeObservation,
-    RecordEpisodeStatistics,
-)
+from gymnasium.wrappers.vector import DictInfoToList, NormalizeObservation, RecordEpisodeStatistics
 
 from swim_env import TERMINATION_REASONS, OptionError, SimulationEndedError, SwimError
 from tests.support import (

@@ -1,7 +1,5 @@
 """The agents that ship: complete, loadable without a scene, and as good as their record says."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

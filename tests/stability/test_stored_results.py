@@ -1,7 +1,5 @@
 """The stored results of the hard cases: a full run in which all was right, and its tables."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

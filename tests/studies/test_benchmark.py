@@ -14,12 +14,7 @@ from swim_agents.learning.config import load_config
 
 from studies.benchmark import report
 from studies.benchmark.checkouts import compare_checkouts
-from studies.benchmark.environments import (
-    Workload,
-    environment_workload,
-    step_loop,
-    wave_actions,
-)
+from studies.benchmark.environments import Workload, environment_workload, step_loop, wave_actions
 from studies.benchmark.growth import fit_growth, growth_of
 from studies.benchmark.memory import measure_memory
 from studies.benchmark.picture import draw_benchmark

@@ -1,7 +1,5 @@
 """The list of stored studies, and which of them are stale."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
