@@ -66,10 +66,7 @@ def make_batch(task: str = FORWARD, num_envs: int = 3, **arguments: Any) -> Swim
 
 
 def make_singles(
-    task: str,
-    num_envs: int,
-    mode: AutoresetMode = AutoresetMode.NEXT_STEP,
-    **arguments: Any,
+    task: str, num_envs: int, mode: AutoresetMode = AutoresetMode.NEXT_STEP, **arguments: Any
 ) -> SyncVectorEnv:
     """Make as many single environments, which Gymnasium's own loop steps."""
 

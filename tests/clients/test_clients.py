@@ -114,7 +114,7 @@ def results(printed: str) -> list[dict[str, Any]]:
     return [json.loads(line) for line in printed.splitlines() if line.startswith("{")]
 
 
-def test_rl_zoo3(install: Callable[[str], Client]) -> None:
+def test_rl_zoo3(install):
     """Its command line trains in one process and in several, and plays what was trained."""
     zoo = install("rl-zoo3")
     first_episodes = {}
@@ -153,9 +153,7 @@ def test_rl_zoo3(install: Callable[[str], Client]) -> None:
     )
 
 
-def test_rl_zoo3_learns_with_the_shipped_hyperparameters(
-    install: Callable[[str], Client],
-) -> None:
+def test_rl_zoo3_learns_with_the_shipped_hyperparameters(install):
     """An eighth of the shipped training swims more than twice as far as the paper's wave."""
     zoo = install("rl-zoo3")
     printed = zoo.run(
@@ -171,7 +169,7 @@ def test_rl_zoo3_learns_with_the_shipped_hyperparameters(
     assert matched(r"ep_rew_mean\s+\|\s+(\S+)", printed) > 0.1
 
 
-def test_torchrl(install: Callable[[str], Client]) -> None:
+def test_torchrl(install):
     """Its check of specifications passes: alone, in processes, and on our batched form."""
     printed = install("torchrl").run(HERE / "torchrl" / "check_specs.py", FORWARD, TARGET)
     assert printed.count("check_env_specs succeeded!") == 10
@@ -187,7 +185,7 @@ def test_torchrl(install: Callable[[str], Client]) -> None:
         }
 
 
-def test_skrl(install: Callable[[str], Client]) -> None:
+def test_skrl(install):
     """It trains on our batched form and evaluates what it saved."""
     skrl = install("skrl")
     for name in (FORWARD, TARGET):

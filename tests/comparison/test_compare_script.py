@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +31,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Finished:
 # ---- the figures -------------------------------------------------------------------------------
 
 
-def test_the_last_line_is_one_object_with_the_figures(finished: Finished) -> None:
+def test_the_last_line_is_one_object_with_the_figures(finished):
     done, folder = finished
     record = done.figures()
     assert record.keys() >= {"scene", "seeds", "policies", "net_displacement", "ratios"}
@@ -50,7 +49,7 @@ def test_the_last_line_is_one_object_with_the_figures(finished: Finished) -> Non
     assert json.loads((folder / "comparison.json").read_text(encoding="utf-8")) == record
 
 
-def test_the_table_has_a_row_for_each_policy_and_seed(finished: Finished) -> None:
+def test_the_table_has_a_row_for_each_policy_and_seed(finished):
     done, folder = finished
     policies = done.figures()["policies"]
     with open(folder / "comparison.csv", newline="", encoding="utf-8") as file:
@@ -63,7 +62,7 @@ def test_the_table_has_a_row_for_each_policy_and_seed(finished: Finished) -> Non
         assert row["verified"] == str(policies[name]["verified"][i])
 
 
-def test_the_page_names_every_policy_and_shows_every_picture(finished: Finished) -> None:
+def test_the_page_names_every_policy_and_shows_every_picture(finished):
     _, folder = finished
     page = (folder / "comparison.md").read_text(encoding="utf-8")
     for name in PLAYERS:
@@ -75,9 +74,7 @@ def test_the_page_names_every_policy_and_shows_every_picture(finished: Finished)
     assert "seeds 3, 1" in page
 
 
-def test_the_tables_are_text_without_json(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_tables_are_text_without_json(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     brief = ("--policies", "zero", "--seeds", "2", "--duration", "0.1")
     text = call_script(capsys, "compare", *brief).out
@@ -94,9 +91,7 @@ def test_the_tables_are_text_without_json(
 # ---- the folder --------------------------------------------------------------------------------
 
 
-def test_a_second_run_replaces_the_first(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_second_run_replaces_the_first(tmp_path, capsys):
     folder = tmp_path / "out"
     brief = ("--policies", "zero", "--output", folder, "--json", "--task")
     first = call_script(
@@ -120,9 +115,7 @@ def test_a_second_run_replaces_the_first(
             assert_is_a_picture(path)
 
 
-def test_a_folder_with_other_files_is_refused_and_left_alone(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_folder_with_other_files_is_refused_and_left_alone(tmp_path, capsys):
     (tmp_path / "comparison.json").write_text("{}")
     (tmp_path / "thesis.tex").write_text("dear")
     before = files_of(tmp_path)
@@ -150,9 +143,7 @@ def test_a_folder_with_other_files_is_refused_and_left_alone(
         (["--noise", "nan"], "noise must be"),
     ],
 )
-def test_bad_input_is_one_line_and_code_2_and_writes_nothing(
-    arguments: Sequence[str], part: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_input_is_one_line_and_code_2_and_writes_nothing(arguments, part, tmp_path, capsys):
     brief = ("--policies", "zero", "--duration", "0.1", "--json", "--output", tmp_path / "out")
     done = call_script(capsys, "compare", *brief, *arguments)
     done.assert_refused(part)

@@ -75,7 +75,7 @@ def side_by_side(
 
 
 @pytest.mark.parametrize("name", REFERENCES)
-def test_episodes_side_by_side_are_those_one_by_one_bit_for_bit(name: str) -> None:
+def test_episodes_side_by_side_are_those_one_by_one_bit_for_bit(name):
     scene = load_scene("swimmer", list(LIVELY))
     calls: list[int] = []
     batch = SwimVectorEnv(len(SEEDS), scene, num_threads=2)
@@ -85,7 +85,7 @@ def test_episodes_side_by_side_are_those_one_by_one_bit_for_bit(name: str) -> No
 
 
 @pytest.mark.parametrize("name", [*REFERENCES, "zero"])
-def test_members_that_reach_their_targets_at_different_times_are_bit_for_bit(name: str) -> None:
+def test_members_that_reach_their_targets_at_different_times_are_bit_for_bit(name):
     # The body glides ahead, to within 0.1 BL of targets that are not far.
     scene = short("initial.velocity=[-0.4, 0.0]")
     near: dict[str, Any] = {"target_distance": (0.105, 0.3), "target_bearing": 0.5}
@@ -99,7 +99,7 @@ def test_members_that_reach_their_targets_at_different_times_are_bit_for_bit(nam
     assert len({rollout.goal.tobytes() for rollout in together}) == 9
 
 
-def test_members_that_break_at_different_times_are_bit_for_bit() -> None:
+def test_members_that_break_at_different_times_are_bit_for_bit():
     scene = load_scene("swimmer", ["episode.duration=2.0", "beam.bending_stiffness=0.05"])
     batch = SwimVectorEnv(4, scene)
     together = side_by_side(batch, SwimEnv(scene), "paper_wave", range(4), noise=20.0)
@@ -108,7 +108,7 @@ def test_members_that_break_at_different_times_are_bit_for_bit() -> None:
     assert len({rollout.steps for rollout in together}) >= 2
 
 
-def test_a_batch_of_another_size_or_mode_is_refused() -> None:
+def test_a_batch_of_another_size_or_mode_is_refused():
     scene = short()
     policy = load_policy("zero", scene)
     with refuses(OptionError, "a batch of 3 members in mode NextStep, got 2 in"):
@@ -127,7 +127,7 @@ def contest() -> Contest:
     return hold_contest(scene, entries_of(["random", "zero"], scene), SEEDS, threads=2, keep=2)
 
 
-def test_the_references_take_part_in_front_of_the_others(contest: Contest) -> None:
+def test_the_references_take_part_in_front_of_the_others(contest):
     scene = short()
     assert [entry.name for entry in entries_of([], scene)] == list(REFERENCES)
     names = ["zero", "tuned_wave", "zero", "random"]
@@ -136,7 +136,7 @@ def test_the_references_take_part_in_front_of_the_others(contest: Contest) -> No
     assert list(contest.record["policies"]) == ["paper_wave", "tuned_wave", "random", "zero"]
 
 
-def test_the_lists_hold_the_figures_of_the_episodes_one_by_one(contest: Contest) -> None:
+def test_the_lists_hold_the_figures_of_the_episodes_one_by_one(contest):
     record = plain(contest)
     assert record["seeds"] == list(SEEDS) == list(contest.seeds)
     about = {"scene": "swimmer", "task": "forward", "duration": 1.0, "tolerance": 0.1}
@@ -154,7 +154,7 @@ def test_the_lists_hold_the_figures_of_the_episodes_one_by_one(contest: Contest)
             assert {figure: one[figure][i] for figure in expected} == expected
 
 
-def test_ratios_are_quotients_of_the_medians(contest: Contest) -> None:
+def test_ratios_are_quotients_of_the_medians(contest):
     policies = contest.record["policies"]
     for kind, prefix in (("net_displacement", ""), ("fine_displacement", "fine_")):
         middle = {name: float(np.median(one[kind])) for name, one in policies.items()}
@@ -169,7 +169,7 @@ def test_ratios_are_quotients_of_the_medians(contest: Contest) -> None:
         assert ratios == {other: policies[name][f"ratio_to_{other}"] for other in REFERENCES}
 
 
-def test_in_the_target_task_there_are_no_ratios_and_the_finer_computation_must_reach_it() -> None:
+def test_in_the_target_task_there_are_no_ratios_and_the_finer_computation_must_reach_it():
     scene = load_scene("swimmer", ["episode.duration=2.0", "initial.velocity=[-0.3, 0.0]"])
     near = {"target_distance": (0.3, 0.3), "target_bearing": 0.05}
     entries = entries_of(["zero"], scene, "target")
@@ -187,7 +187,7 @@ def test_in_the_target_task_there_are_no_ratios_and_the_finer_computation_must_r
     assert _summary(far, 0.1)["success_rate"] == 1.0
 
 
-def test_a_cost_that_is_infinite_counts_in_the_median() -> None:
+def test_a_cost_that_is_infinite_counts_in_the_median():
     # A start that happens to drift forward must not make a cost of those that drift backwards.
     scene = short()
     record = hold_contest(scene, entries_of(["zero"], scene), [0, 1], threads=1).record
@@ -200,7 +200,7 @@ def test_a_cost_that_is_infinite_counts_in_the_median() -> None:
         assert one["median"]["cost_of_transport"] == (middle if np.isfinite(middle) else None)
 
 
-def test_the_wave_in_the_table_is_that_of_the_median_episode(contest: Contest) -> None:
+def test_the_wave_in_the_table_is_that_of_the_median_episode(contest):
     for one in contest.record["policies"].values():
         order = np.argsort(one["net_displacement"])
         assert one["median"]["wave"] == one["gait"][order[1]]["wave"]
@@ -208,7 +208,7 @@ def test_the_wave_in_the_table_is_that_of_the_median_episode(contest: Contest) -
         assert one["median"]["gait"]["frequency"] == pytest.approx(np.median(frequencies))
 
 
-def test_episodes_are_kept_as_asked_for(contest: Contest) -> None:
+def test_episodes_are_kept_as_asked_for(contest):
     for name in contest.record["policies"]:
         assert [rollout.seed for rollout in contest.rollouts[name]] == [4, 0]
         assert len(contest.trajectories[name]) == 2
@@ -217,7 +217,7 @@ def test_episodes_are_kept_as_asked_for(contest: Contest) -> None:
         assert len(contest.performances[name]) == 3
 
 
-def test_one_thread_and_several_give_the_same_record(contest: Contest) -> None:
+def test_one_thread_and_several_give_the_same_record(contest):
     entries = entries_of(["random", "zero"], contest.scene)
     alone = hold_contest(contest.scene, entries, SEEDS, threads=1, keep=2)
     one, other = plain(alone), plain(contest)
@@ -227,7 +227,7 @@ def test_one_thread_and_several_give_the_same_record(contest: Contest) -> None:
     assert_same(alone.rollouts, contest.rollouts)
 
 
-def test_progress_adds_up_to_what_is_announced() -> None:
+def test_progress_adds_up_to_what_is_announced():
     scene = short()
     seconds: list[float] = []
     hold_contest(scene, entries_of(["zero"], scene), [0, 1], threads=2, progress=seconds.append)
@@ -237,7 +237,7 @@ def test_progress_adds_up_to_what_is_announced() -> None:
     assert steps_to_play(scene, 3, 2) == 12
 
 
-def test_without_noise_all_starts_are_the_same() -> None:
+def test_without_noise_all_starts_are_the_same():
     scene = short()
     record = hold_contest(scene, entries_of(["zero"], scene), [1, 2], noise=0.0, threads=1).record
     for name in REFERENCES:
@@ -257,7 +257,7 @@ def test_without_noise_all_starts_are_the_same() -> None:
     assert [record["ratios"][name]["paper_wave"] for name in REFERENCES] == [None, None]
 
 
-def test_targets_are_the_same_for_all_and_the_share_of_those_reached_is_counted() -> None:
+def test_targets_are_the_same_for_all_and_the_share_of_those_reached_is_counted():
     # Pushed in any direction, one of these comes within 0.1 BL of its target.
     scene = short("episode.velocity_noise=1.0")
     entries = entries_of([], scene, "target")
@@ -273,7 +273,7 @@ def test_targets_are_the_same_for_all_and_the_share_of_those_reached_is_counted(
     assert first[0] != first[2]
 
 
-def test_a_score_that_depends_on_the_time_step_is_reported_as_unverified() -> None:
+def test_a_score_that_depends_on_the_time_step_is_reported_as_unverified():
     # Without damping, at a large step and near the second resonance, the motion is not resolved.
     scene = load_scene(
         "swimmer", ["damping=null", "integrator.time_step=0.01", "episode.duration=3.0"]
@@ -302,9 +302,7 @@ def test_a_score_that_depends_on_the_time_step_is_reported_as_unverified() -> No
         ({"task": "tagret"}, "tagret"),
     ],
 )
-def test_bad_arguments_are_refused_before_anything_is_played(
-    arguments: dict[str, Any], problem: str
-) -> None:
+def test_bad_arguments_are_refused_before_anything_is_played(arguments, problem):
     scene, calls = short(), list[float]()
     given = {"entries": entries_of([], scene), "seeds": [0], **arguments}
     with refuses(SwimError, problem):
@@ -335,7 +333,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_folder_of_runs_is_a_group_with_its_spread(runs: Path) -> None:
+def test_a_folder_of_runs_is_a_group_with_its_spread(runs):
     scene = short()
     entries = entries_of([str(runs)], scene)
     names = ["tiny/seed_0", "tiny/seed_1"]
@@ -362,7 +360,7 @@ def test_a_folder_of_runs_is_a_group_with_its_spread(runs: Path) -> None:
     assert record["policies"][names[0]]["training"] == {"seed": 0, "steps": 0}
 
 
-def test_agents_side_by_side_do_what_they_do_one_by_one(runs: Path) -> None:
+def test_agents_side_by_side_do_what_they_do_one_by_one(runs):
     # Not to the bit: a product of matrices may round otherwise for a batch.
     scene = short()
     policy = load_policy(runs / "seed_1", scene)
@@ -374,7 +372,7 @@ def test_agents_side_by_side_do_what_they_do_one_by_one(runs: Path) -> None:
         assert np.abs(rollout.path - alone.path).max() < 1e-6
 
 
-def test_runs_are_counted_in_the_order_of_their_seeds(runs: Path, tmp_path: Path) -> None:
+def test_runs_are_counted_in_the_order_of_their_seeds(runs, tmp_path):
     many = tmp_path / "many"
     for seed in (10, 9, 2):
         shutil.copytree(runs / "seed_0", many / f"seed_{seed}")
@@ -383,13 +381,13 @@ def test_runs_are_counted_in_the_order_of_their_seeds(runs: Path, tmp_path: Path
     assert names == ["tiny/seed_2", "tiny/seed_9", "tiny/seed_10"]
 
 
-def test_one_run_and_its_agents_folder_are_named_after_the_run(runs: Path) -> None:
+def test_one_run_and_its_agents_folder_are_named_after_the_run(runs):
     for place in (runs / "seed_1", runs / "seed_1" / "agent"):
         one = entries_of([str(place)], short())[2]
         assert (one.name, one.group, one.about["seed"]) == ("tiny/seed_1", "tiny/seed_1", 1)
 
 
-def test_folders_of_the_same_name_are_kept_apart(runs: Path, tmp_path: Path) -> None:
+def test_folders_of_the_same_name_are_kept_apart(runs, tmp_path):
     other = tmp_path / "elsewhere" / runs.name
     shutil.copytree(runs, other)
     entries = entries_of([str(runs), str(other)], short())[2:]
@@ -398,7 +396,7 @@ def test_folders_of_the_same_name_are_kept_apart(runs: Path, tmp_path: Path) -> 
     assert groups[0] == groups[1] != groups[2] == groups[3]
 
 
-def test_agents_for_a_target_play_for_a_target_alone(tmp_path: Path) -> None:
+def test_agents_for_a_target_play_for_a_target_alone(tmp_path):
     save_run(tmp_path / "seed_5", 5, task="target")
     scene = short()
     entries = entries_of([str(tmp_path / "seed_5")], scene, "target")

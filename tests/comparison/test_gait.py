@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -104,8 +102,8 @@ def shares_of_waves(
 )
 @pytest.mark.parametrize("wave_number", [-12.3, -4.68, 0.0, 1e-3, 6.283, 20.0, 25.0])
 def test_a_wave_is_recovered_whatever_its_direction_and_between_the_lines(
-    count: int, periods: float, wave_number: float
-) -> None:
+    count, periods, wave_number
+):
     frequency, phase, amplitude = cycles(periods, count), 1.0 + 0.3 * wave_number, 0.37
     times = clock(count)
     found = fit_wave(times, wave(times, JOINTS, frequency, wave_number, phase, amplitude), JOINTS)
@@ -115,9 +113,7 @@ def test_a_wave_is_recovered_whatever_its_direction_and_between_the_lines(
 
 @pytest.mark.parametrize("elements", [3, 5, 6, 7, 27])
 @pytest.mark.parametrize("part", [-0.9, -0.7, -0.3, 0.2, 0.6, 0.9])
-def test_the_wave_number_is_the_one_with_less_than_half_a_turn_from_joint_to_joint(
-    elements: int, part: float
-) -> None:
+def test_the_wave_number_is_the_one_with_less_than_half_a_turn_from_joint_to_joint(elements, part):
     # Joints cannot tell kappa from kappa + 2 pi N: of these the slow one must be reported.
     places = np.arange(1, elements) / elements
     wave_number = part * min(math.pi * elements, 8.0 * math.pi)
@@ -126,7 +122,7 @@ def test_the_wave_number_is_the_one_with_less_than_half_a_turn_from_joint_to_joi
     assert_is_wave(found, 1.0, frequency, wave_number, 0.4)
 
 
-def test_the_fit_stays_at_frequencies_of_a_gait_where_the_signals_hardly_change() -> None:
+def test_the_fit_stays_at_frequencies_of_a_gait_where_the_signals_hardly_change():
     # A wave slower than one period in the record, or 0.2 Hz, is no gait.
     times, constant = clock(100), np.ones((100, 8))
     drifting = constant + 0.01 * wave(times, JOINTS, cycles(0.1, 100), 1.0)
@@ -176,7 +172,7 @@ def random_signals(kind: str, seed: int) -> tuple[Array, Array]:
         ("standing", 4),
     ],
 )
-def test_no_wave_explains_more_than_the_fit(kind: str, seeds: int) -> None:
+def test_no_wave_explains_more_than_the_fit(kind, seeds):
     for seed in range(seeds):
         times, signals = random_signals(kind, seed)
         random = np.random.default_rng([seed, 1])
@@ -209,8 +205,8 @@ def test_no_wave_explains_more_than_the_fit(kind: str, seeds: int) -> None:
     turned=st.sampled_from(("", "body", "time")),
 )
 def test_signals_scaled_mirrored_shifted_or_turned_have_the_wave_that_follows(
-    seed: int, exponent: float, sign: int, shift: float, turned: str
-) -> None:
+    seed, exponent, sign, shift, turned
+):
     random = np.random.default_rng(seed)
     times, factor = clock(90), 10.0**exponent
     # A wave with another one, an offset and noise.
@@ -243,7 +239,7 @@ EVERYWHERE = np.arange(24) / 24
 
 @pytest.mark.parametrize("wave_number", [-2.0 * TURN, TURN])
 @pytest.mark.parametrize("periods", [10.4, 50.7])
-def test_a_pure_travelling_wave_travels(wave_number: float, periods: float) -> None:
+def test_a_pure_travelling_wave_travels(wave_number, periods):
     modes = orthogonal_modes(wave(clock(500), EVERYWHERE, cycles(periods, 500), wave_number))
     # Whole periods are exact; the Hilbert transform of others is not, least so near the ends.
     assert modes.travelling_share == pytest.approx(1.0, abs=0.02)
@@ -259,9 +255,7 @@ def test_a_pure_travelling_wave_travels(wave_number: float, periods: float) -> N
 )
 @example(forward=1.0, back=1.0, wave_number=math.pi, phase=math.pi)  # a standing wave
 @example(forward=1.0, back=0.0, wave_number=TURN, phase=0.0)  # one that only travels
-def test_the_index_on_given_joints_is_that_of_the_ellipse(
-    forward: float, back: float, wave_number: float, phase: float
-) -> None:
+def test_the_index_on_given_joints_is_that_of_the_ellipse(forward, back, wave_number, phase):
     times, frequency = clock(300), cycles(20.0, 300)
     signals = wave(times, JOINTS, frequency, wave_number, 0.0, forward)
     signals += wave(times, JOINTS, frequency, -wave_number, phase, back)
@@ -277,7 +271,7 @@ def test_the_index_on_given_joints_is_that_of_the_ellipse(
     assert abs(modes.modes[:, 0].conj() @ shape) == pytest.approx(math.sqrt(power), rel=1e-9)
 
 
-def test_modes_of_two_gaits_have_their_powers() -> None:
+def test_modes_of_two_gaits_have_their_powers():
     times, places = clock(600), EVERYWHERE
     signals = wave(times, places, cycles(30.0, 600), TURN, 0.0, 2.0)
     signals += wave(times, places, cycles(50.0, 600), -2.0 * TURN, 1.0, 1.0)
@@ -293,9 +287,7 @@ def test_modes_of_two_gaits_have_their_powers() -> None:
     joints=st.integers(2, 12),
     exponent=st.floats(-6.0, 6.0),
 )
-def test_modes_are_orthonormal_and_their_shares_sum_to_one(
-    seed: int, count: int, joints: int, exponent: float
-) -> None:
+def test_modes_are_orthonormal_and_their_shares_sum_to_one(seed, count, joints, exponent):
     random = np.random.default_rng(seed)
     signals = random.normal(size=(count, joints)) * 10.0**exponent
     modes = orthogonal_modes(signals)
@@ -311,7 +303,7 @@ def test_modes_are_orthonormal_and_their_shares_sum_to_one(
     assert other.travelling_share == pytest.approx(modes.travelling_share, abs=1e-6)
 
 
-def test_constant_signals_have_no_modes_and_no_frequency() -> None:
+def test_constant_signals_have_no_modes_and_no_frequency():
     # 0.1 and 0.3 times 49 and 50 are rounded: what is left of them without their mean is not 0.
     for count, value in itertools.product([49, 50], [0.0, 0.1, 0.25, 0.3]):
         signals = np.full((count, 4), value)
@@ -333,8 +325,8 @@ def test_constant_signals_have_no_modes_and_no_frequency() -> None:
     mean=st.floats(-5.0, 5.0),
 )
 def test_a_dominant_frequency_is_found_to_a_hundredth_of_a_line(
-    count: int, share: float, wave_number: float, phase: float, mean: float
-) -> None:
+    count, share, wave_number, phase, mean
+):
     # With 3 periods or more in the record and 2.4 instants or more in a period.
     periods = 3.0 + share * (count / 2.4 - 3.0)
     times, spacing = clock(count), 1.0 / (count * INTERVAL)
@@ -344,7 +336,7 @@ def test_a_dominant_frequency_is_found_to_a_hundredth_of_a_line(
         assert found == pytest.approx(periods * spacing, abs=0.01 * spacing)
 
 
-def test_the_stronger_of_two_frequencies_is_dominant_summed_over_joints() -> None:
+def test_the_stronger_of_two_frequencies_is_dominant_summed_over_joints():
     times = clock(500)
     strong = wave(times, JOINTS, TURN * 5.0, 1.0) * np.array([0, 0, 0, 0, 0, 0, 2.0, 2.0])
     weak = wave(times, JOINTS, TURN * 2.0, 1.0) * np.array([0.9] * 8)
@@ -359,9 +351,7 @@ def test_the_stronger_of_two_frequencies_is_dominant_summed_over_joints() -> Non
     phase=st.floats(0.0, 6.28),
     mean=st.floats(-3.0, 3.0),
 )
-def test_lags_are_the_wave_number_times_the_way_unwrapped(
-    wave_number: float, periods: float, phase: float, mean: float
-) -> None:
+def test_lags_are_the_wave_number_times_the_way_unwrapped(wave_number, periods, phase, mean):
     times, frequency = clock(200), cycles(periods, 200)
     strengths = np.linspace(0.3, 1.7, 8)
     signals = strengths * wave(times, JOINTS, frequency, wave_number, phase) + mean
@@ -371,7 +361,7 @@ def test_lags_are_the_wave_number_times_the_way_unwrapped(
     assert amplitudes == pytest.approx(strengths, abs=1e-9)
 
 
-def test_a_gait_has_the_figures_of_its_waves() -> None:
+def test_a_gait_has_the_figures_of_its_waves():
     times = clock(500)
     strengths = np.linspace(0.05, 0.2, 8)
     bending = 0.1 + strengths * wave(times, JOINTS, TURN * 5.0, 3.0, 0.7)
@@ -394,7 +384,7 @@ def test_a_gait_has_the_figures_of_its_waves() -> None:
         assert found == pytest.approx(expected, abs=1e-6)
 
 
-def test_the_wave_number_is_the_slope_weighted_with_the_squared_amplitudes() -> None:
+def test_the_wave_number_is_the_slope_weighted_with_the_squared_amplitudes():
     # Two joints that lag as they please, and a weak one between them that hardly counts.
     times, frequency = clock(500), TURN * 5.0
     places, lags, strengths = np.array([0.2, 0.5, 0.8]), np.array([0.0, 1.5, 1.2]), [1.0, 0.01, 1.0]
@@ -406,7 +396,7 @@ def test_the_wave_number_is_the_slope_weighted_with_the_squared_amplitudes() -> 
     assert gait.wave_number == pytest.approx(2.0, abs=1e-2)
 
 
-def test_a_gait_without_torque_has_no_wave() -> None:
+def test_a_gait_without_torque_has_no_wave():
     times = clock(100)
     gait = analyse_gait(times, wave(times, JOINTS, 30.0, 2.0), np.zeros((100, 8)), JOINTS)
     assert gait.torque_frequency == gait.torque_travelling_share == gait.wave.amplitude == 0.0
@@ -442,6 +432,6 @@ def spoilt(values: Array, bad: float) -> Array:
         (lambda: analyse_gait(TIMES, GOOD, spoilt(GOOD, math.inf), JOINTS), "finite"),
     ],
 )
-def test_bad_signals_get_one_clear_error(call: Callable[[], Any], part: str) -> None:
+def test_bad_signals_get_one_clear_error(call, part):
     with refuses(OptionError, part):
         call()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -40,9 +39,7 @@ def env() -> SwimEnv:
 
 
 @pytest.mark.parametrize("name", POLICY_NAMES)
-def test_a_policy_acts_within_the_space_for_one_observation_and_for_a_batch(
-    name: str, env: SwimEnv
-) -> None:
+def test_a_policy_acts_within_the_space_for_one_observation_and_for_a_batch(name, env):
     policy = load_policy(name, env.scene, seed=3)
     observation, _ = env.reset(seed=0)
     action, _ = policy.predict(observation, deterministic=True)
@@ -54,7 +51,7 @@ def test_a_policy_acts_within_the_space_for_one_observation_and_for_a_batch(
         assert (actions == action).all()
 
 
-def test_the_wave_keeps_its_clock_in_the_state() -> None:
+def test_the_wave_keeps_its_clock_in_the_state():
     scene = load_scene("swimmer")
     assert scene.actuation is not None
     policy = load_policy("paper_wave", scene)
@@ -74,7 +71,7 @@ def test_the_wave_keeps_its_clock_in_the_state() -> None:
     assert (actions == scene.actuation.torques(late * 0.02, scene.beam)).all()
 
 
-def test_random_actions_follow_their_seed(env: SwimEnv) -> None:
+def test_random_actions_follow_their_seed(env):
     def numbers(seed: int) -> np.ndarray:
         policy, state, played = load_policy("random", seed=seed), None, []
         for _ in range(5):
@@ -93,7 +90,7 @@ def test_random_actions_follow_their_seed(env: SwimEnv) -> None:
     assert np.abs(played.torques[0] - bend).max() > 0.1
 
 
-def test_bad_calls_get_one_clear_error() -> None:
+def test_bad_calls_get_one_clear_error():
     policy = load_policy("paper_wave")
     with refuses(OptionError, "seed must be"):
         load_policy("random", seed=-1)
@@ -106,7 +103,7 @@ def test_bad_calls_get_one_clear_error() -> None:
         play_episode(gymnasium.make("CartPole-v1"), policy)
 
 
-def test_torques_are_a_share_of_the_scenes_limit_and_cut_off_beyond_it() -> None:
+def test_torques_are_a_share_of_the_scenes_limit_and_cut_off_beyond_it():
     scene = load_scene("swimmer", ["actuation.torque_limit=4.0"])
     action, _ = load_policy("paper_wave", scene).predict(np.zeros(21))
     assert action[0] == pytest.approx(np.cos(-2.0 * np.pi / 9.0) / 4.0, rel=1e-15)
@@ -120,7 +117,7 @@ def test_torques_are_a_share_of_the_scenes_limit_and_cut_off_beyond_it() -> None
 
 
 @pytest.mark.parametrize("name", ["paper_i", "paper_x"])  # paper_x prescribes no torque
-def test_an_episode_is_the_simulators_replay_bit_for_bit_without_noise_and_hold(name: str) -> None:
+def test_an_episode_is_the_simulators_replay_bit_for_bit_without_noise_and_hold(name):
     scene = load_scene(name, ["episode.control_interval=0.01", "episode.duration=3.0"])
     rollout = play_episode(SwimEnv(scene), load_policy("paper_wave", scene), options=QUIET)
     simulator = Simulator(scene)
@@ -131,7 +128,7 @@ def test_an_episode_is_the_simulators_replay_bit_for_bit_without_noise_and_hold(
     assert rollout.rewards.sum() == pytest.approx(-trajectory.displacement[0], abs=1e-13)
 
 
-def test_a_broken_episode_is_played_again_to_its_end_and_never_verified() -> None:
+def test_a_broken_episode_is_played_again_to_its_end_and_never_verified():
     # A soft beam folds under the torque.
     scene = load_scene("swimmer", ["beam.bending_stiffness=0.05", "episode.duration=2.0"])
     rollout = play_episode(SwimEnv(scene), load_policy("paper_wave", scene), options=QUIET)
@@ -146,7 +143,7 @@ def test_a_broken_episode_is_played_again_to_its_end_and_never_verified() -> Non
 
 
 @pytest.mark.parametrize("name", POLICY_NAMES)
-def test_a_rollout_played_again_is_the_same_motion(name: str, env: SwimEnv) -> None:
+def test_a_rollout_played_again_is_the_same_motion(name, env):
     rollout = play_episode(env, load_policy(name, env.scene, seed=5), seed=7)
     simulator = Simulator(env.scene)
     simulator.reset_to(rollout.coordinates, rollout.velocity)
@@ -166,7 +163,7 @@ def _play(scene_overrides: list[str], wave: Actuation) -> Rollout:
     return play_episode(SwimEnv(scene), WavePolicy(scene, wave), options=QUIET)
 
 
-def test_a_resolved_score_is_verified() -> None:
+def test_a_resolved_score_is_verified():
     rollout = _play(["episode.duration=2.0"], Actuation(amplitude=1.0))
     checked = verify_rollout(rollout)
     assert checked.verified
@@ -182,7 +179,7 @@ def test_a_resolved_score_is_verified() -> None:
     assert checked.difference == 0.0
 
 
-def test_the_finer_scene_differs_in_step_and_panels_alone() -> None:
+def test_the_finer_scene_differs_in_step_and_panels_alone():
     scene = load_scene("swimmer")
     fine = fine_scene(scene)
     assert fine.replace({"integrator.time_step": 0.005, "fluid.panels_per_element": 4}) == scene
@@ -193,7 +190,7 @@ def test_the_finer_scene_differs_in_step_and_panels_alone() -> None:
 # ---- the tuned wave ----------------------------------------------------------------------------
 
 
-def test_the_tuned_wave_beats_the_papers_by_fifteen_and_is_what_its_record_says() -> None:
+def test_the_tuned_wave_beats_the_papers_by_fifteen_and_is_what_its_record_says():
     scene = load_scene("swimmer")
     record = load_tuned_wave()
     paper, tuned = (
@@ -210,7 +207,7 @@ def test_the_tuned_wave_beats_the_papers_by_fifteen_and_is_what_its_record_says(
 
 
 @pytest.mark.slow
-def test_the_tuned_wave_passes_the_trust_check() -> None:
+def test_the_tuned_wave_passes_the_trust_check():
     scene = load_scene("swimmer")
     rollout = play_episode(SwimEnv(scene), load_policy("tuned_wave", scene), options=QUIET)
     checked = verify_rollout(rollout)
@@ -220,7 +217,7 @@ def test_the_tuned_wave_passes_the_trust_check() -> None:
     )
 
 
-def test_waves_score_in_a_batch_what_they_score_alone(env: SwimEnv) -> None:
+def test_waves_score_in_a_batch_what_they_score_alone(env):
     scene = env.scene
     waves = [Actuation(amplitude=1.0, frequency=f, wave_number=-4.0) for f in (10.0, 20.0, 30.0)]
     alone = [
@@ -234,7 +231,7 @@ def test_waves_score_in_a_batch_what_they_score_alone(env: SwimEnv) -> None:
     assert second == 0.0
 
 
-def test_the_search_finds_the_best_of_what_it_tried(env: SwimEnv) -> None:
+def test_the_search_finds_the_best_of_what_it_tried(env):
     seen: list[int] = []
     record = search_wave(
         env.scene, frequencies=4, wave_numbers=3, generations=2, population=8, progress=seen.append
@@ -250,7 +247,7 @@ def test_the_search_finds_the_best_of_what_it_tried(env: SwimEnv) -> None:
     assert checked["versions"]["numpy"] == np.__version__
 
 
-def test_a_damaged_record_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_damaged_record_is_refused(tmp_path, monkeypatch):
     damaged = tmp_path / "tuned_wave.json"
     damaged.write_text('{"wave": {"amplitude": 1.0}}')
     monkeypatch.setattr(tuned_wave, "TUNED_WAVE_FILE", damaged)
@@ -265,7 +262,7 @@ def test_a_damaged_record_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyP
 # ---- replay --env ------------------------------------------------------------------------------
 
 
-def test_replaying_an_episode_gives_rewards_and_the_figures_of_a_replay() -> None:
+def test_replaying_an_episode_gives_rewards_and_the_figures_of_a_replay():
     scene = load_scene("swimmer", SHORT)
     rollout, trajectory, summary = replay_episode(scene, "tuned_wave", seed=4)
     assert summary["steps"] == 200
@@ -277,7 +274,7 @@ def test_replaying_an_episode_gives_rewards_and_the_figures_of_a_replay() -> Non
     json.dumps(summary, allow_nan=False)
 
 
-def test_the_command_plays_an_episode_the_same_in_every_process() -> None:
+def test_the_command_plays_an_episode_the_same_in_every_process():
     brief = ("--scene", "swimmer", "--env", "--policy", "random", "--seed", "3", "--duration", "1")
     first, second = (run_script("replay", *brief, "--json").figures() for _ in range(2))
     for summary in (first, second):

@@ -47,7 +47,7 @@ def recorded(name: str) -> Scene:
 
 
 @pytest.mark.parametrize("name", BASES)
-def test_what_is_recorded_is_the_rollout(name: str) -> None:
+def test_what_is_recorded_is_the_rollout(name):
     """Recording changes nothing, nor does watching it, nor stepping in pieces."""
     scene = recorded(name)
     torques = uniform(250, 8, seed=1)
@@ -64,7 +64,7 @@ def test_what_is_recorded_is_the_rollout(name: str) -> None:
     assert_same(simulator.recorded(), whole)
 
 
-def test_a_long_recording_is_the_steps_in_their_order() -> None:
+def test_a_long_recording_is_the_steps_in_their_order():
     """Of several thousand steps, taken in pieces of any size: tables have grown more than once."""
     scene = load_scene("swimmer", {**SMALL, "fluid.model": "frozen", "recording": {}})
     torques = uniform(2500, 2, size=0.3)
@@ -75,7 +75,7 @@ def test_a_long_recording_is_the_steps_in_their_order() -> None:
     assert_same(pieces.recorded(), whole)
 
 
-def test_a_recording_begins_with_a_reset() -> None:
+def test_a_recording_begins_with_a_reset():
     scene = RECORDED.replace("internal_forces", {})
     simulator = Simulator(scene)
     simulator.rollout(uniform(10, 8))
@@ -96,7 +96,7 @@ def test_a_recording_begins_with_a_reset() -> None:
     assert simulator.recorded().steps == 6
 
 
-def test_after_a_restore_the_recording_begins_there() -> None:
+def test_after_a_restore_the_recording_begins_there():
     torques = uniform(20, 8)
     simulator = Simulator(RECORDED)
     simulator.rollout(torques[:10])
@@ -109,7 +109,7 @@ def test_after_a_restore_the_recording_begins_there() -> None:
     assert_same(simulator.recorded(), first)
 
 
-def test_a_recording_tells_why_a_run_ended() -> None:
+def test_a_recording_tells_why_a_run_ended():
     simulator = Simulator(RECORDED)
     whole = simulator.rollout(np.full((500, 8), 40.0))
     assert 0 < whole.steps < 500 and whole.termination_reason
@@ -119,7 +119,7 @@ def test_a_recording_tells_why_a_run_ended() -> None:
     assert simulator.recorded().steps == whole.steps
 
 
-def test_a_copy_records_for_itself() -> None:
+def test_a_copy_records_for_itself():
     first = Simulator(RECORDED)
     first.rollout(uniform(5, 8))
     second = copy.deepcopy(first)
@@ -128,7 +128,7 @@ def test_a_copy_records_for_itself() -> None:
 
 
 @pytest.mark.parametrize("make", [Simulator, SwimEnv, lambda scene: SwimVectorEnv(2, scene)])
-def test_without_the_effect_nothing_is_recorded(make: Any) -> None:
+def test_without_the_effect_nothing_is_recorded(make):
     one = make(load_scene("swimmer"))
     with pytest.raises(OptionError, match=r"^nothing was recorded: .* the block recording \(.*\)$"):
         one.recorded(0) if isinstance(one, SwimVectorEnv) else one.recorded()
@@ -179,7 +179,7 @@ def starts(env: Env) -> dict[int, tuple[Array, Array]]:
 
 @pytest.mark.parametrize("maker", MAKERS)
 @pytest.mark.parametrize("name", BASES)
-def test_every_step_of_every_members_episode_is_recorded(name: str, maker: str) -> None:
+def test_every_step_of_every_members_episode_is_recorded(name, maker):
     env = MAKERS[maker](recorded(name))
     for seed in (1, 2):
         env.reset(seed=seed)
@@ -192,7 +192,7 @@ def test_every_step_of_every_members_episode_is_recorded(name: str, maker: str) 
 
 
 @pytest.mark.parametrize("maker", MAKERS)
-def test_an_environments_recording_begins_at_a_restored_snapshot(maker: str) -> None:
+def test_an_environments_recording_begins_at_a_restored_snapshot(maker):
     env = MAKERS[maker](RECORDED)
     env.reset(seed=3)
     first, second = uniform(2, *env.action_space.shape)
@@ -209,7 +209,7 @@ def test_an_environments_recording_begins_at_a_restored_snapshot(maker: str) -> 
         assert np.array_equal(one.energy, other.energy[4:])
 
 
-def test_members_that_are_reset_begin_anew_alone() -> None:
+def test_members_that_are_reset_begin_anew_alone():
     env = pair(RECORDED, autoreset_mode="Disabled")
     env.reset(seed=5)
     actions = uniform(2, 2, 8)
@@ -223,7 +223,7 @@ def test_members_that_are_reset_begin_anew_alone() -> None:
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
-def test_the_next_recording_begins_with_the_next_episode(mode: str) -> None:
+def test_the_next_recording_begins_with_the_next_episode(mode):
     env = pair(RECORDED, max_episode_steps=3, autoreset_mode=mode)
     env.reset(seed=6)
     actions = uniform(5, 2, 8)
@@ -242,7 +242,7 @@ def test_the_next_recording_begins_with_the_next_episode(mode: str) -> None:
     assert_recorded(env, start, actions[4:])
 
 
-def test_members_and_recordings_that_are_not_there_are_refused() -> None:
+def test_members_and_recordings_that_are_not_there_are_refused():
     env = pair(RECORDED)
     with pytest.raises((SwimError, ResetNeeded)):
         env.recorded(1)
@@ -252,7 +252,7 @@ def test_members_and_recordings_that_are_not_there_are_refused() -> None:
             env.recorded(member)
 
 
-def test_a_reset_that_fails_leaves_the_recordings() -> None:
+def test_a_reset_that_fails_leaves_the_recordings():
     # So fast across itself that its energy overflows, unless noise has turned a member along.
     env, twin = pair(RECORDED), pair(RECORDED)
     actions = uniform(2, 2, 8)
@@ -286,7 +286,7 @@ CURL = load_scene(
 )
 
 
-def test_an_episode_ends_where_the_body_touches_itself() -> None:
+def test_an_episode_ends_where_the_body_touches_itself():
     assert "touches itself" in TERMINATION_REASONS["self_contact"]
     env = SwimEnv(CURL)
     env.reset(seed=1, options={"noise": 0.0})
@@ -310,7 +310,7 @@ def test_an_episode_ends_where_the_body_touches_itself() -> None:
     assert env.recorded().termination_reason == ""
 
 
-def test_a_member_ends_where_it_touches_itself() -> None:
+def test_a_member_ends_where_it_touches_itself():
     env = SwimVectorEnv(2, CURL, autoreset_mode="Disabled", num_threads=2)
     env.reset(seed=1, options={"noise": 0.0})
     terminated, count = np.zeros(2, dtype=bool), 0
@@ -336,7 +336,7 @@ def beside() -> tuple[SwimEnv, SwimEnv]:
     return SwimEnv(drifting.replace({"stream": None, "initial": {}})), SwimEnv(drifting)
 
 
-def test_what_is_observed_is_the_velocity_over_ground(beside: tuple[SwimEnv, SwimEnv]) -> None:
+def test_what_is_observed_is_the_velocity_over_ground(beside):
     resting, drifting = beside
     seen, info = resting.reset(seed=1, options={"noise": 0.0})
     carried, _ = drifting.reset(seed=1, options={"noise": 0.0})
@@ -361,7 +361,7 @@ def test_what_is_observed_is_the_velocity_over_ground(beside: tuple[SwimEnv, Swi
         assert gain == pytest.approx(-STREAM[0] * there["time"], abs=1e-12)
 
 
-def test_noise_of_a_start_in_a_stream_is_that_at_rest(beside: tuple[SwimEnv, SwimEnv]) -> None:
+def test_noise_of_a_start_in_a_stream_is_that_at_rest(beside):
     resting, drifting = beside
     resting.reset(seed=1)
     drifting.reset(seed=1)
@@ -372,7 +372,7 @@ def test_noise_of_a_start_in_a_stream_is_that_at_rest(beside: tuple[SwimEnv, Swi
 # ---- internal forces ---------------------------------------------------------------------------
 
 
-def test_internal_forces_are_there_where_asked_for_and_change_nothing() -> None:
+def test_internal_forces_are_there_where_asked_for_and_change_nothing():
     plain, torques = load_scene("swimmer"), uniform(10, 8)
     without = rollout(plain, torques)
     found = rollout(plain.replace("internal_forces", {}), torques)

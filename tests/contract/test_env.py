@@ -8,7 +8,6 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -126,7 +125,7 @@ def random_actions(env: SwimEnv, count: int, seed: int = 0) -> Array:
 
 @each_task
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_an_episode_is_what_the_documentation_says(task: str, variant: str) -> None:
+def test_an_episode_is_what_the_documentation_says(task, variant):
     """Beside a simulator that plays the torques of the actions, which are clipped, and held."""
     scene, overrides = VARIANTS[variant]
     env = make(task, scene, overrides=overrides)
@@ -186,7 +185,7 @@ def test_an_episode_is_what_the_documentation_says(task: str, variant: str) -> N
         assert total == pytest.approx(info["progress"], abs=1e-12)
 
 
-def test_observations_are_clipped_and_finite_at_the_very_goal() -> None:
+def test_observations_are_clipped_and_finite_at_the_very_goal():
     env = make(TARGET)
     spin = {"velocity": (60.0, -75.0), "velocity_slope": 150.0, "turning_rate": 150.0}
     observation, _ = env.reset(options={"noise": 0.0, "target": (-300.0, 0.0), **spin})
@@ -207,7 +206,7 @@ def test_observations_are_clipped_and_finite_at_the_very_goal() -> None:
 
 
 @each_task
-def test_spaces_are_as_documented(task: str) -> None:
+def test_spaces_are_as_documented(task):
     for elements in (2, 9, 20):
         env = make(task, overrides={"beam.elements": elements, "fluid": None})
         joints = elements - 1
@@ -221,7 +220,7 @@ def test_spaces_are_as_documented(task: str) -> None:
 
 
 @each_task
-def test_rewards_of_an_episode_sum_to_its_net_displacement(task: str) -> None:
+def test_rewards_of_an_episode_sum_to_its_net_displacement(task):
     """A whole episode of 20 s, also against a simulator that plays the same torques."""
     env = make(task)
     _, first = env.reset(seed=11)
@@ -249,7 +248,7 @@ def test_rewards_of_an_episode_sum_to_its_net_displacement(task: str) -> None:
 
 
 @each_task
-def test_effort_and_heading_cost_what_their_weights_say(task: str) -> None:
+def test_effort_and_heading_cost_what_their_weights_say(task):
     plain = make(task)
     weighted = make(task, effort_weight=0.7, heading_weight=1.3)
     for env in (plain, weighted):
@@ -269,7 +268,7 @@ def test_effort_and_heading_cost_what_their_weights_say(task: str) -> None:
     assert info["reward_effort"] == info["reward_heading"] == info["reward_progress"] == 0.0
 
 
-def test_half_an_interval_costs_half() -> None:
+def test_half_an_interval_costs_half():
     """Where the physics ends in the middle of an interval, only the time that passed counts."""
     overrides = {**LIVELY, "episode.control_interval": 0.4}
     env = make(overrides=overrides, effort_weight=1.0, heading_weight=1.0)
@@ -293,7 +292,7 @@ def test_half_an_interval_costs_half() -> None:
 
 
 @each_task
-def test_a_scene_is_given_by_name_path_object_or_overrides(task: str, tmp_path: Path) -> None:
+def test_a_scene_is_given_by_name_path_object_or_overrides(task, tmp_path):
     scene = load_scene("swimmer", ["beam.elements=5", "beam.bending_stiffness=3.0"])
     file = tmp_path / "mine.yaml"
     scene.save(file)
@@ -322,9 +321,7 @@ def test_a_scene_is_given_by_name_path_object_or_overrides(task: str, tmp_path: 
     ],
     ids=str,
 )
-def test_an_episode_beyond_all_bounds_works_or_is_refused_by_name(
-    overrides: dict[str, object],
-) -> None:
+def test_an_episode_beyond_all_bounds_works_or_is_refused_by_name(overrides):
     try:
         env = make(overrides=overrides)
     except SceneError as error:
@@ -344,7 +341,7 @@ def start_of(env: SwimEnv, **arguments: Any) -> tuple[Array, Array]:
 
 @each_task
 @pytest.mark.parametrize("overrides", [{}, ASKEW], ids=["straight", "askew"])
-def test_without_noise_the_start_is_the_scenes(task: str, overrides: dict[str, object]) -> None:
+def test_without_noise_the_start_is_the_scenes(task, overrides):
     env = make(task, overrides=overrides)
     simulator = Simulator(env.scene)
     for seed in (0, 1):
@@ -354,7 +351,7 @@ def test_without_noise_the_start_is_the_scenes(task: str, overrides: dict[str, o
 
 
 @pytest.mark.parametrize("factor", [1.0, 3.0])
-def test_noise_of_the_start_fills_its_bounds(factor: float) -> None:
+def test_noise_of_the_start_fills_its_bounds(factor):
     overrides = {
         "fluid": None,
         "episode.bend_noise": 0.02,
@@ -384,7 +381,7 @@ def test_noise_of_the_start_fills_its_bounds(factor: float) -> None:
         assert values.std() == pytest.approx(bound / math.sqrt(3.0), rel=0.1)
 
 
-def test_a_body_is_turned_with_the_motion_that_it_has() -> None:
+def test_a_body_is_turned_with_the_motion_that_it_has():
     """Noise of the heading leaves the velocity along and across the body as the scene has it."""
     overrides = {
         "initial.velocity": (-0.3, 0.1),
@@ -406,7 +403,7 @@ def test_a_body_is_turned_with_the_motion_that_it_has() -> None:
 
 
 @each_task
-def test_options_change_only_what_they_name(task: str) -> None:
+def test_options_change_only_what_they_name(task):
     env = make(task)
     plain, drift = start_of(env, seed=2)
     aim = env.goal - plain[:2]
@@ -452,7 +449,7 @@ def test_options_change_only_what_they_name(task: str) -> None:
     ],
     ids=str,
 )
-def test_options_hold_for_one_start_and_leave_the_draws_alone(task: str, options: Any) -> None:
+def test_options_hold_for_one_start_and_leave_the_draws_alone(task, options):
     env, twin = make(task, overrides=SMALL), make(task, overrides=SMALL)
     given = copy.deepcopy(options)
     env.reset(seed=6, options=options)
@@ -466,7 +463,7 @@ def test_options_hold_for_one_start_and_leave_the_draws_alone(task: str, options
 
 
 @each_task
-def test_snapshots_of_an_ended_or_fresh_episode_are_what_they_were(task: str) -> None:
+def test_snapshots_of_an_ended_or_fresh_episode_are_what_they_were(task):
     env = make(task, overrides={**LIVELY, "actuation.torque_limit": 30.0})
     fresh = env.snapshot()
     env.reset(seed=0)
@@ -484,7 +481,7 @@ def test_snapshots_of_an_ended_or_fresh_episode_are_what_they_were(task: str) ->
 
 
 @each_task
-def test_a_snapshot_holds_what_an_end_at_once_still_shows(task: str) -> None:
+def test_a_snapshot_holds_what_an_end_at_once_still_shows(task):
     """Where not one more step can be taken, the next observation is of the restored state."""
     overrides = {"actuation.torque_limit": 1e7}
     env, other = make(task, overrides=overrides), make(task, overrides=overrides)
@@ -502,7 +499,7 @@ def test_a_snapshot_holds_what_an_end_at_once_still_shows(task: str) -> None:
 
 
 @each_task
-def test_state_torques_and_goal_are_copies_and_are_restored(task: str) -> None:
+def test_state_torques_and_goal_are_copies_and_are_restored(task):
     def all_of(env: SwimEnv) -> list[Array]:
         return [env.coordinates, env.velocity, env.torques, env.goal]
 
@@ -534,9 +531,7 @@ def test_state_torques_and_goal_are_copies_and_are_restored(task: str) -> None:
         (1e7, 5.0, np.ones(8), "step_not_solved"),
     ],
 )
-def test_violent_actions_end_the_episode_by_name(
-    task: str, limit: float, stiffness: float, action: Array, reason: str
-) -> None:
+def test_violent_actions_end_the_episode_by_name(task, limit, stiffness, action, reason):
     overrides = {"actuation.torque_limit": limit, "beam.bending_stiffness": stiffness}
     env = make(task, overrides=overrides)
     for seed in range(2):
@@ -565,7 +560,7 @@ def test_violent_actions_end_the_episode_by_name(
 
 
 @each_task
-def test_a_step_after_the_end_is_refused_until_a_reset(task: str) -> None:
+def test_a_step_after_the_end_is_refused_until_a_reset(task):
     """Also where the end came with the last step of the time limit: then it is both."""
     env = make(task, overrides={"actuation.torque_limit": 1e7, "episode.duration": 0.02})
     env.reset(seed=0)
@@ -597,7 +592,7 @@ CHECKED: list[dict[str, Any]] = [
 
 @each_task
 @pytest.mark.parametrize("arguments", CHECKED, ids=str)
-def test_the_checkers_find_nothing(task: str, arguments: dict[str, Any]) -> None:
+def test_the_checkers_find_nothing(task, arguments):
     """Their warnings are errors here."""
     env = make(task, **arguments)
     check_env(env, skip_render_check=True)
@@ -621,9 +616,7 @@ def test_the_checkers_find_nothing(task: str, arguments: dict[str, Any]) -> None
         ((0.3, 4.0), 0.0, (-1.0, 0.0)),
     ],
 )
-def test_random_targets_fill_their_bounds(
-    distance: tuple[float, float], bearing: float, heading: tuple[float, float]
-) -> None:
+def test_random_targets_fill_their_bounds(distance, bearing, heading):
     overrides = {"fluid": None, "episode.heading": heading, "beam.length": 2.0}
     env = make(TARGET, overrides=overrides, target_distance=distance, target_bearing=bearing)
     env.reset(seed=0)
@@ -644,7 +637,7 @@ def test_random_targets_fill_their_bounds(
 
 
 @pytest.mark.parametrize("length", [1.0, 2.0])
-def test_reaching_the_target_ends_the_episode(length: float) -> None:
+def test_reaching_the_target_ends_the_episode(length):
     """A body that drifts to a point reaches it at the first step inside the radius."""
     radius = 0.2
     env = make(TARGET, overrides={"fluid": None, "beam.length": length}, target_radius=radius)
@@ -669,7 +662,7 @@ def test_reaching_the_target_ends_the_episode(length: float) -> None:
     assert info["success"] is False and info["termination_reason"] == ""
 
 
-def test_passing_outside_the_radius_does_not_reach() -> None:
+def test_passing_outside_the_radius_does_not_reach():
     env = make(TARGET, overrides={"fluid": None}, target_radius=0.1)
     options = {"noise": 0.0, "velocity": (-1.0, 0.0), "target": (0.0, 0.11)}
     _, info = env.reset(options=options)
@@ -682,7 +675,7 @@ def test_passing_outside_the_radius_does_not_reach() -> None:
     assert info["distance"] > 0.5 and info["progress"] < 0.0
 
 
-def test_a_target_too_far_to_measure_is_refused_or_finite() -> None:
+def test_a_target_too_far_to_measure_is_refused_or_finite():
     env = make(TARGET, overrides={"fluid": None})
     env.reset(seed=0)
     try:

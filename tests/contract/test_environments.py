@@ -93,7 +93,7 @@ def digest(seed: int) -> str:
     return sha.hexdigest()
 
 
-def test_the_same_seed_gives_the_same_bits_in_a_fresh_process() -> None:
+def test_the_same_seed_gives_the_same_bits_in_a_fresh_process():
     code = "from tests.contract.test_environments import digest; print(digest(5))"
     there = run_python("-c", code, PYTHONHASHSEED="1", NUMBA_NUM_THREADS="1")
     assert there.out.strip() == digest(5), there.err
@@ -102,7 +102,7 @@ def test_the_same_seed_gives_the_same_bits_in_a_fresh_process() -> None:
 
 @each_kind
 @each_task
-def test_seeds_decide_and_different_ones_differ(build: Build, task: str) -> None:
+def test_seeds_decide_and_different_ones_differ(build, task):
     env = build(task, overrides=SMALL)
     first = [env.reset(seed=1), env.reset(), env.reset()]
     assert_same([env.reset(seed=1), env.reset(), env.reset()], first)
@@ -114,7 +114,7 @@ def test_seeds_decide_and_different_ones_differ(build: Build, task: str) -> None
 
 @each_mode
 @each_task
-def test_a_snapshot_continues_bit_for_bit(build: Build, task: str) -> None:
+def test_a_snapshot_continues_bit_for_bit(build, task):
     """In the same environment and in others, through ends, with the random numbers to come."""
     new = partial(build, task, overrides={**LIVELY, "episode.duration": 0.7}, heading_weight=0.2)
     env, others = new(), (new(num_threads=1) if build is not make else new(), new())
@@ -151,9 +151,7 @@ def test_a_snapshot_continues_bit_for_bit(build: Build, task: str) -> None:
     ],
     ids=str,
 )
-def test_a_snapshot_of_another_environment_is_refused(
-    build: Build, task: str, other_task: str, arguments: dict[str, Any]
-) -> None:
+def test_a_snapshot_of_another_environment_is_refused(build, task, other_task, arguments):
     env, other = build(task), build(other_task, **arguments)
     env.reset(seed=0)
     other.reset(seed=0)
@@ -163,9 +161,7 @@ def test_a_snapshot_of_another_environment_is_refused(
 
 @each_kind
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
-def test_a_copy_continues_bit_for_bit_on_its_own(
-    build: Build, duplicate: Callable[[Any], Any]
-) -> None:
+def test_a_copy_continues_bit_for_bit_on_its_own(build, duplicate):
     env = build(overrides={**LIVELY, "episode.duration": 0.7})
     env.reset(seed=3)
     play(env, actions_for(env, 5))
@@ -203,7 +199,7 @@ def spoil(value: Any) -> None:
 
 @each_mode
 @each_task
-def test_arrays_belong_to_the_caller(build: Build, task: str) -> None:
+def test_arrays_belong_to_the_caller(build, task):
     """Results that are kept stay as they were; what the caller overwrites spoils nothing."""
     env, twin = (build(task, overrides={**LIVELY, "episode.duration": 0.2}) for _ in range(2))
     for each in (env, twin):
@@ -252,9 +248,7 @@ FORMS: dict[str, Callable[[Array], Any]] = {
 
 @each_kind
 @pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
-def test_all_forms_of_the_same_numbers_do_the_same(
-    build: Build, form: Callable[[Array], Any]
-) -> None:
+def test_all_forms_of_the_same_numbers_do_the_same(build, form):
     env, twin = (build(overrides={"fluid": None}) for _ in range(2))
     shape = env.action_space.shape
     action = np.linspace(-1.0, 0.75, math.prod(shape)).reshape(shape)
@@ -267,7 +261,7 @@ def test_all_forms_of_the_same_numbers_do_the_same(
 
 
 @each_kind
-def test_a_tensor_with_a_gradient_is_refused_as_an_action_error(build: Build) -> None:
+def test_a_tensor_with_a_gradient_is_refused_as_an_action_error(build):
     torch = pytest.importorskip("torch")
     env = build(overrides={"fluid": None})
     env.reset(seed=0)
@@ -283,9 +277,7 @@ def test_a_tensor_with_a_gradient_is_refused_as_an_action_error(build: Build) ->
 @pytest.mark.parametrize(
     ("duration", "limit"), [(0.1, 5), (0.02, 1), (0.001, 1), (0.3, 15), (0.13, 6), (0.15, 8)]
 )
-def test_the_time_limit_is_met_exactly(
-    build: Build, task: str, duration: float, limit: int
-) -> None:
+def test_the_time_limit_is_met_exactly(build, task, duration, limit):
     env = build(task, overrides={**SMALL, "episode.duration": duration})
     for _ in range(2):
         env.reset()
@@ -297,7 +289,7 @@ def test_the_time_limit_is_met_exactly(
 
 
 @each_kind
-def test_resetting_twice_and_closing_twice_do_no_harm(build: Build) -> None:
+def test_resetting_twice_and_closing_twice_do_no_harm(build):
     env, twin = build(overrides=SMALL), build(overrides=SMALL)
     env.reset(seed=0)
     for each in (env, twin):
@@ -394,7 +386,7 @@ BAD_STARTS = _bad_starts()
 
 
 @pytest.mark.parametrize("name", BAD_STARTS)
-def test_a_bad_start_is_refused_and_changes_nothing(name: str) -> None:
+def test_a_bad_start_is_refused_and_changes_nothing(name):
     """Neither in the middle of an episode nor in the very first call."""
     build, task, error, arguments, parts = BAD_STARTS[name]
     env, twin = build(task), build(task)
@@ -500,9 +492,7 @@ ALL_BAD_ARGUMENTS = [
 
 
 @pytest.mark.parametrize(("build", "task", "name", "value", "parts"), ALL_BAD_ARGUMENTS)
-def test_a_bad_argument_is_refused(
-    build: Build, task: str, name: str, value: Any, parts: tuple[str, ...]
-) -> None:
+def test_a_bad_argument_is_refused(build, task, name, value, parts):
     error = SceneError if name in ("scene", "overrides") else OptionError
     with refuses(error, *parts) as caught:
         build(task, **{name: value})

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import json
-import os
 import re
 import shutil
 import subprocess
-import sys
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.support import ROOT
+from tests.support import ROOT, run_python
+
+pytestmark = [pytest.mark.slow, pytest.mark.ci_slice, pytest.mark.timeout(900)]
 
 PROBE = """
 import json
@@ -70,23 +69,11 @@ def probed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         command = ["git", "apply", "--recount", "-"]
         done = subprocess.run(command, input=text, cwd=copy, text=True, capture_output=True)
         assert done.returncode == 0, f"{done.stderr}\n{text}"
-    environment = {
-        **os.environ,
-        "PYTHONPATH": str(copy),
-        "NUMBA_CACHE_DIR": str(copy / "cache"),
-    }
-    done = subprocess.run(
-        [sys.executable, "-c", PROBE], cwd=copy, env=environment, text=True, capture_output=True
-    )
-    assert done.returncode == 0, done.stderr
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found
+    environment = {"PYTHONPATH": str(copy), "NUMBA_CACHE_DIR": str(copy / "cache")}
+    return run_python("-c", PROBE, cwd=copy, timeout=800.0, **environment).figures()
 
 
-@pytest.mark.slow
-@pytest.mark.ci_slice
-@pytest.mark.timeout(900)
-def test_a_model_of_ones_own_is_there_and_has_its_mass(probed: dict[str, Any]) -> None:
+def test_a_model_of_ones_own_is_there_and_has_its_mass(probed):
     assert "tapered" in probed["models"]
     momentum, plain = np.array(probed["momentum"]), np.array(probed["plain"])
     # As much mass as the strips have, but further ahead.
@@ -94,19 +81,13 @@ def test_a_model_of_ones_own_is_there_and_has_its_mass(probed: dict[str, Any]) -
     assert 0.0 < momentum[2] < 0.95 * plain[2]
 
 
-@pytest.mark.slow
-@pytest.mark.ci_slice
-@pytest.mark.timeout(900)
-def test_an_effect_of_ones_own_dissipates(probed: dict[str, Any]) -> None:
+def test_an_effect_of_ones_own_dissipates(probed):
     everything, present = probed["effects"]
     assert "joint_viscosity" in everything and "joint_viscosity" in present
     assert min(probed["dissipated"]) > 0.0
 
 
-@pytest.mark.slow
-@pytest.mark.ci_slice
-@pytest.mark.timeout(900)
-def test_a_scheme_of_ones_own_converges_to_the_same_motion(probed: dict[str, Any]) -> None:
+def test_a_scheme_of_ones_own_converges_to_the_same_motion(probed):
     gaps = np.linalg.norm(np.array(probed["ends"]) - np.array(probed["starts"]), axis=1)
     # Both are of first order, and the steps are short enough to show it.
     assert gaps[1] / gaps[0] == pytest.approx(0.5, abs=0.03)

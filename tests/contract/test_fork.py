@@ -102,15 +102,15 @@ def running() -> Iterator[SwimVectorEnv]:
 
 @each_task
 def test_forks_in_a_row_step_their_own_batches_and_leave_the_parent_running(
-    task: str, running: SwimVectorEnv, expected: dict[str, Results]
-) -> None:
+    task, running, expected
+):
     for _ in range(6):
         assert_same(in_a_fork(lambda: play_anew(new(task))), expected[task])
         assert_same(play_anew(running), expected[FORWARD])
     assert_same(play_anew(new(task)), expected[task])
 
 
-def test_a_fork_continues_the_parents_batch(running: SwimVectorEnv) -> None:
+def test_a_fork_continues_the_parents_batch(running):
     """Parent and children continue the same episodes, each on its own."""
     children = [in_a_fork(lambda: play(running, 2)) for _ in range(3)]
     here = play(running, 2)
@@ -118,7 +118,7 @@ def test_a_fork_continues_the_parents_batch(running: SwimVectorEnv) -> None:
         assert_same(child, here)
 
 
-def test_a_fork_of_a_fork_works(running: SwimVectorEnv, expected: dict[str, Results]) -> None:
+def test_a_fork_of_a_fork_works(running, expected):
     def both() -> tuple[Results, Results]:
         return play_anew(new()), in_a_fork(lambda: play_anew(new()))
 
@@ -126,9 +126,7 @@ def test_a_fork_of_a_fork_works(running: SwimVectorEnv, expected: dict[str, Resu
     assert_same(play_anew(running), expected[FORWARD])
 
 
-def test_a_forks_other_threads_can_step(
-    running: SwimVectorEnv, expected: dict[str, Results]
-) -> None:
+def test_a_forks_other_threads_can_step(running, expected):
     """Nothing that the forking thread held is still held in the child."""
 
     def in_another_thread() -> Results:
@@ -139,9 +137,7 @@ def test_a_forks_other_threads_can_step(
     assert_same(in_another_thread(), expected[FORWARD])
 
 
-def test_a_fork_in_the_middle_of_a_step_of_another_thread(
-    expected: dict[str, Results],
-) -> None:
+def test_a_fork_in_the_middle_of_a_step_of_another_thread(expected):
     """The fork waits for the step; neither the child nor the stepping thread is harmed."""
     envs, stop = new(), threading.Event()
     rounds: list[Results] = []
@@ -164,9 +160,7 @@ def test_a_fork_in_the_middle_of_a_step_of_another_thread(
 
 
 @each_task
-def test_gymnasiums_processes_give_the_same_bits(
-    task: str, running: SwimVectorEnv, expected: dict[str, Results]
-) -> None:
+def test_gymnasiums_processes_give_the_same_bits(task, running, expected):
     envs = AsyncVectorEnv([make_one(task)] * MEMBERS, context="fork")
     batch = new(task)
     batch.reset(seed=SEED)
@@ -185,9 +179,7 @@ def test_gymnasiums_processes_give_the_same_bits(
 
 
 @each_task
-def test_the_processes_of_stable_baselines3_give_the_same_bits(
-    task: str, running: SwimVectorEnv, expected: dict[str, Results]
-) -> None:
+def test_the_processes_of_stable_baselines3_give_the_same_bits(task, running, expected):
     vec_env = pytest.importorskip("stable_baselines3.common.vec_env")
     envs = vec_env.SubprocVecEnv([make_one(task)] * MEMBERS, start_method="fork")
     try:
@@ -216,9 +208,7 @@ def test_the_processes_of_stable_baselines3_give_the_same_bits(
 
 
 @pytest.mark.parametrize("widths", [(2, 2), (2, 3, 5, 4)], ids=str)
-def test_batches_step_side_by_side_in_threads(
-    widths: tuple[int, ...], expected: dict[str, Results]
-) -> None:
+def test_batches_step_side_by_side_in_threads(widths, expected):
     """The threads they share grow with the widest while others are at work."""
     start = threading.Barrier(len(widths), timeout=PATIENCE)
 
@@ -234,9 +224,7 @@ def test_batches_step_side_by_side_in_threads(
                 assert_same(results, expected[TASKS[index % 2]])
 
 
-def test_an_error_in_one_thread_leaves_the_next_step_free(
-    running: SwimVectorEnv, expected: dict[str, Results]
-) -> None:
+def test_an_error_in_one_thread_leaves_the_next_step_free(running, expected):
     """A refused step holds no lock: forks and other threads can step."""
     with pytest.raises(ActionError):
         running.step(np.full((MEMBERS, JOINTS), np.nan))
@@ -246,7 +234,7 @@ def test_an_error_in_one_thread_leaves_the_next_step_free(
     assert_same(in_a_fork(lambda: play_anew(new())), expected[FORWARD])
 
 
-def test_forking_warns_of_nothing_while_no_other_thread_lives(running: SwimVectorEnv) -> None:
+def test_forking_warns_of_nothing_while_no_other_thread_lives(running):
     """The pool's threads are gone before a fork, so that the child inherits no half of them."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -16,9 +16,7 @@ from swim_env.physics.runtime.cache import cache_folder, fingerprint
 from tests.support import ROOT, Done, run_python
 
 
-def test_the_fingerprint_sees_every_file_with_kernels_in_folders_of_any_depth(
-    tmp_path: Path,
-) -> None:
+def test_the_fingerprint_sees_every_file_with_kernels_in_folders_of_any_depth(tmp_path):
     package = tmp_path / "swim_env"
     shutil.copytree(ROOT / "swim_env" / "physics", package / "physics")
     for name in ("envs/assessment.py", "scene/fluid.py"):
@@ -41,9 +39,7 @@ def load(cache: Path) -> Done:
 
 
 @pytest.mark.slow
-def test_two_processes_fill_an_empty_cache_without_writing_to_the_same_place(
-    tmp_path: Path,
-) -> None:
+def test_two_processes_fill_an_empty_cache_without_writing_to_the_same_place(tmp_path):
     """A kernel with two signatures has two files that are numbered as they come.
 
     Processes that compile at the same time could then take the same number for different code.

@@ -22,8 +22,8 @@ ROUNDS, STEPS = 7, 60
     ("members", "threads", "most"), [(None, None, 20.0), (64, 1, 3.0), (64, 2, 3.0)]
 )
 def test_a_step_costs_few_microseconds_a_member_beside_the_physics(
-    members: int | None, threads: int | None, most: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    members, threads, most, monkeypatch
+):
     """The time of a step less that of the kernels for physics and observations in it.
 
     The physics really runs, so that what comes after it finds the processor's caches as it leaves

@@ -1,64 +1,50 @@
-"""The import rule: an ordered list of rooms, each of which imports only the ones before it."""
-
-from __future__ import annotations
+"""The import rule: each room imports only rooms above it in the table of docs/development.md."""
 
 import ast
-from collections.abc import Iterator
+import re
+from importlib.util import resolve_name
 
 from tests.support import ROOT, run_python
 
-#: Lower ones first; a module belongs to the innermost room that holds it.
-ROOMS = [
-    *("swim_env.errors", "swim_env.colours", "swim_env.files", "swim_env.scene"),
-    *(f"swim_env.physics.{name}" for name in ("status", "runtime", "fluid", "planar", "solve")),
-    *("swim_env.physics", "swim_env.sim", "swim_env.analysis", "swim_env.accuracy"),
-    *("swim_env.envs", "swim_env", "swim_env.plots", "swim_env.recording"),
-    *("swim_agents", "studies", "scripts", "tests"),
-]
-HEAVY = {"matplotlib", "torch", "stable_baselines3", "rerun"}
+
+def dotted(path: str) -> str:
+    """Return the name under which a file or a folder is imported."""
+    return re.sub(r"^agents/|\.py$|/$", "", path).replace("/", ".").removesuffix(".__init__")
 
 
-def room_of(module: str) -> int:
-    """Return the number of the room that a module is in, -1 for those of other packages."""
-    inside = [room for room in ROOMS if f"{module}.".startswith(f"{room}.")]
+TABLE = (ROOT / "docs" / "development.md").read_text(encoding="utf-8").split("\n## ")[1]
+ROWS = re.findall(r"^\| (`.+?`) \|", TABLE, re.MULTILINE)
+ROOMS = [dotted(path) for row in ROWS for path in re.findall("`(.+?)`", row)]
+TOPS = ("swim_env", "agents/swim_agents", "studies", "scripts")
+FILES = [file.relative_to(ROOT) for top in TOPS for file in (ROOT / top).rglob("*.py")]
+
+
+def room_of(name: str) -> int:
+    """Return the number of the innermost room of a module or of what is in it, -1 for none."""
+    inside = [room for room in ROOMS if f"{name}.".startswith(f"{room}.")]
     return ROOMS.index(max(inside, key=len)) if inside else -1
 
 
-def imports() -> Iterator[tuple[str, str, bool]]:
-    """Yield modules, what each imports, and whether it does so when it is itself imported."""
-    for package in ("swim_env", "agents/swim_agents", "studies"):
-        for path in sorted((ROOT / package).rglob("*.py")):
-            name = path.relative_to(ROOT).with_suffix("").as_posix().replace("/", ".")
-            module = name.removeprefix("agents.").removesuffix(".__init__")
-            tree = ast.parse(path.read_text(encoding="utf-8"))
-            for node in ast.walk(tree):
-                if isinstance(node, (ast.Import, ast.ImportFrom)):
-                    inside = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
-                    for found in node.names:
-                        yield module, inside + found.name, node in tree.body
+def test_each_room_imports_only_rooms_above_it():
+    for file in FILES:
+        name, package = dotted(str(file)), dotted(str(file.parent))
+        assert name == "swim_env" or ROOMS[room_of(name)] != "swim_env", f"{file} needs a room"
+        for node in ast.walk(ast.parse((ROOT / file).read_text(encoding="utf-8"))):
+            source = ""
+            if isinstance(node, ast.ImportFrom):
+                source = resolve_name("." * node.level + (node.module or ""), package) + "."
+            elif not isinstance(node, ast.Import):
+                continue
+            for found in (source + one.name for one in node.names):
+                allowed = room_of(found) <= room_of(name) and not found.startswith("scripts.")
+                assert allowed, f"{file}, line {node.lineno}, imports {found}"
 
 
-def test_each_room_imports_only_rooms_before_it() -> None:
-    broken = [
-        f"{one} imports {other}" for one, other, _ in imports() if room_of(other) > room_of(one)
-    ]
-    assert not broken, "\n".join(broken)
-
-
-def test_only_pictures_and_recordings_need_what_is_heavy() -> None:
-    pictures = [ROOMS.index(f"swim_env.{name}") for name in ("plots", "recording")]
-    broken = [
-        f"{module} imports {found}"
-        for module, found, at_once in imports()
-        if at_once and found.split(".")[0] in HEAVY
-        if module.startswith("swim_env") and room_of(module) not in pictures
-    ]
-    assert not broken, "\n".join(broken)
-
-
-def test_importing_the_library_loads_nothing_heavy() -> None:
+def test_only_pictures_and_recordings_load_what_is_heavy():
     """Beyond what numba loads, which looks whether there is a SciPy."""
-    code = "import numba, sys; before = set(sys.modules); import swim_env; "
-    done = run_python("-c", code + "print(*set(sys.modules) - before)")
-    assert "swim_env" in done.out, done.err
-    assert not {name.split(".")[0] for name in done.out.split()} & {*HEAVY, "scipy"}
+    names = [dotted(str(file)) for file in FILES]
+    light = [name for name in names if re.match(r"swim_env(?!\.plots|\.recording)", name)]
+    heavy = {"matplotlib", "torch", "stable_baselines3", "rerun", "scipy"}
+    code = f"import numba, sys; before = set(sys.modules); import {', '.join(light)}; "
+    done = run_python("-c", code + f"print({heavy} & (set(sys.modules) - before))")
+    assert done.out == "set()\n", done.out + done.err

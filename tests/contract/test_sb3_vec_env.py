@@ -70,7 +70,7 @@ def actions_for(venv: VecEnv, steps: int, seed: int = 0) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", TASKS)
-def test_it_gives_what_single_environments_give_bit_for_bit(name: str) -> None:
+def test_it_gives_what_single_environments_give_bit_for_bit(name):
     """Over episodes of many lengths: seeded, then on from there, with options and without."""
     ours, theirs = pair(name, 4)
     ends = set()
@@ -103,7 +103,7 @@ def test_it_gives_what_single_environments_give_bit_for_bit(name: str) -> None:
         assert not any(truncated for _, _, truncated in both), both
 
 
-def test_a_first_reset_takes_options_for_each_member() -> None:
+def test_a_first_reset_takes_options_for_each_member():
     options = [{"target": (0.3, 0.1 * i), "noise": 0.0} if i else {} for i in range(4)]
     ours, theirs = pair("drifting", 4)
     for venv in (ours, theirs):
@@ -114,7 +114,7 @@ def test_a_first_reset_takes_options_for_each_member() -> None:
     assert ours.reset_infos[2]["target"].tolist() == [0.3, 0.2]
 
 
-def test_a_refused_reset_changes_nothing_and_keeps_what_waits() -> None:
+def test_a_refused_reset_changes_nothing_and_keeps_what_waits():
     venv = small()
     venv.reset()
     venv.seed(5)
@@ -130,7 +130,7 @@ def test_a_refused_reset_changes_nothing_and_keeps_what_waits() -> None:
     assert_same(venv.reset(), small(seed=5).reset(), "the seed that waited")
 
 
-def test_arguments_reach_the_batch_which_must_restart_in_the_same_step() -> None:
+def test_arguments_reach_the_batch_which_must_restart_in_the_same_step():
     for mode in ("NextStep", "Disabled"):
         with refuses(OptionError, f"autoreset_mode='SameStep', not '{mode}'"):
             make_swim_vec_env(num_envs=2, autoreset_mode=mode)
@@ -148,7 +148,7 @@ def test_arguments_reach_the_batch_which_must_restart_in_the_same_step() -> None
     assert (venv.action_space.sample() == other.action_space.sample()).all(), "not seeded"
 
 
-def test_misuse_is_reported() -> None:
+def test_misuse_is_reported():
     venv = small()
     with refuses(SwimError, "step_async before step_wait"):
         venv.step_wait()
@@ -163,7 +163,7 @@ def test_misuse_is_reported() -> None:
     venv.close()
 
 
-def test_results_stay_as_they_were_given() -> None:
+def test_results_stay_as_they_were_given():
     """What was returned is the caller's: later steps do not change it, nor it them."""
     ours, theirs = small(), small()
     kept = [ours.reset()]
@@ -182,7 +182,7 @@ def test_results_stay_as_they_were_given() -> None:
     assert_same(kept, copies, "results")
 
 
-def test_attributes_are_those_of_single_environments() -> None:
+def test_attributes_are_those_of_single_environments():
     ours, theirs = pair("drifting", 3)
     for venv in (ours, theirs):
         venv.seed(2)
@@ -209,7 +209,7 @@ def test_attributes_are_those_of_single_environments() -> None:
         ours.get_attr("scene", 3)
 
 
-def test_what_members_share_is_set_for_all_or_not_at_all() -> None:
+def test_what_members_share_is_set_for_all_or_not_at_all():
     venv = small()
     with refuses(OptionError, "cannot be set for 2 of 3"):
         venv.set_attr("render_mode", "rgb_array", indices=[0, 1])
@@ -226,7 +226,7 @@ def test_what_members_share_is_set_for_all_or_not_at_all() -> None:
         venv.set_attr("no_such_name", 1)
 
 
-def test_a_members_snapshot_continues_in_a_single_environment() -> None:
+def test_a_members_snapshot_continues_in_a_single_environment():
     venv = small(seed=4)
     with refuses(SwimError, "call reset first"):
         venv.env_method("snapshot")
@@ -260,7 +260,7 @@ class Drawn(SwimVectorEnv):
         return tuple(np.full((2, 3, 3), member, dtype=np.uint8) for member in range(self.num_envs))
 
 
-def test_frames_are_tiled_into_one() -> None:
+def test_frames_are_tiled_into_one():
     venv = SwimVecEnv(Drawn(3, overrides=SMALL, render_mode="rgb_array", autoreset_mode="SameStep"))
     venv.reset()
     assert [int(image[0, 0, 0]) for image in venv.get_images()] == [0, 1, 2]
@@ -277,7 +277,7 @@ def test_frames_are_tiled_into_one() -> None:
 
 
 @pytest.mark.parametrize("env_id", [FORWARD, TARGET])
-def test_ppo_learns_on_it_in_wrappers_and_is_evaluated(env_id: str, tmp_path: Path) -> None:
+def test_ppo_learns_on_it_in_wrappers_and_is_evaluated(env_id, tmp_path):
     log, statistics = str(tmp_path / "log"), str(tmp_path / "statistics.pkl")
     monitored = VecMonitor(make_swim_vec_env(env_id, 8, overrides=SMALL), log)
     stacked = VecFrameStack(VecCheckNan(monitored, raise_exception=True), 2)
@@ -302,7 +302,7 @@ def test_ppo_learns_on_it_in_wrappers_and_is_evaluated(env_id: str, tmp_path: Pa
     venv.close()
 
 
-def test_without_stable_baselines3_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_stable_baselines3_the_extra_is_named(monkeypatch):
     for name in list(sys.modules):
         if name.split(".")[0] == "stable_baselines3":
             monkeypatch.setitem(sys.modules, name, None)

@@ -36,7 +36,7 @@ from swim_env.scene import (
     load_scene,
     scene_names,
 )
-from tests.support import ROOT, refuses, run_python
+from tests.support import ROOT, full_disk, refuses, run_python
 
 PAPER = ["i", "ii", "iii", "iv", "v", "vi", "vii", "viii", "ix", "x", "xi", "xii"]
 SHIPPED = [f"paper_{number}" for number in PAPER] + ["swimmer"]
@@ -87,7 +87,7 @@ def fails(call, *parts: str) -> SceneError:
 )
 def test_every_paper_scene_has_the_values_of_table_1(
     number, amplitude, stiffness, length, elements, velocity
-) -> None:
+):
     scene = load_scene(f"paper_{number}")
     assert scene.name == f"paper_{number}"
     assert scene.description
@@ -108,7 +108,7 @@ def test_every_paper_scene_has_the_values_of_table_1(
         assert scene.actuation == dataclasses.replace(wave, **special)
 
 
-def test_swimmer_is_paper_i_with_damping_another_step_and_duration() -> None:
+def test_swimmer_is_paper_i_with_damping_another_step_and_duration():
     expected = load_scene("paper_i").replace(
         {
             "name": "swimmer",
@@ -123,7 +123,7 @@ def test_swimmer_is_paper_i_with_damping_another_step_and_duration() -> None:
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_a_shipped_scene_survives_dictionary_text_file_and_pickle(name, tmp_path) -> None:
+def test_a_shipped_scene_survives_dictionary_text_file_and_pickle(name, tmp_path):
     scene = load_scene(name)
     path = tmp_path / "copy.yaml"
     scene.save(path)
@@ -141,7 +141,7 @@ def test_a_shipped_scene_survives_dictionary_text_file_and_pickle(name, tmp_path
     assert [entry.name for entry in tmp_path.iterdir()] == ["copy.yaml"]
 
 
-def test_all_other_fields_and_awkward_numbers_and_texts_survive_a_file(tmp_path) -> None:
+def test_all_other_fields_and_awkward_numbers_and_texts_survive_a_file(tmp_path):
     turn = Initial(
         position=(0.1, -1e-5),
         heading=1 / 3,
@@ -170,7 +170,7 @@ def test_all_other_fields_and_awkward_numbers_and_texts_survive_a_file(tmp_path)
 # ---- effects -----------------------------------------------------------------------------------
 
 
-def test_effects_are_listed_in_one_order_whatever_the_order_they_are_put_in() -> None:
+def test_effects_are_listed_in_one_order_whatever_the_order_they_are_put_in():
     assert EFFECT_NAMES == ("bending_stiffness", *EFFECTS)
     scene = load_scene("paper_i")
     assert scene.effects == ("bending_stiffness",)
@@ -182,7 +182,7 @@ def test_effects_are_listed_in_one_order_whatever_the_order_they_are_put_in() ->
         assert scene.replace(name, None).effects == left
 
 
-def test_a_beam_without_stiffness_has_not_even_the_first_effect() -> None:
+def test_a_beam_without_stiffness_has_not_even_the_first_effect():
     scene = load_scene("paper_i")
     without = scene.replace("beam.bending_stiffness", None)
     assert without.effects == Scene(beam=Beam(bending_stiffness=0.0)).effects == ()
@@ -192,7 +192,7 @@ def test_a_beam_without_stiffness_has_not_even_the_first_effect() -> None:
 
 
 @pytest.mark.parametrize("name", EFFECTS)
-def test_blocks_are_there_in_all_their_forms_and_absent_where_null(name) -> None:
+def test_blocks_are_there_in_all_their_forms_and_absent_where_null(name):
     plain = load_scene("paper_i")
     forms = (True, {}) if name in BARE else ()
     for present in (EFFECTS[name], *forms):
@@ -207,7 +207,7 @@ def test_blocks_are_there_in_all_their_forms_and_absent_where_null(name) -> None
         assert Scene.from_dict(data) == plain
 
 
-def test_the_short_forms_of_a_file_take_default_values(tmp_path) -> None:
+def test_the_short_forms_of_a_file_take_default_values(tmp_path):
     file = tmp_path / "short.yaml"
     text = "name: short\nfluid: {density: 10}\ncross_flow_drag: {}\nstream: {velocity: [1, 0]}\n"
     file.write_text(text + "self_contact: {}\nrecording: true\ninternal_forces: {}\n")
@@ -216,7 +216,7 @@ def test_the_short_forms_of_a_file_take_default_values(tmp_path) -> None:
     assert short.effects == (EFFECT_NAMES[0], *EFFECT_NAMES[3:])
 
 
-def test_names_and_defaults() -> None:
+def test_names_and_defaults():
     default = Integrator()
     assert (default.scheme, default.strain) == ("paper", "averaged_directors")
     assert default.energy_excess == "warn"
@@ -227,7 +227,7 @@ def test_names_and_defaults() -> None:
 
 
 @pytest.mark.parametrize("elements", [2, 3, 8, 9, 10, 27])
-def test_stiffness_laws_mean_the_same_at_every_resolution(elements) -> None:
+def test_stiffness_laws_mean_the_same_at_every_resolution(elements):
     """The laws of vi and vii give EI at s = (k-1) dl whatever N is."""
     thin = {"beam.elements": elements, "beam.half_thickness": 1e-3}
     place = np.arange(1, elements) / elements
@@ -239,9 +239,7 @@ def test_stiffness_laws_mean_the_same_at_every_resolution(elements) -> None:
     assert halves.shape == linear.shape == (elements - 1,)
 
 
-def test_a_list_is_taken_as_it_is_a_number_everywhere_and_a_joint_on_a_border_is_behind_it() -> (
-    None
-):
+def test_a_list_is_taken_as_it_is_a_number_everywhere_a_joint_on_a_border_is_behind_it():
     assert Beam(elements=4, bending_stiffness=[1, 2, 3]).stiffness_at_joints().tolist() == [1, 2, 3]
     assert Beam(elements=4, bending_stiffness=7).stiffness_at_joints().tolist() == [7, 7, 7]
     pieces = {"pieces": [{"until": u, "value": v} for u, v in ((0.25, 1), (0.5, 2), (1.0, 3))]}
@@ -257,7 +255,7 @@ def test_a_list_is_taken_as_it_is_a_number_everywhere_and_a_joint_on_a_border_is
     )
 
 
-def test_blocks_are_frozen_and_numpy_values_become_plain_ones() -> None:
+def test_blocks_are_frozen_and_numpy_values_become_plain_ones():
     beam = Beam(
         length=np.float32(2.0), elements=np.int64(3), bending_stiffness=np.array([1.0, 2.0])
     )
@@ -272,7 +270,7 @@ def test_blocks_are_frozen_and_numpy_values_become_plain_ones() -> None:
 
 
 @pytest.mark.parametrize("name", ["paper_i", "paper_iii", "paper_iv", "paper_v"])
-def test_torque_formula(name) -> None:
+def test_torque_formula(name):
     """The wave is A cos(f t - kappa s/l + phase) at s = (k-1) dl."""
     scene = load_scene(name, ["actuation.phase=0.3"])
     wave, beam = scene.actuation, scene.beam
@@ -286,7 +284,7 @@ def test_torque_formula(name) -> None:
             assert row[k - 2] == pytest.approx(expected, rel=1e-13, abs=1e-14)
 
 
-def test_scene_viii_is_scene_i_before_50_s_and_then_without_torque() -> None:
+def test_scene_viii_is_scene_i_before_50_s_and_then_without_torque():
     scene = load_scene("paper_viii")
     times = np.arange(4990, 5010) * scene.integrator.time_step
     torques = scene.actuation.torques(times, scene.beam)
@@ -297,7 +295,7 @@ def test_scene_viii_is_scene_i_before_50_s_and_then_without_torque() -> None:
     assert not torques[~before].any()
 
 
-def test_scene_ix_drives_the_joints_of_the_front_half_as_scene_i_does_and_no_other() -> None:
+def test_scene_ix_drives_the_joints_of_the_front_half_as_scene_i_does_and_no_other():
     scene = load_scene("paper_ix")
     times = np.linspace(0.0, 1.0, 11)
     torques = scene.actuation.torques(times, scene.beam)
@@ -311,7 +309,7 @@ def test_scene_ix_drives_the_joints_of_the_front_half_as_scene_i_does_and_no_oth
     )
 
 
-def test_the_torque_limit_does_not_clip_the_wave() -> None:
+def test_the_torque_limit_does_not_clip_the_wave():
     scene = load_scene("paper_i", {"actuation.amplitude": 5.0, "actuation.torque_limit": 2.0})
     assert np.abs(scene.actuation.torques(np.arange(0, 1, 0.01), scene.beam)).max() > 4.9
 
@@ -319,7 +317,7 @@ def test_the_torque_limit_does_not_clip_the_wave() -> None:
 # ---- initial state -----------------------------------------------------------------------------
 
 
-def test_by_default_the_body_lies_straight_along_x_with_the_head_at_the_origin_at_rest() -> None:
+def test_by_default_the_body_lies_straight_along_x_with_the_head_at_the_origin_at_rest():
     beam = Beam(length=2.0, elements=4)
     centres, angles = Initial().pose(beam)
     np.testing.assert_allclose(centres, [[0.25, 0], [0.75, 0], [1.25, 0], [1.75, 0]], atol=1e-15)
@@ -329,7 +327,7 @@ def test_by_default_the_body_lies_straight_along_x_with_the_head_at_the_origin_a
     assert not moving.any() and not rates.any()
 
 
-def test_joint_angles_add_up_behind_the_heading_and_elements_meet_at_nodes() -> None:
+def test_joint_angles_add_up_behind_the_heading_and_elements_meet_at_nodes():
     beam = Beam(elements=3)
     start = Initial(position=(1.0, 2.0), heading=0.4, joint_angles=[0.5, -0.2])
     centres, angles = start.pose(beam)
@@ -341,7 +339,7 @@ def test_joint_angles_add_up_behind_the_heading_and_elements_meet_at_nodes() -> 
     np.testing.assert_allclose(same, [0.0, 0.1, 0.2], rtol=1e-15)
 
 
-def test_velocity_slope_turns_the_straight_body() -> None:
+def test_velocity_slope_turns_the_straight_body():
     """A lateral velocity linear in x goes with the same turning rate and passes (15)."""
     scene = load_scene("paper_xi", ["initial.velocity_slope=-1e-4"])
     centres, _ = scene.initial.pose(scene.beam)
@@ -351,7 +349,7 @@ def test_velocity_slope_turns_the_straight_body() -> None:
     np.testing.assert_array_equal(rates, np.full(9, -1e-4))
 
 
-def test_velocities_of_a_bent_body_that_obey_inextensibility_are_accepted() -> None:
+def test_velocities_of_a_bent_body_that_obey_inextensibility_are_accepted():
     beam = Beam(elements=4)
     pose = {"position": [3.0, -7.0], "heading": 2.0, "joint_angles": [0.3, -0.8, 0.5]}
     rates = np.array([0.7, -0.4, 1.3, 0.2])
@@ -539,7 +537,7 @@ ALL_BAD = [*(({path: value}, (part,)) for path, value, part in BAD), *BAD_TOGETH
     ALL_BAD,
     ids=[f"{i}-{next(iter(bad[0]))}" for i, bad in enumerate(ALL_BAD)],
 )
-def test_a_bad_value_is_refused_with_its_field_its_reason_and_its_file(changes, parts) -> None:
+def test_a_bad_value_is_refused_with_its_field_its_reason_and_its_file(changes, parts):
     scene = load_scene("paper_i")
     error = fails(lambda: scene.replace(changes), *parts, next(iter(changes)).split(".")[0])
     assert isinstance(error, SwimError) and isinstance(error, ValueError)
@@ -548,9 +546,7 @@ def test_a_bad_value_is_refused_with_its_field_its_reason_and_its_file(changes, 
     fails(lambda: load_scene("paper_i", changes), *parts, f"({source})")
 
 
-def test_the_message_of_a_file_has_field_bound_value_and_the_path_as_given(
-    tmp_path, monkeypatch
-) -> None:
+def test_the_message_of_a_file_has_field_bound_value_and_the_path_as_given(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("x.yaml").write_text("beam: {elements: 1}\n", encoding="utf-8")
     error = fails(lambda: load_scene("x.yaml"))
@@ -577,11 +573,11 @@ def test_the_message_of_a_file_has_field_bound_value_and_the_path_as_given(
         ({"be\nam": {}}, ["unknown field be am"]),
     ],
 )
-def test_a_bad_mapping_is_refused_with_its_source(data, parts) -> None:
+def test_a_bad_mapping_is_refused_with_its_source(data, parts):
     fails(lambda: Scene.from_dict(data, source="some.yaml"), *parts, "(some.yaml)")
 
 
-def test_what_is_at_its_limit_is_allowed() -> None:
+def test_what_is_at_its_limit_is_allowed():
     """A massless rotation in a fluid, a stiffness at one joint, and any thickness without fluid."""
     Scene(fluid=WATER, beam=Beam(rotary_inertia=0), axial_added_mass=AxialAddedMass())
     Scene(beam=Beam(bending_stiffness=[0] * 7 + [1]), damping=Damping(1e-3))
@@ -592,7 +588,7 @@ def test_what_is_at_its_limit_is_allowed() -> None:
     Scene(fluid=WATER, beam=Beam(elements=161))
 
 
-def test_a_scene_made_by_hand_takes_blocks_and_not_mappings() -> None:
+def test_a_scene_made_by_hand_takes_blocks_and_not_mappings():
     fails(lambda: Scene(beam={}), "beam must be of type Beam, got dict")
     fails(lambda: Scene(integrator=None), "integrator must be of type Integrator, got NoneType")
     fails(lambda: Scene(damping=1e-3), "damping must be of type Damping, got float")
@@ -601,7 +597,7 @@ def test_a_scene_made_by_hand_takes_blocks_and_not_mappings() -> None:
 # ---- replace and overrides ---------------------------------------------------------------------
 
 
-def test_replace_changes_one_field_or_several_that_are_only_valid_together() -> None:
+def test_replace_changes_one_field_or_several_that_are_only_valid_together():
     scene = load_scene("paper_i")
     more = scene.replace("fluid.panels_per_element", 12)
     assert more.fluid == Fluid("panels", 10.0, 12)
@@ -613,7 +609,7 @@ def test_replace_changes_one_field_or_several_that_are_only_valid_together() -> 
             scene.replace(*missing)
 
 
-def test_replace_makes_and_removes_blocks() -> None:
+def test_replace_makes_and_removes_blocks():
     """A path into an absent block makes it; None removes it; blocks go in as objects or maps."""
     scene = load_scene("paper_i")
     damped = scene.replace("damping.retardation_time", 1e-3)
@@ -634,7 +630,7 @@ def test_replace_makes_and_removes_blocks() -> None:
     assert scene.replace("beam", Beam(elements=3)).beam.elements == 3
 
 
-def test_model_none_drops_the_density_and_going_back_needs_one() -> None:
+def test_model_none_drops_the_density_and_going_back_needs_one():
     scene = load_scene("paper_i")
     dry = scene.replace("fluid.model", "none")
     assert dry.fluid == Fluid("none")
@@ -662,7 +658,7 @@ def test_model_none_drops_the_density_and_going_back_needs_one() -> None:
         (3, ["unknown field 3"]),
     ],
 )
-def test_an_unknown_path_is_refused_with_the_nearest_one_there_is(path, parts) -> None:
+def test_an_unknown_path_is_refused_with_the_nearest_one_there_is(path, parts):
     fails(lambda: Scene().replace(path, 1), f"unknown field {path}", *parts)
 
 
@@ -688,14 +684,14 @@ def test_an_unknown_path_is_refused_with_the_nearest_one_there_is(path, parts) -
         ("damping={retardation_time: 1e-3}", Damping(1e-3)),
     ],
 )
-def test_a_text_as_on_a_command_line_sets_the_field_that_it_names(text, value) -> None:
+def test_a_text_as_on_a_command_line_sets_the_field_that_it_names(text, value):
     found: object = load_scene("paper_i", [text])
     for name in text.split("=")[0].strip().split("."):
         found = getattr(found, name)
     assert found == value and type(found) is type(value)
 
 
-def test_overrides_apply_together_and_the_last_of_a_kind_counts() -> None:
+def test_overrides_apply_together_and_the_last_of_a_kind_counts():
     scene = load_scene("paper_i", ["beam.bending_stiffness=[1, 2]", "beam.elements=3"])
     assert scene.beam.stiffness_at_joints().tolist() == [1.0, 2.0]
     assert load_scene("paper_i", ["beam.elements=3", "beam.elements=5"]).beam.elements == 5
@@ -718,14 +714,14 @@ def test_overrides_apply_together_and_the_last_of_a_kind_counts() -> None:
         (7, "override 7 must read block.field=value"),
     ],
 )
-def test_an_override_that_cannot_be_read_is_refused(text, part) -> None:
+def test_an_override_that_cannot_be_read_is_refused(text, part):
     fails(lambda: load_scene("paper_i", [text]), part)
 
 
 # ---- files -------------------------------------------------------------------------------------
 
 
-def test_a_file_may_say_1e_3_and_be_without_a_name(tmp_path) -> None:
+def test_a_file_may_say_1e_3_and_be_without_a_name(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text("damping: {retardation_time: 1e-3}\nbeam:\n  length: 2\n", encoding="utf-8")
     scene = load_scene(path)
@@ -763,7 +759,7 @@ def test_a_file_may_say_1e_3_and_be_without_a_name(tmp_path) -> None:
     ],
     ids=range(23),
 )
-def test_a_file_that_is_not_a_scene_is_refused(text, parts, tmp_path, monkeypatch) -> None:
+def test_a_file_that_is_not_a_scene_is_refused(text, parts, tmp_path, monkeypatch):
     """With the line where YAML breaks, and the file's name."""
     monkeypatch.chdir(tmp_path)
     Path("bad.yaml").write_bytes(text)
@@ -771,7 +767,7 @@ def test_a_file_that_is_not_a_scene_is_refused(text, parts, tmp_path, monkeypatc
     assert str(tmp_path) not in str(error)
 
 
-def test_what_is_not_there_is_refused_with_the_nearest_name(tmp_path, monkeypatch) -> None:
+def test_what_is_not_there_is_refused_with_the_nearest_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("mine.yaml").write_text("{}", encoding="utf-8")
     for call in (
@@ -791,23 +787,19 @@ def test_what_is_not_there_is_refused_with_the_nearest_name(tmp_path, monkeypatc
     fails(lambda: load_scene("folder.yaml"), "cannot read the scene file", "(folder.yaml)")
 
 
-def test_a_failed_save_leaves_the_old_file_and_nothing_half_written(tmp_path, monkeypatch) -> None:
+def test_a_failed_save_leaves_the_old_file_and_nothing_half_written(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     load_scene("paper_i").save("s.yaml")
     before = Path("s.yaml").read_bytes()
-
-    def refuse(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
     with monkeypatch.context() as patch:
-        patch.setattr(os, "replace", refuse)
+        patch.setattr(os, "replace", full_disk)
         fails(lambda: Scene().save("s.yaml"), "cannot write", "No space left", "(s.yaml)")
     assert Path("s.yaml").read_bytes() == before
     assert os.listdir() == ["s.yaml"]
     fails(lambda: Scene().save("no/s.yaml"), "cannot write the scene file", "(no/s.yaml)")
 
 
-def test_scenes_are_found_inside_the_package_where_a_wheel_puts_them(tmp_path) -> None:
+def test_scenes_are_found_inside_the_package_where_a_wheel_puts_them(tmp_path):
     package = tmp_path / "swim_env"
     shutil.copytree(ROOT / "swim_env", package, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copytree(ROOT / "configs" / "scenes", package / "configs" / "scenes")

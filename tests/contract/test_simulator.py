@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import swim_env
 from swim_env import (
     EFFECTS,
     FLUID_MODELS,
@@ -35,7 +34,7 @@ def simulator() -> Simulator:
     return Simulator("paper_i")
 
 
-def test_names_of_scene_and_kernels_agree() -> None:
+def test_names_of_scene_and_kernels_agree():
     assert set(FLUID_MODELS) == set(FLUID_MODEL_NAMES)
     assert EFFECTS == EFFECT_NAMES
 
@@ -211,27 +210,6 @@ def test_every_state_of_a_run_has_an_energy():
     assert np.isfinite(simulator.velocity()).all()
 
 
-def test_an_early_end_is_reported(simulator):
-    """A run that cannot go on keeps its last good state, and says why until it is reset."""
-    torques = np.full((2000, 8), 40.0)
-    trajectory = simulator.rollout(torques)
-    assert 0 < trajectory.steps < 2000
-    assert trajectory.termination_reason in {"", *swim_env.TERMINATION_REASONS}
-    assert trajectory.termination_reason == simulator.termination_reason != ""
-    assert np.isfinite(trajectory.centres).all()
-    np.testing.assert_array_equal(trajectory.centres[-1], simulator.centres)
-    summary = trajectory.summary()
-    assert summary["termination_reason"] == trajectory.termination_reason
-    assert np.isfinite(summary["energy_drift"])
-    with pytest.raises(SimulationEndedError, match=f"t = {simulator.time:.6g} s"):
-        simulator.step(np.zeros(8))
-    with pytest.raises(SimulationEndedError):
-        simulator.rollout(np.zeros((1, 8)))
-    simulator.reset()
-    assert simulator.termination_reason == ""
-    simulator.step(np.zeros(8))
-
-
 def test_snapshot_of_another_scene_is_refused(simulator):
     snapshot = Simulator("swimmer").snapshot()
     with pytest.raises(SwimError, match=r"belongs to another scene \(swimmer\)"):
@@ -344,12 +322,8 @@ def test_what_is_no_trajectory_file_is_refused(tmp_path, content):
         Trajectory.load(tmp_path / "foreign.npz")
     good = (tmp_path / "good.npz").read_bytes()
     np.save(tmp_path / "single.npy", np.zeros(3))
-    for data in (
-        b"no arrays here",
-        good[: int(0.3 * len(good))],
-        good[: int(0.9 * len(good))],
-        (tmp_path / "single.npy").read_bytes(),
-    ):
+    single = (tmp_path / "single.npy").read_bytes()
+    for data in (b"no arrays here", good[: len(good) // 3], good[:-100], single):
         (tmp_path / "odd.npz").write_bytes(data)
         with refuses(TrajectoryError, "not a trajectory file"):
             Trajectory.load(tmp_path / "odd.npz")

@@ -11,11 +11,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
-from gymnasium.wrappers.vector import (
-    DictInfoToList,
-    NormalizeObservation,
-    RecordEpisodeStatistics,
-)
+from gymnasium.wrappers.vector import DictInfoToList, NormalizeObservation, RecordEpisodeStatistics
 
 from swim_env import TERMINATION_REASONS, OptionError, SimulationEndedError, SwimError
 from tests.support import (
@@ -101,9 +97,7 @@ def played_alone() -> list[Any]:
     ("num_envs", "num_threads"),
     [(1, 1), (1, 2), (2, 1), (2, 2), (2, 5), (7, 1), (7, 2), (7, 500), (MOST, 1), (MOST, 5)],
 )
-def test_members_are_single_environments_whatever_the_batch(
-    played_alone: list[Any], num_envs: int, num_threads: int
-) -> None:
+def test_members_are_single_environments_whatever_the_batch(played_alone, num_envs, num_threads):
     envs = make_batch(FORWARD, num_envs, num_threads=num_threads, **lively_arguments(FORWARD))
     assert_same(envs.reset(seed=100), first_members(played_alone[0], num_envs))
     for step, actions in enumerate(uniform(STEPS, MOST, JOINTS)):
@@ -125,9 +119,7 @@ def test_members_are_single_environments_whatever_the_batch(
     ],
     ids=str,
 )
-def test_members_of_every_scene_are_single_environments(
-    task: str, arguments: dict[str, Any]
-) -> None:
+def test_members_of_every_scene_are_single_environments(task, arguments):
     envs, alone = both(task, 3, **arguments)
     reset_both(envs, alone, seed=7)
     for step, actions in enumerate(uniform(4, *envs.action_space.shape)):
@@ -136,7 +128,7 @@ def test_members_of_every_scene_are_single_environments(
 
 @each_task
 @each_mode
-def test_every_way_of_starting_anew_is_gymnasiums(task: str, mode: AutoresetMode) -> None:
+def test_every_way_of_starting_anew_is_gymnasiums(task, mode):
     """All results, infos, masks and types are those of Gymnasium's own loop."""
     envs, alone = both(task, 5, mode, **lively_arguments(task))
     assert envs.metadata["autoreset_mode"] is envs.autoreset_mode is mode
@@ -163,7 +155,7 @@ def test_every_way_of_starting_anew_is_gymnasiums(task: str, mode: AutoresetMode
 
 
 @each_mode
-def test_masked_resets_and_resets_in_mid_episode_are_gymnasiums(mode: AutoresetMode) -> None:
+def test_masked_resets_and_resets_in_mid_episode_are_gymnasiums(mode):
     envs, alone = both(FORWARD, 4, mode, overrides=SMALL, max_episode_steps=7)
     reset_both(envs, alone, seed=0)
     rng = np.random.default_rng(5)
@@ -191,7 +183,7 @@ def test_masked_resets_and_resets_in_mid_episode_are_gymnasiums(mode: AutoresetM
 
 
 @each_mode
-def test_starts_that_cannot_be_simulated_are_drawn_again(mode: AutoresetMode) -> None:
+def test_starts_that_cannot_be_simulated_are_drawn_again(mode):
     """Noise that folds the body now and then stops nobody, and all forms draw alike."""
     overrides = {"fluid.panels_per_element": 2, "episode.bend_noise": 2.3}
     envs, alone = both(FORWARD, 6, mode, overrides=overrides, max_episode_steps=3)
@@ -211,7 +203,7 @@ def test_starts_that_cannot_be_simulated_are_drawn_again(mode: AutoresetMode) ->
 
 
 @each_task
-def test_seeds_are_taken_as_gymnasiums_own(task: str) -> None:
+def test_seeds_are_taken_as_gymnasiums_own(task):
     envs, alone = both(task, 3, overrides=SMALL)
     reset_both(envs, alone, seed=0)
     for seed in (0, 5, [5, 6, 7], [9, 9, 9], [1, None, 3], None, [None] * 3, 2**70):
@@ -228,9 +220,7 @@ def test_seeds_are_taken_as_gymnasiums_own(task: str) -> None:
 
 @each_task
 @pytest.mark.parametrize(("limit", "ends"), [(8, [4, 10]), (3, [2, 6, 10]), (None, [4, 10])])
-def test_limits_of_episodes_mean_the_same_in_both(
-    task: str, limit: int | None, ends: list[int]
-) -> None:
+def test_limits_of_episodes_mean_the_same_in_both(task, limit, ends):
     """The sooner of `max_episode_steps` and the scene's duration, of five actions, counts."""
     arguments: dict[str, Any] = {"overrides": {**SMALL, "episode.duration": 0.1}}
     if limit is not None:
@@ -248,7 +238,7 @@ def test_limits_of_episodes_mean_the_same_in_both(
 # ---- snapshots ---------------------------------------------------------------------------------
 
 
-def test_a_snapshot_at_an_end_remembers_who_starts_anew() -> None:
+def test_a_snapshot_at_an_end_remembers_who_starts_anew():
     envs = make_batch(FORWARD, 3, overrides=SMALL, max_episode_steps=4)
     envs.reset(seed=0)
     envs.step(np.ones((3, 2)))
@@ -263,7 +253,7 @@ def test_a_snapshot_at_an_end_remembers_who_starts_anew() -> None:
     assert expected[0][4]["time"].tolist() == [pytest.approx(0.08), 0.0, 0.0]
 
 
-def test_snapshots_need_an_episode_and_a_batch_of_that_size() -> None:
+def test_snapshots_need_an_episode_and_a_batch_of_that_size():
     envs, other = make_batch(FORWARD, 3), make_batch(FORWARD, 2)
     with refuses(SwimError, "snapshot", "reset"):
         envs.snapshot()
@@ -277,7 +267,7 @@ def test_snapshots_need_an_episode_and_a_batch_of_that_size() -> None:
 
 
 @each_task
-def test_spaces_are_batches_of_the_single_ones(task: str) -> None:
+def test_spaces_are_batches_of_the_single_ones(task):
     envs, alone = both(task, 5)
     assert isinstance(envs.unwrapped, gymnasium.vector.VectorEnv)
     assert envs.num_envs == 5
@@ -296,7 +286,7 @@ def test_spaces_are_batches_of_the_single_ones(task: str) -> None:
     assert terminated.dtype == truncated.dtype == np.bool_
 
 
-def test_modes_are_known_by_member_value_and_name() -> None:
+def test_modes_are_known_by_member_value_and_name():
     for mode in AutoresetMode:
         for given in (mode, mode.value, mode.name):
             assert make_batch(FORWARD, 1, autoreset_mode=given).autoreset_mode is mode
@@ -312,7 +302,7 @@ def test_modes_are_known_by_member_value_and_name() -> None:
         *((DictInfoToList, mode) for mode in AutoresetMode),
     ],
 )
-def test_gymnasiums_wrappers_see_no_difference(wrapper: Any, mode: AutoresetMode) -> None:
+def test_gymnasiums_wrappers_see_no_difference(wrapper, mode):
     envs, alone = (wrapper(each) for each in both(TARGET, 4, mode, **lively_arguments(TARGET)))
     reset_both(envs, alone, seed=0)
     episodes = 0
@@ -334,7 +324,7 @@ def test_gymnasiums_wrappers_see_no_difference(wrapper: Any, mode: AutoresetMode
         assert isinstance(result[4], list) and {"time", "target", "distance"} <= set(result[4][0])
 
 
-def test_whole_numbers_of_numpy_are_whole_numbers() -> None:
+def test_whole_numbers_of_numpy_are_whole_numbers():
     envs = make_batch(
         num_envs=np.int64(2),
         num_threads=np.int32(2),
@@ -351,9 +341,7 @@ def test_whole_numbers_of_numpy_are_whole_numbers() -> None:
 
 @pytest.mark.parametrize("options", [{}, {"reset_mask": np.array([True, False, True, True])}])
 @pytest.mark.parametrize("seed", [None, 5, [7, 8, None, 9]], ids=str)
-def test_a_start_that_only_some_members_can_take_changes_nothing(
-    options: dict[str, Any], seed: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_start_that_only_some_members_can_take_changes_nothing(options, seed, monkeypatch):
     """All members start, or none."""
     envs, twin = (make_batch(FORWARD, 4, overrides=SMALL) for _ in range(2))
     for each in (envs, twin):
@@ -375,7 +363,7 @@ def test_a_start_that_only_some_members_can_take_changes_nothing(
         assert_same(envs.reset(), twin.reset())
 
 
-def test_the_first_reset_has_to_start_all() -> None:
+def test_the_first_reset_has_to_start_all():
     envs = make_batch()
     with refuses(OptionError, "reset_mask", "first"):
         envs.reset(options={"reset_mask": np.array([True, False, True])})
@@ -383,7 +371,7 @@ def test_the_first_reset_has_to_start_all() -> None:
         envs.step(np.zeros((3, 8)))
 
 
-def test_members_that_ended_are_named_where_nobody_starts_them() -> None:
+def test_members_that_ended_are_named_where_nobody_starts_them():
     arguments: dict[str, Any] = {"overrides": SMALL, "max_episode_steps": 3}
     envs, twin = (make_batch(FORWARD, 4, autoreset_mode="Disabled", **arguments) for _ in range(2))
     for each in (envs, twin):

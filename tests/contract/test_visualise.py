@@ -1,7 +1,5 @@
 """The visualise command, --record of the others, and rerun's viewer itself."""
 
-from __future__ import annotations
-
 import os
 import re
 

@@ -40,7 +40,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
     return zipfile.ZipFile(file)
 
 
-def test_the_wheel_holds_both_packages_and_nothing_else_at_the_top(wheel: zipfile.ZipFile) -> None:
+def test_the_wheel_holds_both_packages_and_nothing_else_at_the_top(wheel):
     tops = {name.split("/")[0] for name in wheel.namelist()}
     (about,) = (name for name in tops if name.endswith(".dist-info"))
     assert tops == {"swim_env", "swim_agents", about}
@@ -54,7 +54,7 @@ def test_the_wheel_holds_both_packages_and_nothing_else_at_the_top(wheel: zipfil
     assert dict(entries["console_scripts"]) == {"swim-env": "swim_agents.commands.main:main"}
 
 
-def test_scenes_configurations_and_agents_are_inside(wheel: zipfile.ZipFile) -> None:
+def test_scenes_configurations_and_agents_are_inside(wheel):
     places = {
         "configs/scenes": "swim_env/configs/scenes",
         "configs/agents": "swim_agents/configs/agents",
@@ -67,7 +67,7 @@ def test_scenes_configurations_and_agents_are_inside(wheel: zipfile.ZipFile) -> 
             assert wheel.read(f"{place}/{name}") == content
 
 
-def test_an_unpacked_wheel_finds_what_ships_with_it(wheel: zipfile.ZipFile, tmp_path: Path) -> None:
+def test_an_unpacked_wheel_finds_what_ships_with_it(wheel, tmp_path):
     wheel.extractall(tmp_path / "site")
     (tmp_path / "empty").mkdir()
     code = (
@@ -90,7 +90,7 @@ def test_an_unpacked_wheel_finds_what_ships_with_it(wheel: zipfile.ZipFile, tmp_
     assert names == shipped
 
 
-def test_messages_name_no_scripts() -> None:
+def test_messages_name_no_scripts():
     """Whoever has only the wheel has no folder of scripts."""
     for folder in (ROOT / "swim_env", ROOT / "agents" / "swim_agents"):
         for path in folder.rglob("*.py"):

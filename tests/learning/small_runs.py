@@ -11,7 +11,7 @@ from typing import Any
 
 from swim_agents.learning.config import TrainingConfig
 
-from tests.support import files_of
+from tests.support import files_of, refuses
 
 #: Changes to `small_config`, by name.
 KINDS: dict[str, dict[str, Any]] = {
@@ -123,8 +123,12 @@ class Bomb:
 def assert_damage_is_one_clear_error(
     path: Path, load: Callable[[], object], error: type[Exception], tries: int
 ) -> None:
-    """Spoil bytes of a file at random: it loads or is refused in one line, and often refused."""
+    """Cut a file short, which is refused, and spoil bytes at random, which often is, in a line."""
     content, numbers, caught = path.read_bytes(), random.Random(1), 0
+    for share in (0.0, 0.001, 0.01, 0.5, 0.999):
+        path.write_bytes(content[: int(share * len(content))])
+        with refuses(error, "damaged or cut short", str(path)):
+            load()
     for _ in range(tries):
         damaged = bytearray(content)
         for _ in range(numbers.choice([1, 10, 100])):

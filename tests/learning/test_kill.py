@@ -79,7 +79,7 @@ def assert_finished_like(folder: Path, other: Path, steps: int) -> None:
     assert hidden(folder) == []
 
 
-def test_a_killed_run_continues_to_the_same_end(tmp_path: Path) -> None:
+def test_a_killed_run_continues_to_the_same_end(tmp_path):
     steps = 3200
     config = small_config("ppo", steps=steps)
     arguments = arguments_of(config, tmp_path / "killed")
@@ -95,9 +95,7 @@ def test_a_killed_run_continues_to_the_same_end(tmp_path: Path) -> None:
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("seed", [pytest.param(1, marks=pytest.mark.ci_slice), 2])
 @pytest.mark.parametrize("kind", ["ppo", "sac"])
-def test_a_run_that_was_killed_again_and_again_ends_like_one_that_was_not(
-    kind: str, seed: int, tmp_path: Path
-) -> None:
+def test_a_run_that_was_killed_again_and_again_ends_like_one_that_was_not(kind, seed, tmp_path):
     steps, numbers = 16000, random.Random(seed)
     config = small_config(kind, steps=steps)
     arguments = arguments_of(config, tmp_path / "killed")
@@ -167,9 +165,7 @@ MOMENTS: list[tuple[str, str, int, bool]] = [
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize(("function", "name", "number", "after"), MOMENTS)
-def test_a_kill_while_a_file_takes_its_place_does_no_harm(
-    function: str, name: str, number: int, after: bool, tmp_path: Path
-) -> None:
+def test_a_kill_while_a_file_takes_its_place_does_no_harm(function, name, number, after, tmp_path):
     config, folder = small_config("ppo", name="small"), tmp_path / "killed"
     config.save(tmp_path / "config.yaml")
     moment = (function, name, str(number), str(after))
@@ -181,7 +177,7 @@ def test_a_kill_while_a_file_takes_its_place_does_no_harm(
     assert_finished_like(folder, tmp_path / "whole", 1600)
 
 
-def test_an_interrupted_run_says_so_and_continues(tmp_path: Path) -> None:
+def test_an_interrupted_run_says_so_and_continues(tmp_path):
     config = small_config("ppo", steps=3200)
     arguments = arguments_of(config, tmp_path / "runs")
     folder = tmp_path / "runs" / f"seed_{SEED}"

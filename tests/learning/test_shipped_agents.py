@@ -1,9 +1,6 @@
 """The agents that ship: complete, loadable without a scene, and as good as their record says."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,13 +24,13 @@ from tests.support import files_of, refuses
 NAMES = ("ppo_forward", "sac_forward", "ppo_target")
 
 
-def test_the_agents_that_are_promised_are_there() -> None:
+def test_the_agents_that_are_promised_are_there():
     assert set(pretrained_names()) == set(NAMES) < set(policy_names())
     assert {*NAMES, "ppo_stiff_head", "demo"} == set(config_names())
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_an_agent_ships_with_all_its_files(name: str) -> None:
+def test_an_agent_ships_with_all_its_files(name):
     folder = PRETRAINED_FOLDER / name
     files = files_of(folder)
     assert sorted(files) == sorted(SHIPPED_FILES)
@@ -54,7 +51,7 @@ def test_an_agent_ships_with_all_its_files(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["ppo_forward", "sac_forward"])
-def test_a_forward_agent_does_as_its_record_says_and_more_than_the_tuned_wave(name: str) -> None:
+def test_a_forward_agent_does_as_its_record_says_and_more_than_the_tuned_wave(name):
     record = json.loads((PRETRAINED_FOLDER / name / "scores.json").read_text())
     assert record["seeds"][0] == FIRST_SEED and len(record["seeds"]) >= 20
     assert all(record["verified"])
@@ -64,7 +61,7 @@ def test_a_forward_agent_does_as_its_record_says_and_more_than_the_tuned_wave(na
     assert rollout.net_displacement == pytest.approx(record["net_displacement"][0], rel=0.02)
 
 
-def test_the_target_agent_does_as_its_record_says() -> None:
+def test_the_target_agent_does_as_its_record_says():
     record = json.loads((PRETRAINED_FOLDER / "ppo_target" / "scores.json").read_text())
     assert len(record["seeds"]) >= 100 and record["success_rate"] >= 0.9
     assert 0.5 < record["verified_success_rate"] <= record["success_rate"]
@@ -75,13 +72,13 @@ def test_the_target_agent_does_as_its_record_says() -> None:
     assert reached == record["success"][:4]
 
 
-def test_an_agent_plays_another_solver_and_refuses_another_body() -> None:
+def test_an_agent_plays_another_solver_and_refuses_another_body():
     assert isinstance(load_policy("ppo_forward", "paper_i"), AgentPolicy)
     with refuses(AgentError, "cannot play scene paper_iv: beam.elements is 3"):
         load_policy("ppo_forward", "paper_iv")
 
 
-def test_an_agent_ships_from_a_finished_run_with_its_true_command(tmp_path: Path) -> None:
+def test_an_agent_ships_from_a_finished_run_with_its_true_command(tmp_path):
     config = small_config(steps=128)
     run = tmp_path / "run"
     train(config, run, 3, command="swim-env train mine.yaml --seeds 3")

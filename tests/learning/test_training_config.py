@@ -30,9 +30,7 @@ def written(folder: Path, text: str, name: str = "mine.yaml") -> Path:
 
 
 @pytest.mark.parametrize("name", config_names())
-def test_a_shipped_configuration_is_found_and_survives_the_way_through_a_file(
-    name: str, tmp_path: Path
-) -> None:
+def test_a_shipped_configuration_is_found_and_survives_the_way_through_a_file(name, tmp_path):
     config = load_config(name)
     assert config.name == name and config.description
     assert (config.ppo is None) == (config.algorithm == "SAC")
@@ -48,7 +46,7 @@ def test_a_shipped_configuration_is_found_and_survives_the_way_through_a_file(
 
 
 @pytest.mark.parametrize("name", ["swimmer", "stiff_head"])
-def test_a_resolved_configuration_holds_the_scene_in_full(name: str, tmp_path: Path) -> None:
+def test_a_resolved_configuration_holds_the_scene_in_full(name, tmp_path):
     path = written(tmp_path, f"scene: {name}\noverrides: {{beam.half_thickness: 0.02}}\n")
     config = load_config(path)
     expected = load_scene(name, {"beam.half_thickness": 0.02})
@@ -64,7 +62,7 @@ def test_a_resolved_configuration_holds_the_scene_in_full(name: str, tmp_path: P
     assert (data["name"], data["steps"]) == ("mine", 1_000_000)  # named after the file
 
 
-def test_arguments_of_the_task_are_the_same_as_tuples_and_as_lists(tmp_path: Path) -> None:
+def test_arguments_of_the_task_are_the_same_as_tuples_and_as_lists(tmp_path):
     config = TrainingConfig(task="target", environment={"target_distance": (0.5, 1.0)})
     config.save(tmp_path / "saved.yaml")
     assert load_config(tmp_path / "saved.yaml") == replace(config, name="agent")
@@ -74,7 +72,7 @@ def test_arguments_of_the_task_are_the_same_as_tuples_and_as_lists(tmp_path: Pat
 # ---- overrides ---------------------------------------------------------------------------------
 
 
-def test_overrides_reach_fields_blocks_scene_and_task() -> None:
+def test_overrides_reach_fields_blocks_scene_and_task():
     before = load_config("ppo_forward").to_dict()
     changes = {
         "steps": 1000,
@@ -97,7 +95,7 @@ def test_overrides_reach_fields_blocks_scene_and_task() -> None:
     assert load_config("ppo_forward").to_dict() == before
 
 
-def test_overrides_hold_together() -> None:
+def test_overrides_hold_together():
     assert load_config("ppo_forward", ["members=8", "members=16"]).members == 16
     config = load_config("ppo_forward", ["scene=stiff_head", "scene.beam.half_thickness=0.02"])
     assert config.scene == load_scene("stiff_head", ["beam.half_thickness=0.02"])
@@ -125,7 +123,7 @@ def test_overrides_hold_together() -> None:
         (["environment=3", "environment.effort_weight=4"], "environment must be a mapping"),
     ],
 )
-def test_a_bad_override_is_named_with_its_file(changes: list[str], problem: str) -> None:
+def test_a_bad_override_is_named_with_its_file(changes, problem):
     with refuses(ConfigError, problem, "(configs/agents/ppo_forward.yaml with overrides)"):
         load_config("ppo_forward", changes)
 
@@ -148,9 +146,7 @@ def test_a_bad_override_is_named_with_its_file(changes: list[str], problem: str)
         ("scene: {beam: {elemets: 4}}", "beam.elemets", "elements"),
     ],
 )
-def test_a_misspelt_field_is_named_with_the_nearest_one_and_the_file(
-    text: str, field: str, close: str, tmp_path: Path
-) -> None:
+def test_a_misspelt_field_is_named_with_the_nearest_one_and_the_file(text, field, close, tmp_path):
     path = written(tmp_path, text)
     with refuses(ConfigError, f"unknown field {field} (nearest: {close})", str(path)):
         load_config(path)
@@ -213,16 +209,14 @@ def test_a_misspelt_field_is_named_with_the_nearest_one_and_the_file(
         ('environment: {"a\\nb": 1}', "unknown field environment."),
     ],
 )
-def test_a_wrong_value_is_reported_in_one_line_with_its_file(
-    text: str, problem: str, tmp_path: Path
-) -> None:
+def test_a_wrong_value_is_reported_in_one_line_with_its_file(text, problem, tmp_path):
     path = written(tmp_path, text)
     with refuses(ConfigError, problem, str(path)) as caught:
         load_config(path)
     assert text.startswith("scene") or str(caught.value).endswith(f"({path})")
 
 
-def test_what_is_no_file_of_text_is_refused(tmp_path: Path) -> None:
+def test_what_is_no_file_of_text_is_refused(tmp_path):
     with refuses(ConfigError, "no such configuration: ppo_forwrd (nearest: ppo_forward)"):
         load_config("ppo_forwrd")
     with refuses(ConfigError, "somewhere/sac_forwad.yaml (nearest: sac_forward)", "shipped: "):
@@ -238,7 +232,7 @@ def test_what_is_no_file_of_text_is_refused(tmp_path: Path) -> None:
 # ---- what follows from it ----------------------------------------------------------------------
 
 
-def test_the_learning_rate_goes_from_the_first_to_the_last_and_no_further() -> None:
+def test_the_learning_rate_goes_from_the_first_to_the_last_and_no_further():
     config = TrainingConfig(steps=1000, learning_rate=0.5, final_learning_rate=0.25)
     rates = [config.learning_rate_at(steps) for steps in (0, 250, 500, 1000, 5000)]
     assert rates == [0.5, 0.4375, 0.375, 0.25, 0.25]
@@ -248,6 +242,6 @@ def test_the_learning_rate_goes_from_the_first_to_the_last_and_no_further() -> N
     assert [constant.learning_rate_at(steps) for steps in (0, 999, 5000)] == [0.5] * 3
 
 
-def test_a_round_is_a_rollout_of_all_members() -> None:
+def test_a_round_is_a_rollout_of_all_members():
     assert load_config("ppo_forward").round_steps == 64 * 128
     assert load_config("sac_forward", ["members=10", "sac.rollout=3"]).round_steps == 30

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import errno
 from pathlib import Path
 
 import gymnasium
@@ -21,7 +20,7 @@ from swim_env import (
 )
 from swim_env.recording import RecordEpisodes, RecordVectorEpisodes, read_recording
 from swim_env.recording.schema import GROUPS, UNSPLIT_ENERGY
-from tests.support import run_python
+from tests.support import full_disk, run_python
 
 SHORT = {"episode": {"duration": 0.2}}
 TAKEN = "is being recorded already: use one recording wrapper"
@@ -293,11 +292,7 @@ def test_a_step_that_fails_leaves_a_file(tmp_path, kind, rewards):
 
 def test_a_failing_disk_costs_no_episode(tmp_path, monkeypatch):
     """Steps and resets warn and return what they have; close raises."""
-
-    def full(path, write):
-        raise OSError(errno.ENOSPC, "No space left on device", str(path))
-
-    monkeypatch.setattr("swim_env.recording.writer.write_atomically", full)
+    monkeypatch.setattr("swim_env.recording.writer.write_atomically", full_disk)
     env = record(tmp_path)
     why = "an episode was not recorded: cannot write the recording: No space left"
     with pytest.warns(UserWarning, match=why):

@@ -27,7 +27,7 @@ from swim_env.recording.show import rerun_command
 from swim_env.recording.swimmer import frames_of
 from swim_env.recording.water import picture_of, pressure_of
 from swim_env.recording.writer import _fixed_parts
-from tests.support import run_python
+from tests.support import full_disk, run_python
 
 #: Three tenths of a second of the prescribed wave, with flow, written by schema 1; without its
 #: blueprint and legend, which are not read.
@@ -324,10 +324,7 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path, swimmer, monkeypatch):
     with pytest.raises(SwimError, match="cannot write the recording: No such file"):
         write_recording(tmp_path / "none" / "x.rrd", [swimmer], flow_rate=None)
 
-    def full(path, write):
-        raise OSError(28, "No space left on device", str(path))
-
-    monkeypatch.setattr("swim_env.recording.writer.write_atomically", full)
+    monkeypatch.setattr("swim_env.recording.writer.write_atomically", full_disk)
     with pytest.raises(SwimError, match="cannot write the recording: No space left on device"):
         write_recording(before, [swimmer], flow_rate=None)
     assert before.read_bytes() == b"kept"

@@ -55,14 +55,14 @@ def _check(name: str, kind: str, seeds: range) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", SHARE_THAT_LASTS)
-def test_a_few_seeds_stay_finite_and_end_by_name(name: str, kind: str) -> None:
+def test_a_few_seeds_stay_finite_and_end_by_name(name, kind):
     _check(name, kind, FEW_SEEDS[name])
 
 
 @pytest.mark.slow
 @pytest.mark.ci_slice
 @pytest.mark.parametrize("kind", KINDS)
-def test_other_seeds_stay_finite_and_end_by_name(kind: str) -> None:
+def test_other_seeds_stay_finite_and_end_by_name(kind):
     _check("swimmer", kind, range(100, 120))
     _check("paper_i", kind, range(100, 102))
 
@@ -71,5 +71,5 @@ def test_other_seeds_stay_finite_and_end_by_name(kind: str) -> None:
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", SHARE_THAT_LASTS)
-def test_a_hundred_seeds_stay_finite_and_end_by_name(name: str, kind: str) -> None:
+def test_a_hundred_seeds_stay_finite_and_end_by_name(name, kind):
     _check(name, kind, range(100))

@@ -1,7 +1,5 @@
 """The stored results of the hard cases: a full run in which all was right, and its tables."""
 
-from __future__ import annotations
-
 import json
 
 import pytest
@@ -12,10 +10,10 @@ from studies.stability.report import failures_of, stability_tables
 from tests.support import ROOT
 
 FOLDER = ROOT / "docs" / "stability"
+pytestmark = pytest.mark.release
 STORED = json.loads((FOLDER / "stability.json").read_text(encoding="utf-8"))
 
 
-@pytest.mark.release
 def test_the_kernels_have_not_changed_since_the_last_full_run():
     assert STORED["kernels"] == kernel_digest(), (
         "the kernels, or swim_env/sim/batch.py, have changed since docs/stability was measured: "

@@ -14,12 +14,7 @@ from swim_agents.learning.config import load_config
 
 from studies.benchmark import report
 from studies.benchmark.checkouts import compare_checkouts
-from studies.benchmark.environments import (
-    Workload,
-    environment_workload,
-    step_loop,
-    wave_actions,
-)
+from studies.benchmark.environments import Workload, environment_workload, step_loop, wave_actions
 from studies.benchmark.growth import fit_growth, growth_of
 from studies.benchmark.memory import measure_memory
 from studies.benchmark.picture import draw_benchmark
@@ -238,6 +233,7 @@ def test_a_failed_process_is_one_error_with_its_last_words():
 # ---- the report --------------------------------------------------------------------------------
 
 
+@pytest.mark.release
 def test_the_stored_page_is_made_of_the_stored_data():
     folder = ROOT / "docs" / "benchmark"
     assert report_page(kept()) == (folder / "benchmark.md").read_text(encoding="utf-8")

@@ -1,7 +1,5 @@
 """What the benchmark measures of a step: the floor does the real work, and the parts add up."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -16,7 +16,7 @@ from studies.benchmark.elastica_peer import ElasticaRod, rod_workloads
 from studies.benchmark.environments import throughput
 from studies.benchmark.mujoco_chain import CHAIN_VARIANTS, ChainVariant, MuJoCoChain, chain_xml
 from studies.benchmark.mujoco_peers import chain_step, chain_workloads, swimmer_workloads
-from studies.benchmark.peer_tools import largest_stable_step
+from studies.benchmark.peer_tools import PeerMissingError, largest_stable_step, load_peer
 from studies.benchmark.peers import peer_workloads
 from swim_env import Initial, Scene, SceneError, Simulator, load_scene
 from swim_env.errors import OptionError
@@ -298,6 +298,32 @@ def test_swimmer_v5_is_the_stock_environment(mujoco):
 # ---- the search for the largest stable step ----------------------------------------------------
 
 
+@pytest.mark.parametrize("resolution", [0.0, 0.2])
+@pytest.mark.parametrize("omega", [90.0, 130.0, 733.0, 2750.0])
+def test_the_search_finds_a_known_limit(omega, resolution):
+    """Semi-implicit Euler steps of a vibration are stable up to 2/omega."""
+    tried = []
+
+    def run(substeps: int) -> Array | None:
+        tried.append(substeps)
+        step, place, rate, angles = INTERVAL / substeps, 1e-4, 0.0, []
+        for _ in range(200):
+            for _ in range(substeps):
+                rate -= step * omega**2 * place
+                place += step * rate
+            angles.append([place + 0.05])
+        return np.array(angles) if abs(place) < 1e9 else None
+
+    found = largest_stable_step(run, INTERVAL, resolution=resolution)
+    exact = math.ceil(INTERVAL * omega / 2.0)
+    assert exact <= found.substeps <= exact * (1.0 + 1.25 * resolution)
+    assert found.time_step == INTERVAL / found.substeps
+    assert (found.unstable_time_step is None) is (exact == 1)
+    if resolution == 0.0 and exact > 1:
+        assert found.unstable_time_step == INTERVAL / (found.substeps - 1)
+    assert len(tried) == len(set(tried)) <= (10 if resolution else 16)
+
+
 @pytest.mark.parametrize(
     ("run", "substeps"),
     [
@@ -320,6 +346,14 @@ def test_a_whole_interval_may_be_stable_and_the_deviation_is_from_the_finer_run(
 
 
 # ---- packages that are not installed -----------------------------------------------------------
+
+
+def test_a_package_that_is_there_but_broken_says_so_itself(tmp_path, monkeypatch):
+    (tmp_path / "broken_peer.py").write_text("import something_it_needs_in_vain\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ModuleNotFoundError, match="something_it_needs_in_vain") as caught:
+        load_peer("broken_peer", "A peer")
+    assert not isinstance(caught.value, PeerMissingError)
 
 
 def test_without_the_packages_all_peers_are_skipped_with_a_reason(monkeypatch):

@@ -1,4 +1,7 @@
-"""Work side by side in fresh processes: results, errors, dead workers and ends."""
+"""Work side by side in fresh processes: results, errors, dead workers and ends.
+
+Calls that nobody may wait for take longer than a test may.
+"""
 
 from __future__ import annotations
 
@@ -24,11 +27,9 @@ def test_results_come_with_the_index_of_their_call():
 
 
 def test_an_error_of_a_call_ends_all():
-    calls: list[Call] = [(int, ("no number",)), (time.sleep, (60.0,))]
-    begin = time.monotonic()
+    calls: list[Call] = [(int, ("no number",)), (time.sleep, (3600.0,))]
     with pytest.raises(ValueError, match="no number"):
         list(in_fresh_processes(calls, 2))
-    assert time.monotonic() - begin < 30.0
     assert multiprocessing.active_children() == []
 
 
@@ -45,16 +46,14 @@ def large(seconds: float) -> bytes:
     return bytes(40_000_000)
 
 
-@pytest.mark.parametrize("other", [(time.sleep, 60.0), *((large, s) for s in (0.0, 0.02, 0.05))])
+@pytest.mark.parametrize("other", [(time.sleep, 3600.0), *((large, s) for s in (0.0, 0.02, 0.05))])
 def test_whoever_stops_early_does_not_wait(other):
     """Nor where a worker is ended in the middle of its answer, the rest of which nobody gets."""
     work, seconds = other
-    begin = time.monotonic()
     with closing(in_fresh_processes([(pow, (2, 3)), (work, (seconds,))], 2)) as results:
         # Processes start in any order, so either may be the first.
         index, value = next(results)
         assert value == (8, bytes(40_000_000))[index]
-    assert time.monotonic() - begin < 30.0
     assert multiprocessing.active_children() == []
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import math
+import os
 import re
 import shutil
 from pathlib import Path
@@ -31,7 +32,7 @@ from studies.paper.verdicts import (
     all_of,
     at_least_one_of,
 )
-from swim_env import load_scene
+from swim_env import SwimError, load_scene
 from tests.support import ROOT, call_script, interrupt_script
 
 # ---- a world in which the paper is right -------------------------------------------------------
@@ -483,6 +484,23 @@ def test_an_interrupted_run_continues_where_it_stopped(tmp_path):
     kept = done_units(_units(second), store)["run_3"]
     assert kept["figures"] == {"number": 3}
     assert store.arrays("run_3")["square"].tolist() == [0.0, 1.0, 2.0]
+
+
+def _dies(unit: Unit) -> tuple[Figures, Arrays]:
+    """Do the longest unit, and end the process in any other."""
+    return ({"number": 3}, {}) if unit.name == "run_3" else os._exit(9)
+
+
+def test_a_dead_worker_is_one_clear_line_and_what_was_done_is_kept(tmp_path):
+    store = unit_store(tmp_path)
+    with pytest.raises(SwimError) as caught:
+        do_units(_units(_dies), store, 2)
+    text = str(caught.value)
+    assert text.startswith("a worker process has died") and "\n" not in text
+    assert text.endswith("; what was done is kept, start again to continue")
+    done = [record["name"] for record in store.records]
+    assert done in ([], ["run_3"])
+    assert do_units(_units(_Worker()), store, 1) == 4 - len(done)
 
 
 def test_what_has_changed_or_is_damaged_is_done_anew(tmp_path, monkeypatch):

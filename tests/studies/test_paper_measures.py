@@ -1,7 +1,5 @@
 """What the paper's study measures: rates, frequencies, moments, forces, means and maps."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

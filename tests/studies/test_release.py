@@ -1,36 +1,36 @@
 """The list of stored studies, and which of them are stale."""
 
-from __future__ import annotations
-
 import json
-
-import pytest
+from pathlib import Path
 
 from studies import release
-from tests.support import ROOT, call_script
-
-DOCS = ROOT / "docs"
-
-
-def test_studies_are_stale_where_their_code_is_not_the_present_one(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    problem_of = {one.place: one.problem for one in release.STORED}
-    kept = json.loads((DOCS / "stability" / "stability.json").read_text(encoding="utf-8"))
-    monkeypatch.setattr(release, "kernels_at", lambda commit: "as at all commits")
-    for digest, stale in ((kept["kernels"], (0, 1, 1)), ("as at all commits", (1, 0, 0))):
-        monkeypatch.setattr(release, "kernel_digest", lambda digest=digest: digest)
-        for place, is_stale in zip(
-            ("stability/stability.json", "benchmark/benchmark.json", "accuracy"), stale, strict=True
-        ):
-            assert bool(problem_of[place](DOCS / place)) == is_stale, place
+from swim_env.accuracy.settings import PAPER_SETTINGS
+from tests.support import call_script
 
 
-def test_the_command_lists_all_of_them(capsys: pytest.CaptureFixture[str]) -> None:
+def test_studies_are_stale_where_their_code_is_not_the_present_one(tmp_path, monkeypatch):
+    kept = {"kernels": "stored", "commit": "0123456", "cases": {}, "references": {}}
+    for name in ("stability", "benchmark", "references", "study", "sweeps", "held_out"):
+        (tmp_path / f"{name}.json").write_text(json.dumps(kept), encoding="utf-8")
+    problem_of = {Path(one.place).name: one.problem for one in release.STORED}
+    monkeypatch.setattr(release, "kernels_at", lambda commit: f"as at {commit}")
+    for kernels, grid, stale in (
+        ("stored", [], [False, True, True]),
+        ("as at 0123456", [], [True, False, False]),
+        ("as at 0123456", [PAPER_SETTINGS], [True, False, True]),
+    ):
+        monkeypatch.setattr(release, "kernel_digest", lambda kernels=kernels: kernels)
+        monkeypatch.setattr(release, "full_grid", lambda grid=grid: grid)
+        places = {name: tmp_path / name for name in ("stability.json", "benchmark.json")}
+        places["accuracy"] = tmp_path
+        assert [bool(problem_of[name](place)) for name, place in places.items()] == stale
+
+
+def test_the_command_lists_all_of_them(capsys):
     found = call_script(capsys, "release", "--json").figures()["studies"]
     assert [row["study"] for row in found] == [f"docs/{one.place}" for one in release.STORED]
     assert all(row["state"] and row["command"] and row["duration"] for row in found)
 
 
-def test_a_commit_that_is_not_there_counts_as_another() -> None:
+def test_a_commit_that_is_not_there_counts_as_another():
     assert release.kernels_at("0" * 40) is None
