@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.errors import SwimError
+from swim_env.errors import SimulationEndedError, SwimError
 from swim_env.physics.fluid.layout import motion_count
 from swim_env.physics.fluid.models import shape_force
 from swim_env.scene import Scene
@@ -79,6 +79,8 @@ class _Equations:
         self.bodies = Bodies(scene)
         #: SciPy's own count leaves out Jacobians.
         self.evaluations = 0
+        #: Why trials of the solver had no velocity.
+        self.refusals: list[SimulationEndedError] = []
         self._beam, self._fluid, _ = scene_constants(scene)
         self._levers = _levers(self._beam.elements, self._beam.element_length)
         self._views = self.bodies.views(0)
@@ -100,10 +102,16 @@ class _Equations:
         return self.bodies.energy_and_velocity(0, time)
 
     def __call__(self, time: float, state: Array) -> Array:
+        """Return the rates; not numbers where a trial of the solver goes where there are none."""
         self.evaluations += 1
         n = self.bodies.unknowns
         q, p = state[:n], state[n:]
-        _, ground = self.energy_and_velocity(time, state)
+        try:
+            _, ground = self.energy_and_velocity(time, state)
+        except SimulationEndedError as error:
+            if np.isfinite(state).all():
+                self.refusals.append(error)
+            return np.full_like(state, np.nan)
         rates = ground.copy()
         rates[3:] = np.diff(ground[2:])
         stream = np.array([self._fluid.stream_x, self._fluid.stream_y])
@@ -198,7 +206,8 @@ def integrate(
     SwimError
         If the method is unknown or the solver gives up.
     SimulationEndedError
-        If the body takes a shape that has no added mass.
+        If the body takes a shape that has no added mass. Where only a trial of the solver does, the
+        solver takes a shorter step.
     """
     # SciPy takes longer to load than the rest of the package.
     from scipy.integrate import solve_ivp
@@ -218,18 +227,29 @@ def integrate(
     borders = [0.0, *([end] if end is not None and 0.0 < end < times[-1] else []), times[-1]]
     for begin, until in zip(borders, borders[1:], strict=False):
         begun = clock.perf_counter()
-        with np.errstate(over="ignore"):
-            solution = solve_ivp(
-                equations,
-                (begin, until),
-                state,
-                method=method,
-                rtol=relative_tolerance,
-                atol=absolute_tolerance,
-                max_step=largest_step,
-                dense_output=True,
-            )
+        longest = largest_step
+        while True:
+            equations.refusals.clear()
+            with np.errstate(over="ignore", invalid="ignore"):
+                solution = solve_ivp(
+                    equations,
+                    (begin, until),
+                    state,
+                    method=method,
+                    rtol=relative_tolerance,
+                    atol=absolute_tolerance,
+                    max_step=longest,
+                    dense_output=True,
+                )
+            if method != "LSODA" or np.isfinite(solution.y).all():
+                break
+            # The others reject what is not a number; LSODA goes on with it.
+            longest = 0.5 * min(longest, until - begin)
+            if longest < 1e-6 * scene.integrator.time_step:
+                break
         seconds += clock.perf_counter() - begun
+        if equations.refusals and not (solution.success and np.isfinite(solution.y).all()):
+            raise equations.refusals[-1]
         if not solution.success:
             raise SwimError(f"{method} gave up at t = {solution.t[-1]:g} s: {solution.message}")
         inside = times[(times > begin) & (times <= until)]

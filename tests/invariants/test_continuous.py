@@ -346,3 +346,15 @@ def test_a_shape_without_an_added_mass_ends_it_by_name(amplitude: float, reason:
         integrate(_scene({"actuation.amplitude": amplitude}), DURATION)
     assert caught.value.reason == reason
     assert 0.0 < caught.value.time < 0.5
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_trial_where_there_is_no_added_mass_is_rejected(method: str) -> None:
+    # First steps of 0.1 s and more fold the beam; the motion itself bends by 0.04 rad.
+    scene = load_scene("swimmer", {"initial.velocity": [0.0, 0.03]})
+    steps = Simulator(
+        scene.replace({"integrator.time_step": 2.5e-4, "integrator.scheme": "composed"})
+    )
+    expected = steps.rollout(steps.prescribed_torques(800)).displacement
+    path = integrate(scene, 0.2, method).path
+    np.testing.assert_allclose(path[-1] - path[0], expected, rtol=0.0, atol=2e-7)
