@@ -538,6 +538,7 @@ def test_ctrl_c_leaves_what_is_done_and_the_next_start_continues(tmp_path):
 def test_keys_know_the_code_that_makes_figures_and_no_other(tmp_path):
     for folder in ("studies/paper", "swim_env/analysis"):
         shutil.copytree(ROOT / folder, tmp_path / folder)
+    shutil.copy(ROOT / "studies" / "kirchhoff.py", tmp_path / "studies")
     modules = {unit.kind: unit.work.__module__ for unit in all_units()}
 
     def digests(root: Path = tmp_path) -> dict[str, str]:
@@ -550,7 +551,8 @@ def test_keys_know_the_code_that_makes_figures_and_no_other(tmp_path):
         "studies/paper/constants": {"run", "onset", "variant"},
         "studies/paper/variants": {"variant"},
         "studies/paper/modes": {"modes"},
-        "swim_env/analysis/kirchhoff": {"onset", "variant", "modes", "map"},
+        "studies/kirchhoff": {"onset", "variant", "modes"},
+        "swim_env/analysis/modes": {"onset", "variant", "modes", "map"},
         "studies/paper/page": set(),
         "studies/paper/statements/limits": set(),
     }.items():
