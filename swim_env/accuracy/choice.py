@@ -16,6 +16,7 @@ from swim_env.accuracy.reference import FINE, PILOT, plan_for, reference_of
 from swim_env.accuracy.settings import Settings, even, refuse_lists
 from swim_env.errors import SceneError, SwimError
 from swim_env.scene import Scene
+from swim_env.scene.checks import checked_option, is_number, real
 from swim_env.scene.fluid import FLUID_TABLE, NO_FLUID
 
 __all__ = ["Choice", "choose", "duration_for", "with_chosen_settings"]
@@ -86,17 +87,20 @@ def choose(
     Raises
     ------
     SwimError
-        If the scene has no converged reference, or no settings of the front are good enough.
+        If tolerance or duration cannot be used, the scene has no converged reference, or no
+        settings of the front are good enough.
     """
-    no_number = isinstance(tolerance, bool) or not isinstance(tolerance, (int, float))
-    if no_number or not _SMALLEST <= tolerance <= _LARGEST:
+    if not is_number(tolerance) or not _SMALLEST <= tolerance <= _LARGEST:
         raise SwimError(
             f"the tolerance must be {_SMALLEST:g} to {_LARGEST:g}, got {tolerance!r}: smaller ones "
             "are beyond the reference, larger ones say nothing"
         )
+    tolerance = float(tolerance)
+    wanted = scene.episode.duration if duration is None else duration
+    wanted = checked_option(real("s", above=0.0), wanted, "the duration")
     if not keep_elements:
         refuse_lists(scene, "be chosen; keep it (keep_elements), or give a law in s/l")
-    duration = duration_for(scene.episode.duration if duration is None else duration)
+    duration = duration_for(wanted)
     candidates = _candidates(scene, keep_elements)
     if not candidates:
         raise SwimError(
