@@ -1,7 +1,5 @@
 """Saved agents: the same actions again, no code run on the way, and refusals that name a field."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json
