@@ -133,6 +133,5 @@ def test_a_second_run_replaces_the_first(tmp_path, capsys):
 )
 def test_bad_input_is_one_line_and_code_2_and_writes_nothing(arguments, part, tmp_path, capsys):
     brief = ("--policies", "zero", "--duration", "0.1", "--json", "--output", tmp_path / "out")
-    done = call_script(capsys, "compare", *brief, *arguments)
-    done.assert_refused(part)
+    call_script(capsys, "compare", *brief, *arguments).assert_refused(part)
     assert list(tmp_path.iterdir()) == []
