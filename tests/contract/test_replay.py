@@ -206,8 +206,8 @@ def test_every_subcommand_has_help(name, capsys):
     text = " ".join(capsys.readouterr().out.split())
     assert caught.value.code == 0
     assert text.startswith(f"usage: swim-env {name} ")
-    words = ["--set", "--output", "--json"] if name != "train" else ["CONFIG", "--resume"]
-    for word in (*words, "ppo_forward" if name == "train" else "paper_xii"):
+    own = {"train": ("CONFIG", "--resume", "ppo_forward"), "warm-up": ("images and clusters",)}
+    for word in own.get(name, ("--set", "--output", "--json", "paper_xii")):
         assert word in text
 
 
