@@ -6,6 +6,7 @@ depends on nothing but the clock, which is passed on in `state` as for a recurre
 
 from __future__ import annotations
 
+import operator
 from typing import Any, Protocol
 
 import numpy as np
@@ -106,6 +107,19 @@ class _Baseline:
         actions = self._actions(clock)
         return (actions[0] if len(shape) == 1 else actions), clock + 1
 
+    def check(self, scene: Scene, task: str | None = None) -> None:
+        """Refuse a scene for which these actions would mean something else (OptionError)."""
+        for field in self._fields:
+            here, there = (operator.attrgetter(field)(one) for one in (scene, self.scene))
+            if here != there:
+                raise OptionError(
+                    f"this {type(self).__name__} was made for scene {self.scene.name} and cannot "
+                    f"play scene {scene.name}: {field} is {here}, not {there}; make one for it"
+                )
+
+    #: What `check` compares.
+    _fields: tuple[str, ...] = ("beam.elements",)
+
     def _actions(self, clock: NDArray[np.int64]) -> Array:
         """Return the actions of members that have taken so many, (M, N - 1)."""
         raise NotImplementedError
@@ -122,6 +136,8 @@ class WavePolicy(_Baseline):
         The wave. Where its torques are beyond the scene's limit, they are cut off, and what is
         played is no longer a cosine.
     """
+
+    _fields = ("beam.elements", "beam.length", "torque_limit", "episode.control_interval")
 
     def __init__(self, scene: Scene, wave: Actuation) -> None:
         super().__init__(scene)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from swim_agents.baselines import Policy
 from swim_env.envs.episodes import Episodes
 from swim_env.envs.single import SwimEnv
-from swim_env.envs.task import TARGET_RADIUS
+from swim_env.envs.task import TARGET_RADIUS, TASKS
 from swim_env.envs.vector import SwimVectorEnv
 from swim_env.errors import OptionError
 from swim_env.scene import Scene
@@ -168,6 +168,7 @@ def play_episode(
     options: Mapping[str, Any] | None = None,
     deterministic: bool = True,
     progress: Callable[[int], object] | None = None,
+    any_scene: bool = False,
 ) -> Rollout:
     """Play one episode.
 
@@ -184,10 +185,14 @@ def play_episode(
         Whether to leave exploration out.
     progress : callable, optional
         Called with 1 after every action.
+    any_scene : bool
+        Whether to play a policy on a scene that it was not made for. Otherwise its `check`, where
+        it has one, refuses another body, torque limit or control interval.
     """
     swimmer = env.unwrapped
     if not isinstance(swimmer, SwimEnv):
         raise OptionError(f"play_episode needs a SwimEnv, got {type(swimmer).__name__}")
+    _check(policy, swimmer, any_scene)
     observation, info = env.reset(seed=seed, options=None if options is None else dict(options))
     log = _EpisodeLog(swimmer.episodes, 0, seed, info["position"])
     state: Any = None
@@ -203,6 +208,14 @@ def play_episode(
     return log.rollout(info, terminated, truncated)
 
 
+def _check(policy: Policy, env: SwimEnv | SwimVectorEnv, any_scene: bool) -> None:
+    """Let a policy refuse a scene or a task that it was not made for."""
+    check = getattr(policy, "check", None)
+    if check is not None and not any_scene:
+        names = [name for name, kind in TASKS.items() if type(env.task) is kind]
+        check(env.scene, names[0] if names else None)
+
+
 def play_episodes(
     env: SwimVectorEnv,
     policy: Policy,
@@ -210,6 +223,7 @@ def play_episodes(
     options: Mapping[str, Any] | None = None,
     deterministic: bool = True,
     progress: Callable[[int], object] | None = None,
+    any_scene: bool = False,
 ) -> list[Rollout]:
     """Play one episode for each seed, in a batch of as many members and mode NEXT_STEP.
 
@@ -218,6 +232,7 @@ def play_episodes(
     network can differ from those in the last digit, since a product of matrices may round otherwise
     for a batch.
     """
+    _check(policy, env, any_scene)
     count = len(seeds)
     if env.num_envs != count or env.autoreset_mode is not AutoresetMode.NEXT_STEP:
         raise OptionError(

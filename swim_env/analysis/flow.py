@@ -272,10 +272,27 @@ class BodyFlow:
         Raises
         ------
         OptionError
-            If the trajectory has fewer than two steps.
+            If the trajectory has fewer than two steps, is of another body, fluid, stream or time
+            step, or has no such instant.
         """
         if trajectory.steps < 2:
             raise OptionError("the flow at an instant takes a trajectory of at least two steps")
+        own, other = self.scene, trajectory.scene
+        for block in ("beam", "fluid", "axial_added_mass", "stream"):
+            if getattr(own, block) != getattr(other, block):
+                raise OptionError(
+                    f"a flow of scene {own.name} cannot show a trajectory of scene {other.name}: "
+                    f"{block} differs"
+                )
+        if own.integrator.time_step != other.integrator.time_step:
+            raise OptionError(
+                f"a flow with steps of {own.integrator.time_step:g} s cannot show a trajectory "
+                f"with steps of {other.integrator.time_step:g} s"
+            )
+        if not 0 <= instant <= trajectory.steps:
+            raise OptionError(
+                f"instant must be 0 to {trajectory.steps} for this trajectory, got {instant}"
+            )
         n = min(max(instant, 1), trajectory.steps - 1)
         step = self.scene.integrator.time_step
         found = []

@@ -92,9 +92,11 @@ class CrossFlowDrag(Effect, path="cross_flow_drag"):
 class Stream(Effect, path="stream"):
     """Effect: the fluid far away moves with one velocity.
 
-    A body in a uniform stream does what it would do at rest and is carried along; what drag feels
-    is the velocity relative to the stream. `initial.velocity` is over ground, so a body that starts
-    at rest moves against the stream.
+    A body in a uniform stream does what it would do in fluid at rest and is carried along; what
+    drag feels is the velocity relative to the stream. `initial.velocity` is over ground. A body
+    that starts at rest therefore moves at -U relative to the fluid, and as an ideal fluid exerts
+    no force on steady motion, it stays where it is without any effort (but for drag, and for the
+    moment that turns a slender body broadside). Start with the stream's velocity to be carried.
 
     Attributes
     ----------

@@ -245,3 +245,22 @@ def test_far_pressure_is_that_of_the_net_source() -> None:
     near, far = source(bent, bending, 20.0), source(bent, bending, 100.0)
     assert abs(near) > 1e-2 and far == pytest.approx(near, rel=1e-3)
     assert abs(source(np.zeros(9), np.full(9, 2.0), 20.0)) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("change", "instant", "message"),
+    [
+        ({"fluid.density": 20.0}, 1, "a flow of scene .*: fluid differs"),
+        ({"beam.length": 2.0}, 1, "a flow of scene .*: beam differs"),
+        ({"integrator.time_step": 1e-3}, 1, "a flow with steps of"),
+        ({}, -1, "instant must be 0 to 3 for this trajectory, got -1"),
+        ({}, 4, "instant must be 0 to 3 for this trajectory, got 4"),
+    ],
+)
+def test_a_flow_shows_its_own_scene_and_instants_that_there_are(
+    change: dict[str, object], instant: int, message: str
+) -> None:
+    scene = load_scene("swimmer")
+    run = Simulator(scene).rollout(np.zeros((3, scene.beam.elements - 1)))
+    with pytest.raises(OptionError, match=message):
+        BodyFlow(scene.replace(change)).during(run, instant, np.zeros((1, 2)))

@@ -12,6 +12,7 @@ from swim_agents import (
     WavePolicy,
     load_policy,
     play_episode,
+    play_episodes,
     tuned_wave,
     verify_rollout,
 )
@@ -20,7 +21,7 @@ from swim_agents.tuned_wave import load_tuned_wave
 from swim_agents.tuning import check_candidates, net_displacements, search_wave
 from swim_agents.verification import fine_scene
 
-from swim_env import OptionError, Simulator, SwimEnv, SwimError, load_scene
+from swim_env import OptionError, Simulator, SwimEnv, SwimError, SwimVectorEnv, load_scene
 from swim_env.scene import Actuation
 from tests.support import refuses, run_script
 
@@ -279,3 +280,28 @@ def test_the_command_plays_an_episode_the_same_in_every_process():
         del summary["wall_seconds"]
     assert first == second
     assert first["policy"] == "random" and first["truncated"] and first["duration"] == 1.0
+
+
+OTHERS = {
+    "torque_limit": {"actuation.torque_limit": 5.0},
+    "episode.control_interval": {"episode.control_interval": 0.04},
+    "beam.elements": {"beam.elements": 8},
+}
+
+
+@pytest.mark.parametrize("field", OTHERS)
+@pytest.mark.parametrize("name", ["tuned_wave", "paper_wave", "zero", "random"])
+def test_a_policy_of_another_scene_is_refused_where_it_plays(name: str, field: str) -> None:
+    duration = {"episode.duration": 0.08}
+    policy = load_policy(name, load_scene("swimmer", duration))
+    other = load_scene("swimmer", {**duration, **OTHERS[field]})
+    if "wave" in name or field == "beam.elements":
+        for play in (
+            lambda: play_episode(SwimEnv(other), policy),
+            lambda: play_episodes(SwimVectorEnv(2, other), policy, [0, 1]),
+        ):
+            with pytest.raises(OptionError, match=f"cannot play scene swimmer: {field} is"):
+                play()
+    if field != "beam.elements":
+        rollout = play_episode(SwimEnv(other), policy, any_scene=True)
+        assert len(rollout.torques) == round(0.08 / other.episode.control_interval)

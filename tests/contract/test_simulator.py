@@ -82,21 +82,6 @@ def test_a_reset_takes_another_start_for_once_and_refuses_one_that_does_not_fit(
     assert_same(simulator.rollout(simulator.prescribed_torques(5)), first)
 
 
-@pytest.mark.parametrize(
-    ("start", "reason"),
-    [
-        ({"joint_angles": 2.9}, "outline_degenerate"),  # folded onto itself
-        ({"joint_angles": 2 * np.pi / 9}, "under_resolved_gap"),  # a closed ring
-        ({"velocity": (1e200, 1e200)}, "state_not_finite"),  # its energy overflows
-    ],
-)
-def test_a_start_that_cannot_be_simulated_is_refused_by_name(start, reason):
-    scene = load_scene("paper_i", {f"initial.{name}": value for name, value in start.items()})
-    with refuses(SimulationEndedError, f"t = 0 s: {reason}") as caught:
-        Simulator(scene)
-    assert (caught.value.reason, caught.value.time) == (reason, 0.0)
-
-
 def test_a_scene_is_given_as_object_name_or_path(tmp_path):
     scene = load_scene("paper_iv")
     scene.save(tmp_path / "mine.yaml")

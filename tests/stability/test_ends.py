@@ -15,27 +15,31 @@ from swim_env import (
 )
 from tests.support import refuses
 
-FOLDS: dict[str, tuple[list[float], str]] = {
-    "sharp mitre": ([3.0] + [0.0] * 7, "outline_degenerate"),
-    "past a full turn": ([0.0] * 7 + [6.4], "outline_degenerate"),
-    "closed ring": ([2.0 * np.pi / 9.0] * 8, "under_resolved_gap"),
-    "wound up": ([0.9] * 8, "under_resolved_gap"),
-    "crossing itself": ([0.0, 1.5, 1.5, 1.5, 0.0, 0.0, 0.0, 0.0], "under_resolved_gap"),
+BAD_STARTS: dict[str, tuple[Initial, str]] = {
+    "sharp mitre": (Initial(joint_angles=[3.0] + [0.0] * 7), "outline_degenerate"),
+    "past a full turn": (Initial(joint_angles=[0.0] * 7 + [6.4]), "outline_degenerate"),
+    "folded onto itself": (Initial(joint_angles=2.9), "outline_degenerate"),
+    "closed ring": (Initial(joint_angles=2.0 * np.pi / 9.0), "under_resolved_gap"),
+    "wound up": (Initial(joint_angles=0.9), "under_resolved_gap"),
+    "crossing itself": (Initial(joint_angles=[0.0] + [1.5] * 3 + [0.0] * 4), "under_resolved_gap"),
+    "overflowing energy": (Initial(velocity=(1e200, 1e200)), "state_not_finite"),
 }
 #: Torques (N m) of which the first step cannot be solved, whatever the scene.
 each_torque = pytest.mark.parametrize("torque", [1e3, 1e6, 1e12, 1e300])
 each_scene = pytest.mark.parametrize("name", ["paper_i", "swimmer", "paper_iv", "paper_xii"])
 
 
-@pytest.mark.parametrize("name", FOLDS)
-def test_a_fold_that_reset_refuses_leaves_the_simulator_as_it_was(name):
-    angles, reason = FOLDS[name]
+@pytest.mark.parametrize("name", BAD_STARTS)
+def test_a_start_that_is_refused_leaves_the_simulator_as_it_was(name):
+    start, reason = BAD_STARTS[name]
     simulator = Simulator("paper_i")
     simulator.rollout(simulator.prescribed_torques(10))
     before = simulator.snapshot()
-    with refuses(SimulationEndedError, f"t = 0 s: {reason}") as caught:
-        simulator.reset(Initial(joint_angles=angles))
-    assert (caught.value.reason, caught.value.time) == (reason, 0.0)
+    scene = simulator.scene.replace("initial", start)
+    for begin in (lambda: simulator.reset(start), lambda: Simulator(scene)):
+        with refuses(SimulationEndedError, f"t = 0 s: {reason}") as caught:
+            begin()
+        assert (caught.value.reason, caught.value.time) == (reason, 0.0)
     assert simulator.snapshot() == before, "the refused reset changed the state"
 
 

@@ -1,8 +1,10 @@
 """The benchmark command: bad input, figures, report, picture."""
 
 import json
+import re
 import shutil
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -275,6 +277,25 @@ def test_the_picture_fits_a_page_and_shows_each_peer_once(tmp_path, absent):
     save_figure(figure, tmp_path / "picture.png")
     with Image.open(tmp_path / "picture.png") as picture:
         assert (picture.format, picture.size) == ("PNG", (1200, 900))
+
+
+def tripled(value: Any) -> Any:
+    """Return data with every number three times as large."""
+    if isinstance(value, dict):
+        return {name: tripled(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [tripled(one) for one in value]
+    return value if value is None or isinstance(value, (bool, str)) else 3 * value
+
+
+@pytest.mark.parametrize("name", ["kernel", "growth", "ratios", "memory", "startup", "training"])
+def test_every_row_of_a_section_shows_its_figures(name):
+    record = kept()
+    others = {key: value for key, value in record.items() if key != name}
+    given = (record, others, {**record, name: tripled(record[name])})
+    whole, without, changed = (report_tables(one).splitlines() for one in given)
+    rows = [line for line in whole if line not in without and re.search(r"\d .*\|$", line)]
+    assert len(rows) >= 2 and not set(rows) & set(changed)
 
 
 def test_the_page_says_which_peers_are_ahead_and_what_is_missing():
