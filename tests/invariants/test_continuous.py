@@ -1,7 +1,5 @@
 """The equations in continuous time: the limit of both schemes, and what a solution conserves."""
 
-from __future__ import annotations
-
 import functools
 import time
 
