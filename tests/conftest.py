@@ -1,7 +1,5 @@
 """Pytest configuration shared by all tests."""
 
-from __future__ import annotations
-
 import pytest
 
 pytest.register_assert_rewrite("tests.support")

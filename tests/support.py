@@ -1,7 +1,5 @@
 """What several test modules need: small environments, exact comparison, refusals, commands."""
 
-from __future__ import annotations
-
 import dataclasses
 import importlib
 import json
@@ -192,11 +190,11 @@ class Done(NamedTuple):
         return figures
 
     def assert_refused(self, *parts: str, code: int = 2) -> None:
-        """Check that the command ended with one line of error that holds these parts.
+        """Check that the command ended with one line of error with these parts, and no output.
 
         A progress bar, which ends in carriage returns, may come before it.
         """
-        assert self.code == code, self
+        assert (self.code, self.out) == (code, ""), self
         assert self.err.count("error") == 1 and "Traceback" not in self.err, self.err
         assert self.err.count("\n") == 1 and self.err.endswith("\n"), self.err
         line = self.err.replace("\r", "\n").strip().splitlines()[-1]
@@ -248,8 +246,9 @@ def interrupt_script(
     when: Callable[[], bool],
     patience: float = 120.0,
     cwd: Path = ROOT,
+    how: int = signal.SIGINT,
 ) -> Done:
-    """Press Ctrl-C in a terminal that runs scripts/NAME.py, as soon as something is so."""
+    """Press Ctrl-C in a terminal that runs scripts/NAME.py, or kill it, once something is so."""
     process = subprocess.Popen(
         [sys.executable, str(ROOT / "scripts" / f"{name}.py"), *map(str, arguments)],
         cwd=cwd,
@@ -266,7 +265,7 @@ def interrupt_script(
             assert process.poll() is None, "the command ended before it was interrupted"
             assert time.monotonic() < limit, "the command does not come to the point"
             time.sleep(0.01)
-        os.killpg(process.pid, signal.SIGINT)
+        os.killpg(process.pid, how)
         out, err = process.communicate(timeout=patience)
     finally:
         if process.poll() is None:

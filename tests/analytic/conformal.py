@@ -1,7 +1,5 @@
 """Exact added mass of bodies whose exterior is a conformal map of the circle's."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Views into the compiled kernels and into a simulator's mass, for tests only."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

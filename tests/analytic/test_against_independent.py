@@ -1,7 +1,5 @@
 """Motions of the simulator against an implementation written without sight of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Elementary functions and products of the kernels against exact and library ones."""
 
-from __future__ import annotations
-
 import mpmath
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """The beam without a fluid: bending vibrations and statics."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Gradients of the added mass and of L_d against an independent complex step."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """The parts of a run's energy: body, fluid and elastic, by hand and from the kernels."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The flow around bodies against closed forms, and against the energy that the swimmer feels."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Added mass of every fluid model: gradient, order in the bend, centre line, refusals."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The inversion of the normal influence without row exchanges, and where it is not safe."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

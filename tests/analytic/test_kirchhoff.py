@@ -1,7 +1,5 @@
 """Onset of the straight swimmer's instability, against Kirchhoff's linearised equations."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Natural frequencies: of the free-free beam, in a fluid, and what they do not depend on."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Added mass of closed outlines against closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Added mass of the straight default beam."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

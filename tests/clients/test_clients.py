@@ -4,8 +4,6 @@ Each has a virtual environment of its own, filled with the pins next to its file
 pytest's cache folder and is rebuilt when the pins or the interpreter change.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """Contests: the same episodes as one by one, figures of all seeds, ratios, groups, verdicts."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Gaits in figures: signals whose frequency, wave and modes are known must come back."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

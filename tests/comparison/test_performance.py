@@ -1,7 +1,5 @@
 """The figures of an episode, each computed once more from what was recorded."""
 
-from __future__ import annotations
-
 import json
 import math
 from functools import cache

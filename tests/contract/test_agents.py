@@ -1,7 +1,5 @@
 """Baselines, episodes played by them, and the trust check."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -3,8 +3,6 @@
 What a scene may say of them is in test_scene.py.
 """
 
-from __future__ import annotations
-
 import copy
 from typing import Any
 

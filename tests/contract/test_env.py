@@ -3,8 +3,6 @@
 What they have in common with the batched ones is in test_environments.py.
 """
 
-from __future__ import annotations
-
 import copy
 import math
 from collections.abc import Mapping

@@ -3,8 +3,6 @@
 Bad actions are in tests/stability/test_bad_actions.py.
 """
 
-from __future__ import annotations
-
 import copy
 import hashlib
 import math

@@ -1,7 +1,5 @@
 """The worked examples of docs/extending.md, applied to a copy of the package."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

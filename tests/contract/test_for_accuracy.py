@@ -1,7 +1,5 @@
 """Choosing settings for an accuracy: what is compared, references, the shipped front, refusals."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 import json

@@ -1,7 +1,5 @@
 """Batches in threads beside forked processes: no deadlock, and the same bits everywhere."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import threading

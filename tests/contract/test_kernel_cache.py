@@ -1,7 +1,5 @@
 """The kernel cache: which processes fill it, and what invalidates it."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

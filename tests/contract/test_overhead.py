@@ -1,7 +1,5 @@
 """Python's part of an environment step; run with -s, and alone, to see the figures."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Any

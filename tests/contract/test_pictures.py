@@ -1,7 +1,5 @@
 """Still pictures: their numbers are the trajectory's, everything has a unit, nothing overlaps."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from typing import Any

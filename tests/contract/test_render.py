@@ -1,7 +1,5 @@
 """Frames of the environments, videos of them, and the window."""
 
-from __future__ import annotations
-
 import copy
 import math
 import pickle

@@ -98,14 +98,17 @@ def test_bad_input_is_one_line_and_code_2(tmp_path, capsys, arguments, part):
 
 
 def test_foreign_folder_is_left_alone(tmp_path, capsys):
-    """A folder with other files is refused before the run, and a file as well."""
+    """A folder with other files is refused before the run, and a file; by `compare` as well."""
     file = tmp_path / "thesis.tex"
     file.write_text("dear")
-    other = "holds other files than earlier results, for example thesis.tex"
+    (tmp_path / "comparison.json").write_text("{}")
+    other = "holds other files than earlier results, for example "
     for place, problem in ((tmp_path, other), (file, "this is a file")):
         brief = ("--scene", "paper_i", "--duration", "0.1", "--output", place)
         call_script(capsys, "replay", *brief).assert_refused(problem)
-    assert files_of(tmp_path) == {"thesis.tex": b"dear"}
+    brief = ("--policies", "zero", "--duration", "0.1", "--output", tmp_path)
+    call_script(capsys, "compare", *brief).assert_refused(other + "thesis.tex")
+    assert files_of(tmp_path) == {"comparison.json": b"{}", "thesis.tex": b"dear"}
 
 
 def test_a_rename_that_is_interrupted_leaves_the_old_results(tmp_path, monkeypatch):
@@ -203,8 +206,8 @@ def test_every_subcommand_has_help(name, capsys):
     text = " ".join(capsys.readouterr().out.split())
     assert caught.value.code == 0
     assert text.startswith(f"usage: swim-env {name} ")
-    words = ["--set", "--output", "--json"] if name != "train" else ["CONFIG", "--resume"]
-    for word in (*words, "ppo_forward" if name == "train" else "paper_xii"):
+    own = {"train": ("CONFIG", "--resume", "ppo_forward"), "warm-up": ("images and clusters",)}
+    for word in own.get(name, ("--set", "--output", "--json", "paper_xii")):
         assert word in text
 
 

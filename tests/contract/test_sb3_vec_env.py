@@ -1,7 +1,5 @@
 """The batch as a VecEnv of stable-baselines3: the same as its own of single environments."""
 
-from __future__ import annotations
-
 import importlib.util
 import pickle
 import sys

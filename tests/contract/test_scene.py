@@ -1,7 +1,5 @@
 """Scenes: the values of Table 1, validation and its messages, YAML, overrides, files."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import os

@@ -1,7 +1,5 @@
 """The simulator's public surface: shapes, errors, prescribed torques, trajectories and files."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from pathlib import Path

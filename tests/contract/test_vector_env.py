@@ -3,8 +3,6 @@
 What they have in common with the single ones is in test_environments.py.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import gymnasium

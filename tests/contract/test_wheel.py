@@ -1,7 +1,5 @@
 """The wheel: complete for a user who has no checkout."""
 
-from __future__ import annotations
-
 import configparser
 import os
 import shutil

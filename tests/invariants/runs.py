@@ -1,7 +1,5 @@
 """What tests of motions share: every fluid model, orders of errors, the balance of momentum."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

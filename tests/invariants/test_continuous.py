@@ -1,8 +1,7 @@
 """The equations in continuous time: the limit of both schemes, and what a solution conserves."""
 
-from __future__ import annotations
-
 import functools
+import time
 
 import numpy as np
 import pytest
@@ -167,9 +166,10 @@ def test_every_evaluation_is_counted(method: str, monkeypatch: pytest.MonkeyPatc
         return forces(self, time, *given)
 
     monkeypatch.setattr(_Equations, "_forces", counted)
+    start = time.perf_counter()
     run = integrate(_scene(CASES["ending"], 50), DURATION, method, 1e-4, 1e-6)
     assert run.evaluations == len(made) > 100
-    assert 0.0 < run.seconds < 60.0
+    assert 0.0 < run.seconds < time.perf_counter() - start
 
 
 def test_the_tolerance_bounds_the_error_and_sets_the_cost() -> None:

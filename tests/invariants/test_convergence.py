@@ -1,7 +1,5 @@
 """Order of the trajectory in the time step: one with the fluid, two without."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Effects that are absent, cross-flow drag and stream: what they do to motions."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

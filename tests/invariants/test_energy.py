@@ -1,7 +1,5 @@
 """Energy: orders of its error where modes are resolved, bounds elsewhere."""
 
-from __future__ import annotations
-
 import itertools
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Internal forces at the joints against the momentum balance of the elements."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

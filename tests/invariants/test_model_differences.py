@@ -1,7 +1,5 @@
 """How far bodies swim in one fluid model and in another."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

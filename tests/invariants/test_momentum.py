@@ -1,7 +1,5 @@
 """The discrete momentum map changes by impulses from outside alone, whatever the torques do."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The constrained form (34) with multipliers moves as the null space form of the package."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How far the swimmers of the paper's scenes get in the paper's 100 s."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

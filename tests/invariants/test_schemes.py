@@ -1,7 +1,5 @@
 """The composed scheme beside the paper's, and the three ways of measuring strain."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 

@@ -1,7 +1,5 @@
 """Self-contact: when a body is said to touch itself, and what that does to a run."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The same bits: restored, step by step, in chunks, in any process and in environments."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import fields
 

@@ -1,7 +1,5 @@
 """Symmetries of the motion: mirror, turn and shift, head and tail, time, units, geometry."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 

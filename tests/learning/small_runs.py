@@ -1,7 +1,5 @@
 """Training runs of a second, and what two of them must have in common."""
 
-from __future__ import annotations
-
 import csv
 import os
 import random

@@ -1,11 +1,7 @@
 """A training that is killed and resumed gives what the uninterrupted run gives."""
 
-from __future__ import annotations
-
 import random
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -18,10 +14,9 @@ from swim_agents.learning.config import TrainingConfig
 from swim_agents.learning.trainer import run_status, train
 
 from tests.learning.small_runs import assert_same_run, hidden, small_config
-from tests.support import ENVIRONMENT, ROOT, interrupt_script, run_python, run_script
+from tests.support import interrupt_script, run_python, run_script
 
 SEED = 3
-PATIENCE = 120.0  # seconds for a process to come to a point, on a busy machine
 
 
 def arguments_of(config: TrainingConfig, output: Path) -> list[str]:
@@ -43,24 +38,14 @@ def steps_reached(folder: Path) -> int:
 
 def kill_after(arguments: list[str], folder: Path, steps: int, seconds: float) -> None:
     """Kill a process some time after its start (-1) or after an evaluation at so many steps."""
-    process = subprocess.Popen(
-        [sys.executable, str(ROOT / "scripts" / "train.py"), *arguments],
-        cwd=ROOT,
-        env=ENVIRONMENT,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    try:
-        limit = time.monotonic() + PATIENCE
-        while steps_reached(folder) < steps:
-            assert process.poll() is None, "the run ended before it was to be killed"
-            assert time.monotonic() < limit, "the run does not get that far"
-            time.sleep(0.01)
-        time.sleep(seconds)
-        assert process.poll() is None, "the run ended before it was killed"
-    finally:
-        process.kill()
-        process.wait(PATIENCE)
+
+    def when() -> bool:
+        reached = steps_reached(folder) >= steps
+        time.sleep(seconds if reached else 0.0)
+        return reached
+
+    done = interrupt_script("train", *arguments, when=when, how=signal.SIGKILL)
+    assert done.code == -signal.SIGKILL, "the run ended before it was killed"
 
 
 def checkpoint_steps(folder: Path) -> int:

@@ -1,7 +1,5 @@
 """Saved agents: the same actions again, no code run on the way, and refusals that name a field."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json
@@ -13,6 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -373,7 +372,17 @@ def test_a_bare_model_is_read_only_if_it_is_trusted(kind, saved, tmp_path):
         load_policy(path, scene, task=other, trust=True)
 
 
+class OneActionMore(gymnasium.Env):
+    """What a swimmer of three elements observes, and another number of joints."""
+
+    observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (9,))
+    action_space = gymnasium.spaces.Box(-1.0, 1.0, (3,))
+
+
 def test_what_is_no_agent_is_refused(saved, tmp_path):
+    stable_baselines3.PPO("MlpPolicy", OneActionMore(), device="cpu").save(tmp_path / "more.zip")
+    with refuses(AgentError, "observes (9,) and acts in (3,) numbers"):
+        load_policy(tmp_path / "more.zip", small_config().scene, trust=True)
     with refuses(AgentError, "agent.json is missing"):
         load_policy(tmp_path)
     with refuses(AgentError, "no such model file"):
@@ -405,9 +414,8 @@ def test_bad_input_of_the_training_script_is_one_line_and_exit_code_2(
     arguments, problem, tmp_path, capsys
 ):
     output = tmp_path / "runs"
-    done = call_script(capsys, "train", *arguments, "--output", output)
-    done.assert_refused(problem)
-    assert done.out == "" and not output.exists()
+    call_script(capsys, "train", *arguments, "--output", output).assert_refused(problem)
+    assert not output.exists()
 
 
 def test_the_training_script_ends_with_its_runs_as_a_table_or_as_json(tmp_path, capsys):

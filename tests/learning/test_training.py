@@ -1,10 +1,8 @@
 """Training runs: the same twice, the same with and without an interruption, or one clear error."""
 
-from __future__ import annotations
-
 import gc
+import json
 import random
-import resource
 import shutil
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -38,6 +36,7 @@ from tests.learning.small_runs import (
     untrained,
     weights,
 )
+from tests.stability.test_interrupts import files_of_at_most
 from tests.support import full_disk, refuses
 
 #: A function that returns the folder of an uninterrupted run of a kind.
@@ -312,9 +311,12 @@ def test_another_configuration_is_refused_and_the_field_named(changes, name, who
     assert contents(folder) == before
 
 
-def test_another_seed_is_refused_by_name(whole):
+def test_another_seed_or_device_is_refused_by_name(half):
     with refuses(ConfigError, "the run was begun with seed 3, not 4"):
-        train(small_config(), whole("ppo"), 4, resume=True)
+        train(small_config(), half, 4, resume=True)
+    (half / "run.json").write_text(json.dumps({**(run_status(half) or {}), "device": "cuda"}))
+    with refuses(ConfigError, "the run was begun with device cuda, not cpu"):
+        train(small_config(), half, 3, resume=True)
 
 
 # Four members and evaluations from 1,000,000 on.
@@ -392,13 +394,8 @@ def test_a_full_disk_leaves_the_earlier_checkpoint_to_continue_from(whole, tmp_p
 @pytest.mark.parametrize("limit", [300, 5_000, 20_000, 36_000])
 def test_files_that_do_not_fit_are_one_clear_error(limit, whole, tmp_path):
     """The limit strikes, in turn, a file of settings, a model, and a checkpoint."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
-    try:
-        with refuses(SwimError, "File too large", str(tmp_path)):
-            train(small_config(), tmp_path, 3)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    with files_of_at_most(limit), refuses(SwimError, "File too large", str(tmp_path)):
+        train(small_config(), tmp_path, 3)
     gc.collect()
     assert hidden(tmp_path) == []
     train(small_config(), tmp_path, 3, resume=True)

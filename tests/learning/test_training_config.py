@@ -1,7 +1,5 @@
 """A training configuration: to and from YAML, and one clear error for whatever is wrong."""
 
-from __future__ import annotations
-
 import copy
 import json
 from dataclasses import replace

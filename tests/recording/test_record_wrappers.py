@@ -1,7 +1,5 @@
 """The wrappers that record episodes: triggers, rewards, failures, members of a batch."""
 
-from __future__ import annotations
-
 import copy
 from pathlib import Path
 

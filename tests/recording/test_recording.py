@@ -1,7 +1,5 @@
 """Recordings, read back with rerun's own reader and compared with the run's numbers."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 

@@ -10,8 +10,6 @@ Minimal coordinates are u = (x0, y0, th_1, ..., th_N), with (x0, y0) the head no
 ones are centres r, normals d1 and tangents d3.  All quantities are SI, per metre of depth.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -11,8 +11,6 @@ to make a test pass that fails for a reason nobody knows. It first says which of
 others now.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 from collections.abc import Mapping

@@ -3,8 +3,6 @@
 Single and batched environments, stable-baselines3's and the simulator's torques, side by side.
 """
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable
 from typing import Any, NamedTuple

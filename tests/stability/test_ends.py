@@ -1,7 +1,5 @@
 """Ends of runs: folds, steps that cannot be solved or are cut, spins, and what comes after."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

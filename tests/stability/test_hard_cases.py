@@ -1,7 +1,5 @@
 """The hard cases: slices of them in every run of the tests, all of them among the slow ones."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math
@@ -58,7 +56,7 @@ def test_every_case_is_right_or_ends_by_name(case):
 
 
 def test_runs_of_the_damped_beam_must_last():
-    """What cases there are is compared with the stored run in test_stored_results.py."""
+    """What cases there are is compared with the stored run in tests/studies/test_release.py."""
     for case in ("resonance", "stiff", "body mass", "thickness", "long"):
         for run in CASES[case]():
             assert run.must_last == (run.scene.damping is not None), run.label

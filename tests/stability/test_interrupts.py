@@ -1,7 +1,5 @@
 """Processes killed while they write, full disks, and files that are damaged or somebody else's."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Random episodes of both environments: finite numbers, named ends, few of them early."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Random torques held for 0.02 s over 10 s: nothing but finite numbers and named ends."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 
 import numpy as np

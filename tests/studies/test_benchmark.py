@@ -1,7 +1,5 @@
 """The benchmark command: bad input, figures, report, picture."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
@@ -22,10 +20,10 @@ from studies.benchmark.memory import measure_memory
 from studies.benchmark.picture import draw_benchmark
 from studies.benchmark.report import REPORT_FILES, report_page, report_tables, write_report
 from studies.benchmark.subprocesses import run_python
-from studies.benchmark.suite import measure_speeds
+from studies.benchmark.suite import kernel_scenes, measure_speeds
 from studies.benchmark.timing import ratio, spread_of, time_in_turn
 from studies.benchmark.training_cost import PARTS, Timers, measure_training
-from swim_env import SwimError, load_scene
+from swim_env import FLUID_MODELS, SwimError, load_scene
 from swim_env.plots import save_figure
 from tests.support import ROOT, call_script, files_of, full_disk, run_script
 
@@ -93,6 +91,18 @@ def test_the_environments_as_one_json_line(tmp_path):
 
 
 # ---- what is measured --------------------------------------------------------------------------
+
+
+def test_the_scenes_cover_models_elements_and_panels():
+    cells = {model: set() for model in FLUID_MODELS}
+    for scene in kernel_scenes((3, 9), (2, 4, 8)):
+        cells[scene.fluid.model].add((scene.beam.elements, scene.fluid.panels_per_element))
+    usual = dict.fromkeys(FLUID_MODELS, {(3, 4), (9, 4)})
+    every = {(n, p) for n in (3, 9) for p in (2, 4, 8)}
+    # The last is there for comparison with the printed equations.
+    assert cells == {**usual, "panels": every, "centreline": set()}
+    large = [(scene.fluid.model, scene.beam.elements) for scene in kernel_scenes((27, 81), (4,))]
+    assert ("panels", 81) in large and ("expansion", 27) in large and ("expansion", 81) not in large
 
 
 def test_growth_recovers_exponent_and_deviation_of_each_model():

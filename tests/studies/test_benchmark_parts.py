@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from studies.benchmark import parts
+from studies.benchmark.effects import measure_effects
 from studies.benchmark.floor import FLOOR_WAYS, floor_arrays, floor_calls, potentials_of_motions
 from studies.benchmark.parts import PARTS, measure_parts
 from swim_env import SceneError, Simulator, load_scene
@@ -71,6 +72,9 @@ def test_a_step_takes_longer_than_its_floor_and_a_pose_than_its_added_mass():
     cell = measure_parts(load_scene("paper_i"), 5)
     assert cell["step_to_floor"]["median"] > 1.0
     assert cell["parts"]["mass matrix"]["median"] > 0.0
+    for one in measure_effects(1):
+        # A step takes some ten microseconds; a hundredth of a second would be no step.
+        assert all(1.0 < one[name]["median"] < 1e4 for name in ("with", "without")), one
 
 
 def test_a_step_takes_few_evaluations_of_the_shape_force():

@@ -1,7 +1,5 @@
 """The peers of the benchmark are the beam that they are compared with, at steps that they bear."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import json
 import math

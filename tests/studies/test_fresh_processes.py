@@ -3,10 +3,7 @@
 Calls that nobody may wait for take longer than a test may.
 """
 
-from __future__ import annotations
-
 import multiprocessing
-import os
 import threading
 import time
 from contextlib import closing
@@ -14,7 +11,6 @@ from contextlib import closing
 import pytest
 
 from studies.fresh_processes import Call, in_fresh_processes
-from swim_env.errors import SwimError
 
 
 def test_results_come_with_the_index_of_their_call():
@@ -31,14 +27,6 @@ def test_an_error_of_a_call_ends_all():
     with pytest.raises(ValueError, match="no number"):
         list(in_fresh_processes(calls, 2))
     assert multiprocessing.active_children() == []
-
-
-def test_a_dead_process_is_one_clear_line():
-    with pytest.raises(SwimError) as caught:
-        list(in_fresh_processes([(os._exit, (9,))], 1, advice="start again"))
-    text = str(caught.value)
-    assert text.startswith("a worker process has died") and text.endswith("; start again")
-    assert "\n" not in text
 
 
 def large(seconds: float) -> bytes:

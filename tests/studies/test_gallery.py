@@ -1,7 +1,5 @@
 """The gallery's command: the page, its pictures, their numbers, bad input."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

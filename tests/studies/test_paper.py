@@ -1,7 +1,5 @@
 """The page that compares the paper's statements with ours: verdicts, resuming, the command."""
 
-from __future__ import annotations
-
 import copy
 import json
 import math
@@ -638,11 +636,3 @@ def test_the_kept_page_is_made_of_the_kept_records():
     for row, one in zip(rows, found.values(), strict=True):
         for key in ("measured", "verdict", "criterion", "why"):
             assert one[key].replace("|", "\\|") in row
-
-
-@pytest.mark.release
-def test_the_kept_records_belong_to_the_code_that_is_here():
-    units = all_units()
-    done = done_units(units, unit_store(ROOT / "docs" / "paper"))
-    stale = [unit.name for unit in units if unit.name not in done]
-    assert not stale, f"{len(stale)} units of docs/paper are stale, {stale[0]} first: make paper"

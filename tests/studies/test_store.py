@@ -1,7 +1,5 @@
 """What all studies share: the resumable store, the fingerprint of code, tables as text."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

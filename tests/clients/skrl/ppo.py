@@ -3,8 +3,6 @@
 python ppo.py swim_env/KirchhoffSwimmer-v0
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

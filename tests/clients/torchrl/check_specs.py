@@ -3,8 +3,6 @@
 python check_specs.py swim_env/KirchhoffSwimmer-v0
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from functools import partial
