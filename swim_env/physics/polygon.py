@@ -12,6 +12,7 @@ from swim_env.physics.fluid.outline import CT, CX, CY, LENGTH, ST, X, Y
 from swim_env.physics.fluid.sources import LAYERS, POTENTIAL, influence, normal_influence
 from swim_env.physics.loading import load_kernels
 from swim_env.physics.runtime.views import padded
+from swim_env.scene.checks import is_number
 
 Array = NDArray[np.float64]
 
@@ -65,12 +66,14 @@ def added_mass_of_polygon(
         If an outline of up to 512 panels has too few: the added mass changes by more than 5 % when
         each is cut in two.
     """
-    if isinstance(panels_per_edge, bool) or int(panels_per_edge) != panels_per_edge:
+    # What is not finite leaves a rest that is no number.
+    if not is_number(panels_per_edge) or panels_per_edge % 1 != 0:
         raise OutlineError(f"panels_per_edge must be a whole number, got {panels_per_edge!r}")
     if panels_per_edge < 1:
         raise OutlineError(f"panels_per_edge must be at least 1, got {panels_per_edge}")
-    corners = _cut(_checked_corners(vertices, int(panels_per_edge)), int(panels_per_edge))
-    if isinstance(density, bool) or not isinstance(density, (int, float, np.number)):
+    parts = int(panels_per_edge)
+    corners = _cut(_checked_corners(vertices, parts), parts)
+    if not is_number(density):
         raise OutlineError(f"density must be a number in kg/m^3, got {density!r}")
     if not 0.0 < float(density) < np.inf:
         raise OutlineError(f"density must be a positive number in kg/m^3, got {density!r}")

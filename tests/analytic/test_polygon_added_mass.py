@@ -269,7 +269,7 @@ def test_too_many_panels_are_refused_before_anything_is_computed(
         added_mass_of_polygon(circle, panels_per_edge=per_edge)
 
 
-@pytest.mark.parametrize("panels", [0, -1, 1.5, True])
+@pytest.mark.parametrize("panels", [0, -1, 1.5, True, np.nan, np.inf, "two", None])
 def test_bad_panels_per_edge_are_refused(panels: object) -> None:
     with pytest.raises(OutlineError, match="panels_per_edge must be"):
         added_mass_of_polygon(UNIT_SQUARE, panels_per_edge=panels)  # type: ignore[arg-type]

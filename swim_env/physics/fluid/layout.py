@@ -197,8 +197,8 @@ def fluid_views(buffers: FluidBuffers, fluid: FluidConstants) -> tuple[FluidWork
 class FluidBuffers(NamedTuple):
     """The numbers of a `FluidWork`, of which the fluid models alone know what they are.
 
-    They pass through the step equations unseen: a view of each would take a quarter of the time
-    that the kernels take to compile.
+    They pass through the step equations unseen: every array in a kernel's arguments takes time to
+    compile.
     """
 
     floats: Array
