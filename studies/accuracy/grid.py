@@ -8,8 +8,7 @@ from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
 
-from swim_env.accuracy.choice import duration_for
-from swim_env.accuracy.settings import PAPER_SETTINGS, Settings, refuse_lists
+from swim_env.accuracy.settings import PAPER_SETTINGS, Settings, duration_for, refuse_lists
 from swim_env.scene import Scene, load_scene
 
 #: Tolerances that `Scene.for_accuracy` is judged by.
@@ -42,7 +41,7 @@ def case_of(scene: Scene) -> Case:
     It is a SwimError if it lists values for every joint or element: their number cannot vary.
     """
     refuse_lists(scene, "vary as the study needs it; give a law in s/l")
-    return Case(scene, duration_for(scene.episode.duration))
+    return Case(scene, duration_for(scene, scene.episode.duration))
 
 
 def study_scenes() -> list[Case]:

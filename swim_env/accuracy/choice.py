@@ -13,21 +13,17 @@ from dataclasses import dataclass, replace
 from swim_env.accuracy.front import load_front
 from swim_env.accuracy.outcome import play
 from swim_env.accuracy.reference import FINE, PILOT, plan_for, reference_of
-from swim_env.accuracy.settings import Settings, even, refuse_lists
+from swim_env.accuracy.settings import Settings, duration_for, even, pace_of, refuse_lists
 from swim_env.errors import SceneError, SwimError
 from swim_env.scene import Scene
 from swim_env.scene.checks import checked_option, is_number, real
 from swim_env.scene.fluid import FLUID_TABLE, NO_FLUID
 
-__all__ = ["Choice", "choose", "duration_for", "with_chosen_settings"]
+__all__ = ["Choice", "choose", "with_chosen_settings"]
 
 #: Share of the tolerance that a candidate may use up; the rest is for the reference's own error.
 _SHARE = 0.7
 _SMALLEST, _LARGEST = 1e-3, 0.3
-#: Longest run that settings are compared on (s): errors of a steady gait do not grow with time.
-_LONGEST = 20.0
-#: Of the front and the references; all their steps divide it (s).
-_COARSEST_STEP = 0.02
 #: How the cost grows with the number of elements where the fluid's inertia is constant.
 _GROWTH = 1.4
 
@@ -79,8 +75,9 @@ def choose(
         Keep the number of elements, as an agent for so many joints needs it; the error is then that
         of a body of so many elements.
     duration : float, optional
-        Simulated time on which settings are judged (s), the scene's own unless given; 20 s at most,
-        as the error of a steady gait does not grow.
+        Simulated time on which settings are judged (s), the scene's own unless given; 20 periods of
+        the drive at most, or without one 1000 control intervals, as the error of a steady gait does
+        not grow.
     progress : callable, optional
         Called with 1 after every run.
 
@@ -100,7 +97,7 @@ def choose(
     wanted = checked_option(real("s", above=0.0), wanted, "the duration")
     if not keep_elements:
         refuse_lists(scene, "be chosen; keep it (keep_elements), or give a law in s/l")
-    duration = duration_for(wanted)
+    duration = duration_for(scene, wanted)
     candidates = _candidates(scene, keep_elements)
     if not candidates:
         raise SwimError(
@@ -152,16 +149,13 @@ def with_chosen_settings(
     return choice.scene.replace("description", said)
 
 
-def duration_for(wanted: float) -> float:
-    """Return how long (s) to play for a duration (s): 20 s at most, whole steps of all settings."""
-    return max(1, round(min(wanted, _LONGEST) / _COARSEST_STEP)) * _COARSEST_STEP
-
-
 def _candidates(scene: Scene, keep_elements: bool) -> list[tuple[Settings, float]]:
     """Return the settings that may be tried on a scene and their costs, the cheapest first."""
     found: dict[Settings, float] = {}
+    pace = pace_of(scene)
     for one in load_front():
         settings, cost = one.settings, one.cost
+        settings = replace(settings, time_step=pace * settings.time_step)
         if keep_elements:
             # As many panels along the body as were measured; the cost grows a little faster than
             # the number of elements.

@@ -18,13 +18,13 @@ far two of them are apart.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.accuracy.outcome import SAMPLES, Outcome, play, relative_error
-from swim_env.accuracy.settings import Settings, even
+from swim_env.accuracy.settings import Settings, even, pace_of
 from swim_env.errors import SwimError
 from swim_env.scene import Scene
 
@@ -43,7 +43,7 @@ class Refinements:
     panels: int
     #: At which panels, time step and model are refined.
     coarse_elements: int
-    #: In s; it is halved once.
+    #: In s of the front, see `pace_of`; it is halved once.
     time_step: float
     #: Panels per element, one or two of them, with which the models are compared.
     model_panels: tuple[int, ...]
@@ -126,6 +126,7 @@ def reference_of(
         If one of the fine runs ends early, or the body bends too far for a frozen added mass.
     """
     plan = plan_for(scene, refinements)
+    plan = replace(plan, time_step=pace_of(scene) * plan.time_step)
     runs = _Runs(scene, duration, progress or (lambda _: None))
     model = "frozen" if scene.has_fluid and scene.axial_added_mass is None else "panels"
     coarse = scene.beam.elements if keep_elements else plan.coarse_elements

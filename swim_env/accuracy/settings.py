@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 from swim_env.errors import SwimError
 from swim_env.scene import Scene
 
-__all__ = ["PAPER_SETTINGS", "Settings", "even", "refuse_lists"]
+__all__ = ["PAPER_SETTINGS", "Settings", "duration_for", "even", "pace_of", "refuse_lists"]
 
 #: Where a scene holds them.
 _PATHS = {
@@ -70,6 +71,30 @@ class Settings:
     def from_dict(cls, data: Mapping[str, Any]) -> Settings:
         """Return what `to_dict` was made of; other entries are ignored."""
         return cls(**{spec.name: data[spec.name] for spec in fields(cls)})
+
+
+#: The coarsest step of the measured front (s), and how many there are in a period of its drives.
+_COARSEST, _IN_PERIOD = 0.02, 50
+#: Most of them in a run on which settings are compared: errors of a steady gait do not grow.
+_MOST_COMPARED = 1000
+
+
+def pace_of(scene: Scene) -> float:
+    """Return what stands for a second of the front, which was measured at a drive of 1 Hz.
+
+    The coarsest step is about a fiftieth of the drive's period, and whole ones make the control
+    interval: the same settings then do the same for a body of any size. Without a drive it is the
+    control interval.
+    """
+    interval = scene.episode.control_interval
+    frequency = abs(scene.actuation.frequency) / math.tau if scene.actuation else 0.0
+    return interval / max(1, round(_IN_PERIOD * frequency * interval)) / _COARSEST
+
+
+def duration_for(scene: Scene, wanted: float) -> float:
+    """Return how long (s) to play for a duration (s): 20 s of the front at most, in whole steps."""
+    step = pace_of(scene) * _COARSEST
+    return min(max(1, round(wanted / step)), _MOST_COMPARED) * step
 
 
 #: What the paper computes with.

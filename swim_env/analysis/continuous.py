@@ -27,7 +27,7 @@ from swim_env.physics.fluid.layout import motion_count
 from swim_env.physics.fluid.models import shape_force
 from swim_env.scene import Scene
 from swim_env.sim.batch import Bodies, minimal_start
-from swim_env.sim.constants import scene_constants
+from swim_env.sim.constants import momentum_units, scene_constants
 from swim_env.sim.replay import steps_of
 
 __all__ = ["METHODS", "ContinuousRun", "integrate"]
@@ -190,7 +190,8 @@ def integrate(
     method : str
         One of METHODS.
     relative_tolerance, absolute_tolerance : float
-        SciPy's ``rtol`` and ``atol``, of m, rad, kg m/s and kg m^2/s alike.
+        SciPy's ``rtol`` and ``atol``: of positions in body lengths, of angles in rad, and of
+        momenta in `swim_env.sim.constants.momentum_units`.
     largest_step : float
         Longest step that the solver may take (s).
     progress : callable, optional
@@ -220,6 +221,9 @@ def integrate(
     equations = _Equations(scene)
     times: Array = np.arange(steps + 1, dtype=np.float64) * scene.integrator.time_step
     state = equations.start()
+    momentum, spin = momentum_units(scene)
+    units = np.ones((2, state.size // 2))
+    units[0, :2], units[1, :2], units[1, 2:] = scene.beam.length, momentum, spin
     seconds = 0.0
     states = [state]
     # Torques that stop make a kink, over which no solver should step.
@@ -237,7 +241,7 @@ def integrate(
                     state,
                     method=method,
                     rtol=relative_tolerance,
-                    atol=absolute_tolerance,
+                    atol=absolute_tolerance * units.ravel(),
                     max_step=longest,
                     dense_output=True,
                 )

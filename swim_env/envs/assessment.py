@@ -27,13 +27,13 @@ from swim_env.physics.solve.state import (
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: What an observation of 1 means: joint angles (rad), joint rates (rad/s), velocity (body
-#: lengths per second), turning rate (rad/s). Random actions on scene swimmer give root mean squares
+#: What an observation of 1 means: joint angles (rad), and per control interval joint rates (rad),
+#: velocity (body lengths) and turning (rad). Random actions on scene swimmer give root mean squares
 #: of 0.23, 1.0, 0.3 and 0.8; the tuned wave, at the first resonance, 1.3, 0.9, 2.1 and 0.5.
-ANGLE_SCALE, RATE_SCALE, VELOCITY_SCALE, TURNING_SCALE = 0.1, 5.0, 0.1, 1.0
+ANGLE_SCALE, RATE_SCALE, VELOCITY_SCALE, TURNING_SCALE = 0.1, 0.1, 0.002, 0.02
 #: Version of the observation's layout, docs/environments.md; what was trained on one cannot use
 #: another.
-OBSERVATION_LAYOUT = 1
+OBSERVATION_LAYOUT = 2
 #: Observations are clipped to this, so that the space is finite; sine and cosine have their own.
 OBSERVATION_LIMIT = 100.0
 
@@ -50,12 +50,13 @@ FIGURES = np.dtype(
     ]
 )
 
-#: What `assess` knows of a task: body length and radius of the point (m), time step (s), weight of
-#: the effort and of the heading (BL/s).
+#: What `assess` knows of a task: body length and radius of the point (m), time step and control
+#: interval (s), weight of the effort and of the heading (BL/s).
 TASK_SETTINGS = np.dtype(
     [
         ("body_length", np.float64),
         ("time_step", np.float64),
+        ("control_interval", np.float64),
         ("goal_is_point", np.bool_),
         ("radius", np.float64),
         ("effort_weight", np.float64),
@@ -129,6 +130,9 @@ def assess(
     """
     task = settings[0]
     length, time_step = task["body_length"], task["time_step"]
+    rate_of_one = RATE_SCALE / task["control_interval"]
+    speed_of_one = VELOCITY_SCALE / task["control_interval"] * length
+    turning_of_one = TURNING_SCALE / task["control_interval"]
     to_point = task["goal_is_point"]
     for member in members:
         unknowns = velocities.shape[1]
@@ -168,16 +172,15 @@ def assess(
 
         for k in range(joints):
             seen[k] = _observed(q[3 + k] / ANGLE_SCALE)
-            seen[joints + k] = _observed((velocity[3 + k] - velocity[2 + k]) / RATE_SCALE)
+            seen[joints + k] = _observed((velocity[3 + k] - velocity[2 + k]) / rate_of_one)
         at = 2 * joints
-        speed_of_one = VELOCITY_SCALE * length
         seen[at] = min(1.0, max(-1.0, sine))
         seen[at + 1] = min(1.0, max(-1.0, cosine))
         forward = velocity[0] * ahead_x + velocity[1] * ahead_y
         leftward = velocity[1] * ahead_x - velocity[0] * ahead_y
         seen[at + 2] = _observed(forward / speed_of_one)
         seen[at + 3] = _observed(leftward / speed_of_one)
-        seen[at + 4] = _observed(turning / TURNING_SCALE)
+        seen[at + 4] = _observed(turning / turning_of_one)
         if to_point:
             seen[at + 5] = _observed(distance / length)
 

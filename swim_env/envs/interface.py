@@ -82,7 +82,8 @@ class SharedInterface:
     render_mode : str or None
         See `SwimEnv`.
     metadata : dict
-        Render modes, and frames per second: a frame lasts one control interval.
+        Render modes, and frames per second: a frame lasts one control interval, in real time where
+        that makes 1 to 240 frames a second; else there are 50, slower or faster than the body.
     """
 
     metadata: dict[str, Any]
@@ -94,7 +95,9 @@ class SharedInterface:
         self.render_mode = checked_render_mode(render_mode)
         self.task = task
         self.episodes = Episodes(task, count, limit)
-        rate = max(1, round(1.0 / task.scene.episode.control_interval))
+        rate = round(1.0 / task.scene.episode.control_interval)
+        if not 1 <= rate <= 240:
+            rate = 50
         self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": rate}
         self._viewer: Any = None
 

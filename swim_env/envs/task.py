@@ -14,7 +14,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.envs.assessment import TASK_SETTINGS, observation_size
+from swim_env.envs.assessment import TASK_SETTINGS, VELOCITY_SCALE, observation_size
 from swim_env.errors import OptionError, SceneError
 from swim_env.scene import Initial, Scene
 from swim_env.scene.checks import checked_option, got, nearest, pair, real, reals
@@ -112,6 +112,7 @@ class Task(ABC):
                 (
                     beam.length,
                     self.scene.integrator.time_step,
+                    self.scene.episode.control_interval,
                     self.goal_is_point,
                     self.radius * beam.length,
                     self.effort_weight,
@@ -174,7 +175,10 @@ class Task(ABC):
         noise = share * plan.noise
         bend = random.uniform(-1.0, 1.0, joints) * (noise * episode.bend_noise)
         turn = float(random.uniform(-1.0, 1.0)) * (noise * episode.heading_noise)
-        push = random.uniform(-1.0, 1.0, 3) * (noise * episode.velocity_noise)
+        speed = episode.velocity_noise
+        if speed is None:
+            speed = 1e-3 * (VELOCITY_SCALE / episode.control_interval * self.scene.beam.length)
+        push = random.uniform(-1.0, 1.0, 3) * (noise * speed)
         aim = self._draw_aim(random)
         if "joint_angles" not in exact:
             coordinates[3:] += bend

@@ -87,10 +87,11 @@ class Episode(Block, path="episode"):
         Environments start with joint angles that are off by up to this [rad], 0 to pi.
     heading_noise : float
         They start with the body turned by up to this [rad], 0 to pi.
-    velocity_noise : float
+    velocity_noise : float or None
         They start with a rigid motion whose components are off by up to this [m/s], at least 0:
         the velocity along x and y, and the turning rate times the body length. In an ideal fluid
-        this momentum stays for the whole episode, so it has to be small.
+        this momentum stays for the whole episode, so it has to be small; None for 2e-6 body
+        lengths per control interval (1e-4 m/s for a body of 1 m and 0.02 s).
     """
 
     duration: Annotated[float, real("s", above=0.0)] = 20.0
@@ -98,4 +99,4 @@ class Episode(Block, path="episode"):
     heading: Annotated[Pair, _check_direction] = (-1.0, 0.0)
     bend_noise: Annotated[float, real("rad", at_least=0.0, at_most=math.pi)] = 0.01
     heading_noise: Annotated[float, real("rad", at_least=0.0, at_most=math.pi)] = 0.05
-    velocity_noise: Annotated[float, real("m/s", at_least=0.0)] = 1e-4
+    velocity_noise: Annotated[float | None, real("m/s", at_least=0.0)] = None

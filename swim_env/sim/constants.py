@@ -16,6 +16,8 @@ from swim_env.scene.fluid import NO_FLUID
 #: Time that an outer step may take before it ends unsolved (s), by rough figures of the costs: a
 #: core that is shared takes twice as long, and has to be done within a second.
 _LONGEST_STEP = 0.4
+#: Smallest scale of a step's residual, in `momentum_units`.
+_SMALLEST_SCALE = 1e-3
 
 
 def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, SolverConstants]:
@@ -34,6 +36,7 @@ def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, Solver
         fluid.panels_per_end(beam),
     )
     density = fluid.density or 0.0
+    momentum, spin = momentum_units(scene)
     drag, stream = scene.cross_flow_drag, scene.stream
     return (
         BeamConstants(
@@ -47,7 +50,8 @@ def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, Solver
             scene.integrator.strain != "averaged_directors",
             scene.integrator.strain == "joint_angle",
             beam.half_thickness if scene.self_contact else 0.0,
-            *_smallest_scales(scene),
+            _SMALLEST_SCALE * momentum,
+            _SMALLEST_SCALE * spin,
         ),
         fluid_constants(
             fluid.model,
@@ -71,19 +75,18 @@ def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, Solver
     )
 
 
-def _smallest_scales(scene: Scene) -> tuple[float, float]:
-    """Return the smallest scales of a step's residual (kg m/s, kg m^2/s).
+def momentum_units(scene: Scene) -> tuple[float, float]:
+    """Return the units of linear and angular momentum in which nothing depends on the body's size.
 
-    They are 1e-3 (docs/physics.md), and for a body so small or light that at ten lengths a second,
-    or turning at 10 rad/s, it has less than 1 of either, in proportion less: else nothing that it
-    does would be resolved.
+    They are those of the straight body, with its added mass as a plate, that moves by its length,
+    or turns by 1 rad, in a thousand time steps (kg m/s, kg m^2/s).
     """
     beam, fluid = scene.beam, scene.fluid
     mass = beam.line_density * beam.length
     if fluid is not None and fluid.density is not None:
         mass += plate_added_mass(fluid.density, beam.length) * beam.length
-    momentum = mass * beam.length
-    return 1e-3 * min(1.0, 10.0 * momentum), 1e-3 * min(1.0, 10.0 * momentum * beam.length)
+    momentum = 1e-3 * mass * beam.length / scene.integrator.time_step
+    return momentum, momentum * beam.length
 
 
 def _costs(scene: Scene) -> tuple[float, float, float]:

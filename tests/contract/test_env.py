@@ -96,14 +96,17 @@ def expected_observation(simulator: Simulator, goal: Any, is_point: bool) -> Arr
     left = np.array([-ahead[1], ahead[0]])
     away = np.asarray(goal) - centre if is_point else np.asarray(goal)
     distance = float(np.hypot(*away))
+    # Rates count per control interval.
+    interval = simulator.scene.episode.control_interval
+    speed = 0.002 * length / interval
     seen = [
         *(np.diff(simulator.angles) / 0.1),
-        *(np.diff(turning) / 5.0),
+        *(np.diff(turning) * interval / 0.1),
         left @ away / distance,
         ahead @ away / distance,
-        ahead @ velocity[:2] / (0.1 * length),
-        left @ velocity[:2] / (0.1 * length),
-        turning.mean() / 1.0,
+        ahead @ velocity[:2] / speed,
+        left @ velocity[:2] / speed,
+        turning.mean() * interval / 0.02,
     ]
     if is_point:
         seen.append(distance / length)

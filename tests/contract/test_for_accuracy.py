@@ -549,7 +549,7 @@ def use_front(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> UseFront:
         (
             [FROZEN, replace(FROZEN, time_step=0.005)],
             {"episode.control_interval": 0.015},
-            *(0.1, replace(FROZEN, time_step=0.005), 1),
+            *(0.1, replace(FROZEN, time_step=0.0075), 1),
         ),
         # Strips miss what a swimmer pushes off from by more than its displacement.
         ([STRIP, FROZEN], {}, 0.1, FROZEN, 2),

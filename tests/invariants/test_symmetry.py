@@ -1,4 +1,4 @@
-"""Symmetries of the motion: mirror, turn and shift, head and tail, time, units, geometry."""
+"""Symmetries of the motion: mirror, turn and shift, head and tail, time, geometry."""
 
 import itertools
 from collections.abc import Mapping
@@ -160,32 +160,6 @@ def test_the_motion_does_not_depend_on_when_it_starts(name: str) -> None:
     assert rest == 0.0, f"a beam at rest moved by {rest:.2g} m without torques"
     gap = _gap(now, later.centres[37:], later.angles[37:])
     assert gap < AGREEMENT, f"37 steps later: off by {gap:.2g}"
-
-
-def test_units_do_not_matter() -> None:
-    # Lengths times a, times times b, densities times c: the same motion in other units.
-    a, b, c = 2.5, 0.4, 3.0
-    scene = _scene("swimmer")
-    torques = _torques(scene)
-    one = rollout(scene, torques)
-    beam = scene.beam
-    # Depth stays a unit length: mass per length and per depth go as c a, energies as c a^4/b^2.
-    other_scene = _scene(
-        "swimmer",
-        {
-            "beam.length": a * beam.length,
-            "beam.half_thickness": a * beam.half_thickness,
-            "beam.line_density": c * a * beam.line_density,
-            "beam.rotary_inertia": c * a**3 * beam.rotary_inertia,
-            "beam.bending_stiffness": c * a**5 / b**2 * 5.0,
-            "fluid.density": c * 10.0,
-            "damping.retardation_time": b * 0.001,
-            "integrator.time_step": b * scene.integrator.time_step,
-        },
-    )
-    other = rollout(other_scene, c * a**4 / b**2 * torques)
-    gap = _gap(one, other.centres / a, other.angles)
-    assert gap < AGREEMENT, f"off by {gap:.2g}"
 
 
 class TestGeometricSwimming:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Time after which the camera has made up for 63 % of a move (s), and how far it may fall behind.
-_LAG, _MOST_LAG = 0.6, 0.15
+#: How far the camera may fall behind (BL).
+_MOST_LAG = 0.15
 #: How far the view reaches beyond the mean centre (BL).
 _REACH_ALONG, _REACH_ACROSS = 1.15, 0.56
 #: Most points of the trail; when there are as many, the older half is dropped.
@@ -21,7 +21,8 @@ class Camera:
     """Follows the mean centre from an episode's first frame on; lengths are body lengths (BL).
 
     The view has its middle and half its size (2,) on the screen (pixels); a target has a radius,
-    without one the goal is a direction; the trail has a least distance of its points (pixels).
+    without one the goal is a direction; the trail has a least distance of its points (pixels), and
+    the camera a time (s) after which it has made up for 63 % of a move.
     Centre and aim (2,) are the mean centre and the goal, in the first frame, at a time (s).
 
     Attributes
@@ -44,12 +45,13 @@ class Camera:
         half: Array,
         target_radius: float | None,
         trail_step: float,
+        lag: float,
         centre: Array,
         aim: Array,
         time: float,
     ) -> None:
         self._middle, self._half, self._radius = middle, half, target_radius
-        self._trail_step = trail_step
+        self._trail_step, self._lag = trail_step, lag
         self.time, self.start, self.centre = time, centre, centre
         self.trail = centre[None]
         self.scale = self._chosen_scale(aim)
@@ -60,7 +62,7 @@ class Camera:
         elapsed = time - self.time
         self.time, self.centre = time, centre
         focus = self._focus(aim)
-        behind = (focus - self.place) * math.exp(-elapsed / _LAG)
+        behind = (focus - self.place) * math.exp(-elapsed / self._lag)
         most = _MOST_LAG / max(_MOST_LAG, float(np.hypot(*behind)))
         self.place = focus - most * behind
         if np.hypot(*(centre - self.trail[-1])) * self.scale >= self._trail_step:

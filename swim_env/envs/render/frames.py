@@ -33,6 +33,8 @@ TRAIL: Colour = (108, 134, 168)
 _TRAIL_STEP, _START_SIZE = 1.5, 4.0
 #: Positions beyond this count as this (BL), so that every finite state can be drawn.
 _FAR = 1e12
+#: Control intervals after which the camera has made up for 63 % of a move.
+_LAG = 30.0
 #: Grid lines further out have no numbers (BL): they would not fit.
 _NUMBERED = 1e7
 _LEAST_WIDTH, _LEAST_HEIGHT = 480, 270
@@ -74,6 +76,8 @@ class FramePainter:
         self.scene = scene
         self.width, self.height = width, height
         self._radius = target_radius
+        self._lag = _LAG * scene.episode.control_interval
+        self._time_unit, self._seconds = _time_unit(scene.episode.control_interval)
         #: Lengths and sizes of text below are pixels of the smallest common size, times this.
         unit = self._unit = min(width / 640, height / 360)
         self._small, self._middle, self._big = (Lettering(size * unit) for size in (11.5, 13, 17))
@@ -130,7 +134,7 @@ class FramePainter:
         if camera is None or time < camera.time:
             step = _TRAIL_STEP * self._unit
             camera = self._camera = Camera(
-                self._middle_of_plot, self._half, self._radius, step, centre, aim, time
+                self._middle_of_plot, self._half, self._radius, step, self._lag, centre, aim, time
             )
         else:
             camera.follow(centre, aim, time)
@@ -168,7 +172,7 @@ class FramePainter:
         self._time_at = (right - 190 * unit, base)
         self._progress_at = (right - 21 * unit, base)
         for at, name, far, of in (
-            (self._time_at, "time", 81, "s"),
+            (self._time_at, "time", 81, self._time_unit),
             (self._progress_at, "progress", 116, "BL"),
         ):
             self._middle.words(image, (at[0] - far * unit, base), name, QUIET_TEXT)
@@ -363,7 +367,7 @@ class FramePainter:
             patch.discs(eyes, 0.3 * min(head, 9.0 * unit), PAPER)
 
     def _draw_figures(self, image: Image.Image, time: float, progress: float) -> None:
-        self._middle.figures(image, self._time_at, _short(time, 2), TEXT, 1.0)
+        self._middle.figures(image, self._time_at, _short(time / self._seconds, 2), TEXT, 1.0)
         text = _short(progress, 3)
         text = text if text.startswith("-") else f"+{text}"
         self._middle.figures(image, self._progress_at, text, TEXT, 1.0)
@@ -390,6 +394,14 @@ def _grid_step(least: float) -> tuple[float, int]:
 def _plain(value: float, digits: int) -> str:
     """Return a number of the grid; zero has no sign."""
     return f"{round(value, digits) + 0.0:.{digits}f}"
+
+
+def _time_unit(interval: float) -> tuple[str, float]:
+    """Return the unit of time, and its seconds, in which two digits tell control intervals (s)."""
+    for name, seconds in (("s", 1.0), ("ms", 1e-3), ("\u00b5s", 1e-6)):
+        if interval >= 0.005 * seconds:
+            return name, seconds
+    return "ns", 1e-9
 
 
 def _short(value: float, digits: int) -> str:

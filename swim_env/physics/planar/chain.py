@@ -59,8 +59,8 @@ class BeamConstants(NamedTuple):
     strain_of_angles: bool = False
     linear_strain: bool = False
     contact_radius: float = 0.0
-    smallest_momentum: float = 1e-3
-    smallest_spin: float = 1e-3
+    smallest_momentum: float = 0.0
+    smallest_spin: float = 0.0
 
 
 @kernel

@@ -1,0 +1,127 @@
+"""Dynamical similarity: nothing depends on how large, heavy or fast a body is."""
+
+import numpy as np
+import pytest
+
+from swim_env import Scene, SwimTargetEnv, load_scene
+from swim_env.accuracy import choose
+from swim_env.analysis.continuous import integrate
+from swim_env.scene import SCHEME_NAMES
+from tests.support import Array, rollout
+
+#: Lengths, densities and times, from a micrometre to a kilometre, as multiples of those of a scene.
+UNITS = [(1e-6, 1e-9, 1.0), (1e-6, 1e9, 1e-6), (1e3, 1e9, 1e3), (1e3, 1e-9, 1e-3), (70.0, 1.0, 1.0)]
+each_unit = pytest.mark.parametrize("units", UNITS, ids=str)
+
+#: Everything that has a unit.
+BASE = load_scene(
+    "swimmer",
+    {
+        "cross_flow_drag": {"coefficient": 0.5},
+        "stream": {"velocity": (0.1, 0.05)},
+        "initial": {"velocity": (0.3, 0.1), "position": (1.0, 2.0)},
+        "episode.velocity_noise": None,
+        "episode.duration": 1.0,
+    },
+)
+#: Fields by what they scale with: powers of the length, the density and the time.
+POWERS = {
+    (1, 0, 0): ("beam.length", "beam.half_thickness", "initial.position"),
+    (1, 1, 0): ("beam.line_density",),
+    (3, 1, 0): ("beam.rotary_inertia",),
+    (5, 1, -2): ("beam.bending_stiffness",),
+    (0, 1, 0): ("fluid.density",),
+    (4, 1, -2): ("actuation.amplitude", "actuation.torque_limit"),
+    (1, 0, -1): ("stream.velocity", "initial.velocity"),
+    (0, 0, -1): ("actuation.frequency",),
+    (0, 0, 1): (
+        *("integrator.time_step", "episode.control_interval", "episode.duration"),
+        "damping.retardation_time",
+    ),
+}
+
+
+def in_units(scene: Scene, units: tuple[float, float, float]) -> Scene:
+    """Return a dynamically similar scene."""
+    changes = {}
+    for powers, paths in POWERS.items():
+        factor = float(np.prod(np.power(units, powers)))
+        for path in paths:
+            block, name = path.split(".")
+            if getattr(scene, block) is not None:
+                changes[path] = (factor * np.array(getattr(getattr(scene, block), name))).tolist()
+    return scene.replace(changes)
+
+
+def _torques(steps: int = 200) -> Array:
+    """Return random torques, held over control intervals."""
+    return np.repeat(np.random.default_rng(1).uniform(-1.0, 1.0, (steps // 4, 8)), 4, axis=0)
+
+
+@pytest.mark.parametrize("model", ["strip", "frozen", "panels"])
+@pytest.mark.parametrize("scheme", SCHEME_NAMES)
+@each_unit
+def test_bodies_of_all_sizes_take_the_same_steps(units, model, scheme) -> None:
+    scene = BASE.replace({"fluid.model": model, "integrator.scheme": scheme})
+    length, density, time = units
+    one = rollout(scene, _torques())
+    other = rollout(in_units(scene, units), _torques() * length**4 * density / time**2)
+    gaps = (other.centres / length - one.centres, other.angles - one.angles)
+    gap = max(float(np.abs(each).max()) for each in gaps)
+    assert gap < 1e-12, f"off by {gap:.2g}"
+    assert np.array_equal(other.iterations, one.iterations)
+    assert other.summary()["trusted"] == one.summary()["trusted"]
+    assert other.energy_drift == pytest.approx(one.energy_drift, rel=1e-9)
+
+
+@each_unit
+def test_agents_see_and_gain_the_same(units) -> None:
+    envs = [
+        SwimTargetEnv(scene, render_mode="rgb_array") for scene in (BASE, in_units(BASE, units))
+    ]
+    random = np.random.default_rng(2)
+    seen = [env.reset(seed=3)[0] for env in envs]
+    for _ in range(50):
+        assert seen[1] == pytest.approx(seen[0], rel=1e-5, abs=1e-6)
+        action = random.uniform(-1.0, 1.0, 8)
+        seen, rewards, *_, infos = zip(*(env.step(action) for env in envs), strict=True)
+        assert rewards[1] == pytest.approx(rewards[0], rel=1e-9, abs=1e-14)
+        assert infos[1]["distance"] == pytest.approx(infos[0]["distance"], rel=1e-12)
+    # All but the words: time and torques have units.
+    frames = [np.asarray(env.render(), dtype=float)[40:-60] for env in envs]
+    assert np.abs(frames[0] - 255.0).max() > 100.0
+    assert (np.abs(frames[1] - frames[0]) > 2.0).mean() < 1e-4
+    assert envs[1].metadata["render_fps"] in (50, round(50 / units[2]))
+
+
+def test_noise_and_rates_of_the_shipped_scene_are_what_agents_were_trained_with() -> None:
+    scene = load_scene("swimmer")
+    assert scene.episode.velocity_noise is None
+    explicit, default = (
+        SwimTargetEnv(scene, {"episode.velocity_noise": noise}) for noise in (1e-4, None)
+    )
+    assert np.array_equal(explicit.reset(seed=0)[0], default.reset(seed=0)[0])
+    start = {"velocity": (-0.1, 0.0), "joint_angles": [0.0] * 8, "heading": 0.0}
+    seen, _ = default.reset(seed=0, options=start)
+    assert seen[18] == pytest.approx(1.0, rel=1e-6)
+
+
+@each_unit
+def test_settings_are_chosen_alike(units) -> None:
+    scene = BASE.replace({"stream": None, "cross_flow_drag": None, "initial": {}})
+    one, other = (choose(each, 0.1, keep_elements=True) for each in (scene, in_units(scene, units)))
+    assert other.settings.time_step == pytest.approx(units[2] * one.settings.time_step, rel=1e-9)
+    assert other.error == pytest.approx(one.error, rel=1e-6)
+    assert (other.tried, other.cost) == (one.tried, one.cost)
+
+
+@each_unit
+def test_solvers_in_continuous_time_take_the_same_steps(units) -> None:
+    scene = BASE.replace({"fluid.model": "strip"})
+    one, other = (
+        integrate(each, 0.1 * time)
+        for each, time in ((scene, 1.0), (in_units(scene, units), units[2]))
+    )
+    assert other.path / units[0] == pytest.approx(one.path, rel=1e-8)
+    # Rounding decides some of their steps.
+    assert other.evaluations == pytest.approx(one.evaluations, rel=0.05)
