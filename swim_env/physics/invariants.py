@@ -65,13 +65,12 @@ def unexplained_energy(energy: Array, work: Array, dissipated: Array) -> Array:
 
 
 def energy_drift(energy: Array, work: Array, dissipated: Array) -> float:
-    """Return max_n |H_n - H_0 - work + dissipated| / max_n H; parameters as `unexplained_energy`.
+    """Return the largest unexplained energy as a share of that which the run was given.
 
-    Returns
-    -------
-    float
-        The largest unexplained energy as a share of the largest energy; 0 where there is none.
+    That is max_n |H_n - H_0 - work + dissipated| / (max_n H + dissipated): for a steady gait both
+    grow alike, so the share does not depend on how long it is watched. Parameters as
+    `unexplained_energy`; 0 where there is no energy.
     """
     left = float(np.max(np.abs(unexplained_energy(energy, work, dissipated))))
-    largest = float(np.max(energy))
-    return left / largest if largest > 0.0 else 0.0
+    through = float(np.max(energy) + np.sum(dissipated))
+    return left / through if through > 0.0 else 0.0

@@ -12,7 +12,7 @@ from swim_env.physics.solve.constants import unpack_constants
 from swim_env.physics.solve.forces import write_forces
 from swim_env.physics.solve.outer_step import outer_step
 from swim_env.physics.solve.prepare import energy_of_pose, prepare
-from swim_env.physics.solve.state import LARGEST, UNEXPLAINED, member_views
+from swim_env.physics.solve.state import LARGEST, LOST, UNEXPLAINED, member_views
 from swim_env.physics.status import ENERGY_UNEXPLAINED, FINE, STATE_NOT_FINITE
 
 Array = NDArray[np.float64]
@@ -88,7 +88,8 @@ def advance(
                 taken += 1
                 # Not more than it should be; infinity times no energy is not a number.
                 counters = m.state.counters
-                if counters[UNEXPLAINED] > solver.energy_tolerance * counters[LARGEST]:
+                through = counters[LARGEST] + counters[LOST]
+                if counters[UNEXPLAINED] > solver.energy_tolerance * through:
                     status = ENERGY_UNEXPLAINED
         outcome[member, 0] = taken
         outcome[member, 1] = status

@@ -6,7 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.physics.runtime.compile import kernel
-from swim_env.physics.solve.state import DISSIPATED, ENERGY, EXPLAINED, LARGEST, UNEXPLAINED, WORK
+from swim_env.physics.solve.state import (
+    DISSIPATED,
+    ENERGY,
+    EXPLAINED,
+    LARGEST,
+    LOST,
+    UNEXPLAINED,
+    WORK,
+)
 
 Array = NDArray[np.float64]
 
@@ -16,6 +24,7 @@ def begin_budget(energy: float, counters: Array) -> None:
     """Begin with the energy (J) of a start."""
     counters[EXPLAINED] = energy
     counters[LARGEST] = energy
+    counters[LOST] = 0.0
     counters[UNEXPLAINED] = 0.0
 
 
@@ -23,6 +32,7 @@ def begin_budget(energy: float, counters: Array) -> None:
 def keep_budget(counters: Array, record: Array) -> None:
     """Compare the energy after a step with what start, work and losses explain."""
     counters[EXPLAINED] += record[WORK] - record[DISSIPATED]
+    counters[LOST] += record[DISSIPATED]
     counters[LARGEST] = max(counters[LARGEST], record[ENERGY])
     gap = abs(record[ENERGY] - counters[EXPLAINED])
     if not gap <= counters[UNEXPLAINED]:

@@ -22,7 +22,7 @@ from swim_env.physics.fluid.models import shape_force
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.drag import drag_loss, drag_moment
 from swim_env.physics.planar.equations import evaluate_adjoint_step, set_pose
-from swim_env.physics.planar.layout import TOTAL, Drag, Increment, Pose
+from swim_env.physics.planar.layout import TOTAL, Body, Drag, Increment, Pose
 from swim_env.physics.runtime.compile import inlined, kernel
 from swim_env.physics.runtime.dense import copy
 from swim_env.physics.solve.budget import keep_budget
@@ -222,6 +222,54 @@ def _take_back_part(state: State, step: OuterStep, forces: ForceWork, record: Ar
     state.counters[KNOWN_INCREMENTS] = 0.0
 
 
+@kernel
+def _keep_losses(
+    second: bool, increment: Array, beam: BeamConstants, body: Body, drag: float, losses: Array
+) -> None:
+    """Note the impulses of damping and drag in a half of a composed part, as in `losses`."""
+    pose, inc, _, work, mass = body
+    if not second:
+        losses[:2] = 0.0
+        copy(mass.velocity, losses[2])
+    sign = 1.0 if second else -1.0
+    for row in range(2):
+        part = 1.0 if row == 0 else sign
+        for j in range(beam.elements - 1):
+            impulse = part * beam.joint_damping[j] * increment[3 + j]
+            losses[row, 2 + j] += impulse
+            losses[row, 3 + j] -= impulse
+        if drag > 0.0:
+            for k in range(beam.elements):
+                losses[row, 0] += part * work.impulse[0, k]
+                losses[row, 1] += part * work.impulse[1, k]
+                mean_x = 0.5 * (pose.d1[0, k] + inc.new_d1[0, k])
+                mean_y = 0.5 * (pose.d1[1, k] + inc.new_d1[1, k])
+                arm = mean_x * work.lever[0, k] + mean_y * work.lever[1, k]
+                losses[row, 2 + k] += part * (work.moment[k] + arm)
+
+
+@kernel
+def _loss_of_halves(h: float, step: OuterStep, velocity: Array) -> float:
+    """Return the energy (J) that damping and drag took in a composed part of length h.
+
+    Impulses act at the ends of the halves, so what they take is their product with the mean of H's
+    velocities there. Products with the halves' own increments overstate it: the first half moves by
+    the inertia of its start and the second by that of its end, and a loss has the square of what
+    this makes their rates differ by. The velocity in the middle, whose mass is not known, is the
+    one with which the trapezoidal rule gives the increment of both halves.
+    """
+    losses = step.losses
+    loss = 0.0
+    moved = 0.0
+    for i in range(velocity.size):
+        change = step.total[i] - step.part_total[i]
+        # Coordinates count angles from element to element, momenta from the ground.
+        moved = moved + change if i > 2 else change
+        change_of_rate = velocity[i] - losses[2, i]
+        loss -= losses[0, i] * moved / h + 0.25 * losses[1, i] * change_of_rate
+    return loss
+
+
 @inlined
 def _move_on(
     state: State, increment: Array, change: Array, shape: Array, total: Array, part: int
@@ -272,6 +320,8 @@ def outer_step(
     status = FINE
     half = 0
     begun = False
+    # Length of the last composed part, whose losses are known once the velocity at its end is.
+    pending = 0.0
     while True:
         # Compared, not assigned: kernels are not compiled once more for a literal False.
         second = half == 1
@@ -282,6 +332,9 @@ def outer_step(
             status = prepare(
                 state.q, state.p, beam, fluid, solver, body, fluid_buffers, newton, step.effort
             )
+            if status == FINE and pending > 0.0:
+                record[DISSIPATED] += _loss_of_halves(pending, step, mass.velocity)
+                pending = 0.0
             if status != FINE or done == _WHOLE:
                 break
             if not begun:
@@ -312,11 +365,14 @@ def outer_step(
             step.effort[0] += solver.evaluation_cost
             shape_force(inc.motion, fluid, fluid_buffers, balance.shape)
             evaluate_adjoint_step(state.p, torques, increment, h, beam, fluid, body)
-        for j in range(torques.size):
-            change = increment[3 + j]
-            record[DISSIPATED] += beam.joint_damping[j] * change * change / h
-        if fluid.drag > 0.0:
-            record[DISSIPATED] += drag_loss(increment, h, inc, drag)
+        if solver.composed:
+            _keep_losses(second, increment, beam, body, fluid.drag, step.losses)
+        else:
+            for j in range(torques.size):
+                change = increment[3 + j]
+                record[DISSIPATED] += beam.joint_damping[j] * change * change / h
+            if fluid.drag > 0.0:
+                record[DISSIPATED] += drag_loss(increment, h, inc, drag)
         if solver.forces:
             add_momenta(h / solver.time_step, fluid.drag > 0.0, balance, drag, forces)
         if fluid.drag > 0.0 or fluid.stream_x != 0.0 or fluid.stream_y != 0.0:
@@ -330,6 +386,8 @@ def outer_step(
             mass.known[TOTAL] = 0
             continue
         half = 0
+        if solver.composed:
+            pending = 2.0 * h
         record[PARTS] += 1.0
         done += part
         # Once two halves have made a whole, try the longer part again.

@@ -27,9 +27,10 @@ Integers = NDArray[np.int64]
 
 #: Entries of `State.counters`: steps taken, increments of equal parts that are known (at most 3),
 #: and how many 1024ths of a step the last part was; then the energy budget (J): the energy that
-#: start, work and losses explain, the largest energy, and the largest that was not explained.
-STEPS, KNOWN_INCREMENTS, LAST_PART, EXPLAINED, LARGEST, UNEXPLAINED = range(6)
-_COUNTERS = 6
+#: start, work and losses explain, the largest energy, what was lost to damping and drag, and the
+#: largest that was not explained.
+STEPS, KNOWN_INCREMENTS, LAST_PART, EXPLAINED, LARGEST, LOST, UNEXPLAINED = range(7)
+_COUNTERS = 7
 
 #: Columns of the record that `advance` writes for every step.
 RECORD_NAMES = (
@@ -65,7 +66,7 @@ class State(NamedTuple):
         The shape forces that belong to them, N numbers each.
     past : (2, N + 2) array
         Mean momentum of every element in the last step, with half its drag; N numbers each.
-    counters : (6,) array
+    counters : (7,) array
         See the names of its entries.
     """
 
@@ -91,15 +92,16 @@ def state_size(elements: int) -> int:
 
 
 def energy_drift_of(state: Array, elements: int) -> float:
-    """Return the largest unexplained energy since the start as a share of the largest energy."""
+    """Return `swim_env.physics.invariants.energy_drift` of the steps since the start."""
     return float(unexplained_share(state_views(state, elements)[0].counters))
 
 
 @shared
 def unexplained_share(counters: Array) -> float:
     """Return `energy_drift_of` from the counters of a state."""
-    if counters[LARGEST] > 0.0:
-        return float(counters[UNEXPLAINED] / counters[LARGEST])
+    through = counters[LARGEST] + counters[LOST]
+    if through > 0.0:
+        return float(counters[UNEXPLAINED] / through)
     return 0.0
 
 
@@ -125,6 +127,9 @@ class OuterStep(NamedTuple):
         Coordinates, momenta and `total` at the beginning of the part.
     part_record : (12,) array
         The record at the beginning of the part.
+    losses : (3, N + 2) array
+        Of a composed part: the impulses of damping and drag in its halves, their sum and by how
+        much the second is larger, and the velocity at its beginning.
     effort : (1,) array
         Share that was spent of the effort that an outer step may take.
     tally : (3,) int array
@@ -139,6 +144,7 @@ class OuterStep(NamedTuple):
     part_p: Array
     part_total: Array
     part_record: Array
+    losses: Array
     effort: Array
     tally: Integers
 
@@ -188,10 +194,12 @@ def member_views(
     known, tally, permutation = integers[:2], integers[2:5], integers[5 : n + 5]
     body, end = body_views(floats, 0, known, elements, motions)
     newton, end = newton_views(floats, end, permutation, elements, motions)
-    rows, end = matrix(floats, end, 6, n)
+    rows, end = matrix(floats, end, 9, n)
     record, end = vector(floats, end, _RECORD)
     effort, end = vector(floats, end, 1)
-    step = OuterStep(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], record, effort, tally)
+    step = OuterStep(
+        *(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5]), record, rows[6:9], effort, tally
+    )
     sums, end = matrix(floats, end, 10, elements)
     forces = ForceWork(sums[0:2], sums[2:4], sums[4:6], sums[6:8], sums[8:10])
     # At a cache line.
