@@ -3,7 +3,7 @@
 The search runs in the environment itself, with torques held over the control interval and no
 start noise. A grid over frequency and wave number, wide enough for the first two bending
 resonances and both directions of travel, shows where the good waves are; from there differential
-evolution varies amplitude, frequency, wave number and phase. A wave counts only if the trust check
+evolution varies amplitude, frequency, wave number and phase. A wave counts only if verification
 of `swim_agents.verification` confirms it, so candidates are checked from the best one down.
 """
 

@@ -1,12 +1,14 @@
-"""The trust check, which asks whether a score survives a finer computation.
+"""Verification, which asks whether a score survives a finer computation.
 
 Near a resonance the paper's settings do not resolve the motion, and an optimiser will exploit that.
-So a score counts only once the same torques, played at a quarter of the
-time step and with 12 panels on every element, bring the body about as far.
+So a score counts only once the same torques, played at a quarter of the time step and with three
+times the panels on sides and ends, bring the body about as far, and the energy of both runs adds up
+(they are trusted).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -14,12 +16,13 @@ from typing import Any
 import numpy as np
 
 from swim_agents.rollout import Rollout, score
-from swim_env.scene import Scene
+from swim_env.scene import Integrator, Scene
+from swim_env.scene.fluid import FLUID_TABLE
 
 __all__ = ["FINE_PANELS", "TIME_STEP_DIVISOR", "TOLERANCE", "Verification", "verify_rollout"]
 
-#: The finer computation: time step divided by this, panels per element, and how far off a score
-#: may be as a share of itself.
+#: The finer computation: time step divided by this, panels per element at least as many and at
+#: least twice the scene's, and how far off a score may be as a share of itself.
 TIME_STEP_DIVISOR, FINE_PANELS, TOLERANCE = 4, 12, 0.1
 #: Displacements below this (BL) are rounding, and agree with each other.
 _NOTHING = 1e-9
@@ -34,14 +37,18 @@ class Verification:
     fine_displacement: float
     #: Their difference as a share of the score.
     difference: float
-    #: Whether the difference is at most `tolerance`, and neither computation was ended by the
-    #: physics: an episode that broke down proves nothing.
+    #: Whether the difference is at most `tolerance`, the energy of both computations adds up as the
+    #: scene's ``integrator.energy_tolerance`` asks, and neither was ended by the physics: an episode
+    #: that broke down proves nothing.
     verified: bool
     #: The largest difference allowed.
     tolerance: float
     #: Of the finer computation (s); no panels where the scene has none.
     time_step: float
     panels_per_element: int | None
+    #: Unexplained energy of the episode and of the finer computation, see `Trajectory.energy_drift`.
+    energy_drift: float
+    fine_energy_drift: float
     #: Why the episode or, if not, the finer run was ended by the physics; empty where neither was.
     termination_reason: str
     #: How near the finer computation comes to the target (BL); None where there is none. It plays
@@ -57,26 +64,35 @@ class Verification:
 
 
 def fine_scene(scene: Scene) -> Scene:
-    """Return a scene as the trust check plays it."""
+    """Return a scene with all of its discretisation refined but the elements, which act.
+
+    That is the time step, the tolerance of its equations, and the panels on sides and ends of any
+    model that has them, in proportion. What a model leaves out is no discretisation.
+    """
+    integrator, fluid = scene.integrator, scene.fluid
     changes: dict[str, object] = {
-        "integrator.time_step": scene.integrator.time_step / TIME_STEP_DIVISOR
+        "integrator.time_step": integrator.time_step / TIME_STEP_DIVISOR,
+        "integrator.tolerance": min(integrator.tolerance, Integrator().tolerance),
     }
-    panels = _panels(scene)
-    if panels is not None:
-        changes["fluid.panels_per_element"] = max(FINE_PANELS, panels)
+    if fluid is not None and FLUID_TABLE[fluid.model].panels:
+        panels = max(FINE_PANELS, 2 * fluid.panels_per_element)
+        changes["fluid.panels_per_element"] = panels
+        if not isinstance(fluid.cap_panels, str):
+            finer = math.ceil(fluid.cap_panels * panels / fluid.panels_per_element)
+            changes["fluid.cap_panels"] = finer
     return scene.replace(changes)
 
 
 def _panels(scene: Scene) -> int | None:
     """Return a scene's panels per element, None where it has none."""
     fluid = scene.fluid
-    return fluid.panels_per_element if fluid is not None and fluid.model == "panels" else None
+    return fluid.panels_per_element if fluid and FLUID_TABLE[fluid.model].panels else None
 
 
 def verify_rollout(
     rollout: Rollout, tolerance: float = TOLERANCE, progress: Callable[[int], object] | None = None
 ) -> Verification:
-    """Replay a recorded torque history at a quarter of the time step and 12 panels per element.
+    """Replay a recorded torque history with all of the discretisation refined, see `fine_scene`.
 
     The net displacements may differ by `tolerance` as a share of the score; `progress` is called
     with the number of fine time steps taken since its last call.
@@ -93,6 +109,8 @@ def verify_rollout(
     reason = fine.termination_reason
     if rollout.info["termination_reason"] != "target_reached":
         reason = rollout.info["termination_reason"] or reason
+    drifts = (float(rollout.info["energy_drift"]), fine.energy_drift)
+    trusted = max(drifts) <= scene.integrator.energy_tolerance
     distance = None
     if rollout.goal_is_point:
         away = np.hypot(*(fine.path - rollout.goal).T)
@@ -101,10 +119,12 @@ def verify_rollout(
         net_displacement=coarse_score,
         fine_displacement=fine_score,
         difference=difference,
-        verified=not reason and difference <= tolerance,
+        verified=not reason and trusted and difference <= tolerance,
         tolerance=tolerance,
         time_step=scene.integrator.time_step,
         panels_per_element=_panels(scene),
+        energy_drift=drifts[0],
+        fine_energy_drift=drifts[1],
         termination_reason=reason,
         fine_distance=distance,
     )

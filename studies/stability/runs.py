@@ -96,7 +96,7 @@ class Verdict:
     #: Largest drift of the momentum as a share of its bound: 10 tolerances plus 1e-15 n times the
     #: size of its terms, n the parts solved.
     momentum: float = 0.0
-    #: Largest unexplained energy as a share of the largest energy, and the scene's tolerance.
+    #: Largest unexplained energy as a share of what went through, and the scene's tolerance.
     energy_drift: float = 0.0
     energy_tolerance: float = 0.0
     #: Mean energy of the last quarter over that of the first.
@@ -143,7 +143,7 @@ def play(run: HardRun) -> Verdict:
     if verdict.slowest > LONGEST_STEP:
         failures.append(f"a step took {verdict.slowest:.1f} s")
     if run.must_last and not run.flagged and not verdict.trusted:
-        failures.append(f"energy off by {verdict.energy_drift:.2g} of the largest")
+        failures.append(f"energy off by {verdict.energy_drift:.2g} of what went through")
     if run.steady and not abs(verdict.energy_ratio - 1.0) <= 0.03:
         failures.append(f"mean energy changes by a factor {verdict.energy_ratio:.3f}")
     if verdict.reason and run.must_last:
@@ -210,7 +210,7 @@ class _Watch:
         # largest energy and momentum terms, the parts that were solved.
         self._outside = np.zeros(3)
         self._balance = self._largest = bodies.energy_and_velocity(0)[0]
-        self._unexplained = self._terms = self._solved = 0.0
+        self._unexplained = self._terms = self._solved = self._lost = 0.0
         self._quarters: tuple[list[float], list[float]] = ([], [])
         self._not_finite = ""
 
@@ -261,6 +261,7 @@ class _Watch:
         self._balance = float(expected[-1])
         self._unexplained = max(self._unexplained, float(np.abs(energy - expected).max()))
         self._largest = max(self._largest, float(energy.max()))
+        self._lost += float(column["dissipated"].sum())
         count = verdict.steps + np.arange(1, len(energy) + 1)
         first, last = self._quarters
         first.append(float(energy[count <= verdict.wanted // 4].sum()))
@@ -296,7 +297,7 @@ class _Watch:
         """Sum up."""
         verdict, tolerance = self._verdict, self._integrator.tolerance
         if self._largest > 0.0:
-            verdict.energy_drift = self._unexplained / self._largest
+            verdict.energy_drift = self._unexplained / (self._largest + self._lost)
         first, last = (math.fsum(one) for one in self._quarters)
         verdict.energy_ratio = last / first if first > 0.0 else 1.0
         # The kernels' own budget, and the end that they make of it.

@@ -30,7 +30,7 @@ def draw_energy(
     """Draw the energy budgets of runs, a column for each.
 
     Above, the energy in its parts at the end of the run; below, work and losses since the start,
-    and what they do not explain, as a share of the largest energy.
+    and what they do not explain, as a share of the energy that went through (`Trajectory.energy_drift`).
 
     Parameters
     ----------
@@ -101,10 +101,10 @@ def _draw_spent(axes: Axes, run: Trajectory) -> None:
 
 def _draw_drift(axes: Axes, run: Trajectory) -> None:
     """Draw what nothing explains: between its least and its largest in short pieces of time."""
-    largest = float(run.energy.max()) or 1.0
+    through = float(run.energy.max() + run.dissipated.sum()) or 1.0
     left = run.unexplained_energy
     begins = _thinned(0, run.steps, _PIECES)[:-1]
-    low, high = (100.0 / largest * end.reduceat(left, begins) for end in (np.minimum, np.maximum))
+    low, high = (100.0 / through * end.reduceat(left, begins) for end in (np.minimum, np.maximum))
     style.mark_zero(axes)
     axes.fill_between(run.time[begins], low, high, color=style.PINK, linewidth=style.LINE)
     axes.set_xlim(run.time[0], run.time[-1])

@@ -43,7 +43,8 @@ class Integrator(Block, path="integrator"):
         whose moment does not fall again beyond 45 degrees.
     energy_tolerance : float
         Largest energy that a run may leave unexplained, |H - H_0 - work + dissipated| as a share
-        of its largest energy, before it is said not to be trusted; above 0.
+        of what went through, the largest energy and all that was dissipated, before it is said not
+        to be trusted; above 0.
     energy_excess : str
         One of `ENERGY_EXCESSES`, what happens then: ``warn`` says so in every summary, ``end`` ends
         the run with the reason ``energy_unexplained``.

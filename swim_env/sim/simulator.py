@@ -166,9 +166,9 @@ class Simulator:
         Returns
         -------
         float
-            max_n |H_n - H_0 - work + dissipated| as a share of max_n H. Beyond the scene's
-            ``integrator.energy_tolerance`` the run should not be trusted; a smaller time step, the
-            composed scheme or damping helps.
+            max_n |H_n - H_0 - work + dissipated| as a share of max_n H + dissipated. Beyond the
+            scene's ``integrator.energy_tolerance`` the run should not be trusted; a smaller time
+            step, the composed scheme or damping helps.
         """
         return energy_drift_of(self._state, self.elements)
 

@@ -142,7 +142,10 @@ class Trajectory:
 
     @property
     def energy_drift(self) -> float:
-        """Largest unexplained energy, as a share of the largest energy."""
+        """Largest unexplained energy, as a share of what went through.
+
+        See `swim_env.physics.invariants.energy_drift`.
+        """
         return energy_drift(self.energy, self.work, self.dissipated)
 
     def warnings(self) -> list[str]:
@@ -151,7 +154,7 @@ class Trajectory:
         if drift <= tolerance:
             return []
         return [
-            f"the energy budget is off by {drift:.2g} of the largest energy, more than the "
+            f"the energy budget is off by {drift:.2g} of what went through, more than the "
             f"scene's integrator.energy_tolerance of {tolerance:g}: do not trust this run; a "
             "smaller time step, integrator.scheme composed or damping may help"
         ]

@@ -1,4 +1,4 @@
-"""Baselines, episodes played by them, and the trust check."""
+"""Baselines, episodes played by them, and their verification."""
 
 import json
 from typing import Any
@@ -154,7 +154,7 @@ def test_a_rollout_played_again_is_the_same_motion(name, env):
     assert rollout.info["progress"] == pytest.approx(rollout.net_displacement, abs=1e-13)
 
 
-# ---- the trust check ---------------------------------------------------------------------------
+# ---- verification ------------------------------------------------------------------------------
 
 
 def _play(scene_overrides: list[str], wave: Actuation) -> Rollout:
@@ -178,12 +178,40 @@ def test_a_resolved_score_is_verified():
     assert checked.difference == 0.0
 
 
-def test_the_finer_scene_differs_in_step_and_panels_alone():
-    scene = load_scene("swimmer")
-    fine = fine_scene(scene)
-    assert fine.replace({"integrator.time_step": 0.005, "fluid.panels_per_element": 4}) == scene
-    dry = load_scene("swimmer", ["fluid=null"])
-    assert fine_scene(dry) == dry.replace("integrator.time_step", 0.00125)
+@pytest.mark.parametrize(
+    ("changes", "finer"),
+    [
+        ({}, {"fluid.panels_per_element": 12, "fluid.cap_panels": 3}),
+        (
+            {"fluid.panels_per_element": 8, "fluid.cap_panels": 3, "integrator.tolerance": 1e-5},
+            {
+                **{"fluid.panels_per_element": 16, "fluid.cap_panels": 6},
+                "integrator.tolerance": 1e-10,
+            },
+        ),
+        ({"fluid.cap_panels": "proportional"}, {"fluid.panels_per_element": 12}),
+        *(
+            (
+                {"fluid.model": model},
+                {"fluid.panels_per_element": 12, "fluid.cap_panels": 3},
+            )
+            for model in ("frozen", "expansion")
+        ),
+        ({"fluid.model": "strip"}, {}),
+        ({"fluid": None}, {}),
+    ],
+)
+def test_the_finer_scene_refines_all_that_is_discrete_but_the_elements(changes, finer):
+    scene = load_scene("swimmer", changes)
+    assert fine_scene(scene) == scene.replace({"integrator.time_step": 0.00125, **finer})
+
+
+def test_a_score_whose_energy_does_not_add_up_is_not_verified():
+    still = ["episode.duration=0.2", "integrator.energy_tolerance=1e-6"]
+    checked = verify_rollout(_play(still, Actuation(amplitude=1.0)))
+    assert checked.difference < checked.tolerance and not checked.termination_reason
+    assert max(checked.energy_drift, checked.fine_energy_drift) > 1e-6
+    assert not checked.verified
 
 
 # ---- the tuned wave ----------------------------------------------------------------------------
@@ -206,7 +234,7 @@ def test_the_tuned_wave_beats_the_papers_by_fifteen_and_is_what_its_record_says(
 
 
 @pytest.mark.slow
-def test_the_tuned_wave_passes_the_trust_check():
+def test_the_tuned_wave_is_verified():
     scene = load_scene("swimmer")
     rollout = play_episode(SwimEnv(scene), load_policy("tuned_wave", scene), options=QUIET)
     checked = verify_rollout(rollout)

@@ -96,7 +96,7 @@ def _table(summary: dict[str, Any]) -> str:
         ("positive work", f"{summary['positive_work']:.4f} J"),
         (
             "energy drift",
-            f"{summary['energy_drift']:.2e} of the largest energy, "
+            f"{summary['energy_drift']:.2e} of what went through, "
             f"{summary['energy_tolerance']:g} allowed",
         ),
         ("momentum drift", f"{summary['momentum_drift']:.2e}"),

@@ -67,7 +67,7 @@ def main(options: argparse.Namespace) -> int:
         save_figure(draw_wave_search(record), options.plot)
     if record["wave"] is None:
         raise SwimError(
-            f"none of the {len(record['checked'])} best waves passes the trust check; the record "
+            f"none of the {len(record['checked'])} best waves is verified; the record "
             f"is in {options.output}"
         )
     brief = {name: record[name] for name in record if name not in ("search", "scene_fields")}

@@ -29,7 +29,7 @@ class Performance:
     seed: int
     #: Along the goal's direction or towards its point (BL).
     net_displacement: float
-    #: The same from the trust check's finer computation (BL).
+    #: The same from the finer computation that verifies it (BL).
     fine_displacement: float
     #: Whether the two agree, see `swim_agents.verify_rollout`.
     verified: bool

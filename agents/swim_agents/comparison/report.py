@@ -119,7 +119,7 @@ def as_markdown(record: dict[str, Any]) -> str:
     where = f"Commit {record['commit']}, {record['machine']['processor']}, {record['date']}."
     parts = [f"# {record['scene']}: policies compared", f"{_caption(record)}. {where}"]
     parts.append(
-        "*Finer computation* is the trust check: the same torques played again at a quarter of "
+        "*Finer computation* verifies a score: the same torques played again at a quarter of "
         "the time step with 12 panels on every element; a score is verified when the two agree "
         f"within {record['tolerance']:.0%}. A target counts as reached in it where it comes within "
         f"{1.0 + record['tolerance']:.1f} of the target's radius. *A*, *f* and *kappa* are those "

@@ -41,7 +41,7 @@ class SolverConstants(NamedTuple):
     forces : bool
         Whether internal forces are found and written to the trace.
     energy_tolerance : float
-        Share of the largest energy beyond which energy that nothing explains ends a run.
+        Share of the energy that went through beyond which energy that nothing explains ends a run.
     """
 
     time_step: float
