@@ -54,7 +54,7 @@ def observation_space_of(task: Task) -> gymnasium.spaces.Box:
 def checked_render_mode(mode: str | None) -> str | None:
     """Return a render mode that can be used.
 
-    A mode that there is not is an OptionError, and Pillow that is missing a SwimError.
+    A mode that there is not is an OptionError, and Pillow that frames lack a SwimError.
     """
     if mode is None:
         return None
@@ -63,7 +63,8 @@ def checked_render_mode(mode: str | None) -> str | None:
         raise OptionError(
             f"unknown render_mode {mode!r}{hint}; modes: {', '.join(RENDER_MODES)}, or None"
         )
-    importlib.import_module("swim_env.envs.render.drawing")
+    if mode == "rgb_array":
+        importlib.import_module("swim_env.envs.render.drawing")
     return mode
 
 
