@@ -97,7 +97,14 @@ class EnvSnapshot:
     is_reset: bool = True
 
     def member(self, index: int) -> EnvSnapshot:
-        """Return the snapshot of one member, which a single environment can restore."""
+        """Return the snapshot of one member, which a single environment can restore.
+
+        A number that is not one of its members' is an OptionError.
+        """
+        number, count = whole(index), len(self.randoms)
+        if number is None or not 0 <= number < count:
+            raise OptionError(f"member must be 0 to {count - 1}, got {got(index)}")
+        index = number
         return EnvSnapshot(
             self.task,
             {name: array[index : index + 1].copy() for name, array in self.arrays.items()},
