@@ -197,7 +197,9 @@ def _chosen(trajectory: Trajectory, instants: ArrayLike | None) -> NDArray[np.in
         return np.arange(trajectory.steps + 1)
     chosen = np.atleast_1d(np.asarray(instants))
     last = trajectory.steps
-    if chosen.dtype.kind not in "iu" or not ((chosen >= 0) & (chosen <= last)).all():
+    if chosen.size and (
+        chosen.dtype.kind not in "iu" or not ((chosen >= 0) & (chosen <= last)).all()
+    ):
         raise OptionError(f"instants must be whole numbers of 0 to {last} in this trajectory")
     return chosen.astype(np.int64)
 
