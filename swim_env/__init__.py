@@ -5,7 +5,7 @@ After Leyendecker & Kanso, "Locomotion of a submerged Cosserat beam" (DETC2009-8
 
 from swim_env.accuracy.choice import with_chosen_settings
 from swim_env.analysis.modes import natural_frequencies
-from swim_env.envs.episodes import TERMINATION_REASONS, EnvSnapshot
+from swim_env.envs.episodes import TERMINATION_CODES, TERMINATION_REASONS, EnvSnapshot
 from swim_env.envs.registration import register_environments
 from swim_env.envs.single import SwimEnv, SwimTargetEnv
 from swim_env.envs.vector import SwimTargetVectorEnv, SwimVectorEnv
@@ -35,6 +35,7 @@ Scene._choose = with_chosen_settings
 __all__ = [
     "EFFECTS",
     "FLUID_MODELS",
+    "TERMINATION_CODES",
     "TERMINATION_REASONS",
     "ActionError",
     "EnvSnapshot",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from swim_agents.baselines import Policy
 from swim_env.envs.episodes import Episodes
 from swim_env.envs.single import SwimEnv
-from swim_env.envs.task import TARGET_RADIUS, TASKS
+from swim_env.envs.task import TARGET_RADIUS, TASKS, Task
 from swim_env.envs.vector import SwimVectorEnv
 from swim_env.errors import OptionError
 from swim_env.scene import Scene
@@ -85,10 +86,22 @@ class Rollout:
         """Play the torques again in the simulator, each for as long as it was held.
 
         In the same scene, which is the default, the motion is the episode's to the bit; another one
-        with the same body may have a smaller time step, for example. `progress` is called with the
-        number of steps taken since its last call.
+        with the same body and control interval may have a smaller time step, for example.
+        `progress` is called with the number of steps taken since its last call.
+
+        Raises
+        ------
+        OptionError
+            If the body or the control interval is another one.
         """
         played = self.scene if scene is None else scene
+        for field in ("beam", "episode.control_interval"):
+            own, other = (operator.attrgetter(field)(one) for one in (self.scene, played))
+            if own != other:
+                raise OptionError(
+                    f"an episode of scene {self.scene.name} cannot be played again in scene "
+                    f"{played.name}: {field} differs"
+                )
         simulator = Simulator(played)
         simulator.reset_to(self.coordinates, self.velocity)
         hold = played.steps_per_action
@@ -100,19 +113,29 @@ class Rollout:
     ) -> Swimmer:
         """Return the episode for a recording.
 
-        Its torques are played again unless its motion is given. The target's radius (BL) counts
-        where the goal is a point.
+        Its torques are played again unless its motion is given (another scene's is an
+        OptionError). The target's radius (BL) counts where the goal is a point.
         """
         from swim_env.recording import Swimmer
 
         return Swimmer(
             name,
-            self.simulate() if trajectory is None else trajectory,
+            self.simulate() if trajectory is None else self.own(trajectory),
             self.rewards,
             self.goal,
             target_radius if self.goal_is_point else None,
             self.velocity,
         )
+
+    def own(self, trajectory: Trajectory) -> Trajectory:
+        """Return a trajectory if it can be this episode's, else raise OptionError."""
+        if trajectory.scene != self.scene or trajectory.steps != self.steps:
+            raise OptionError(
+                f"a trajectory of {trajectory.steps} steps of scene {trajectory.scene.name} is not "
+                f"that of an episode of {self.steps} steps of scene {self.scene.name}, or the "
+                "scenes differ"
+            )
+        return trajectory
 
 
 def score(rollout: Rollout, position: Array) -> float:
@@ -192,7 +215,8 @@ def play_episode(
     swimmer = env.unwrapped
     if not isinstance(swimmer, SwimEnv):
         raise OptionError(f"play_episode needs a SwimEnv, got {type(swimmer).__name__}")
-    _check(policy, swimmer, any_scene)
+    if not any_scene:
+        check_policy(policy, swimmer.task)
     observation, info = env.reset(seed=seed, options=None if options is None else dict(options))
     log = _EpisodeLog(swimmer.episodes, 0, seed, info["position"])
     state: Any = None
@@ -208,12 +232,12 @@ def play_episode(
     return log.rollout(info, terminated, truncated)
 
 
-def _check(policy: Policy, env: SwimEnv | SwimVectorEnv, any_scene: bool) -> None:
-    """Let a policy refuse a scene or a task that it was not made for."""
+def check_policy(policy: Policy, task: Task) -> None:
+    """Let a policy refuse a scene or a task that it was not made for, where it has a `check`."""
     check = getattr(policy, "check", None)
-    if check is not None and not any_scene:
-        names = [name for name, kind in TASKS.items() if type(env.task) is kind]
-        check(env.scene, names[0] if names else None)
+    if check is not None:
+        names = [name for name, kind in TASKS.items() if type(task) is kind]
+        check(task.scene, names[0] if names else None)
 
 
 def play_episodes(
@@ -232,7 +256,10 @@ def play_episodes(
     network can differ from those in the last digit, since a product of matrices may round otherwise
     for a batch.
     """
-    _check(policy, env, any_scene)
+    if not isinstance(env, SwimVectorEnv):
+        raise OptionError(f"play_episodes needs a SwimVectorEnv, got {type(env).__name__}")
+    if not any_scene:
+        check_policy(policy, env.task)
     count = len(seeds)
     if env.num_envs != count or env.autoreset_mode is not AutoresetMode.NEXT_STEP:
         raise OptionError(

@@ -17,7 +17,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from swim_env import OptionError, SwimError, SwimVectorEnv
-from swim_env.envs.interface import checked_render_mode
+from swim_env.envs.vector import MEMBER_METHODS, SETTABLE
 
 
 class TrainingExtraError(SwimError, ImportError):
@@ -36,15 +36,6 @@ __all__ = ["SwimVecEnv", "TrainingExtraError", "make_swim_vec_env"]
 
 Members = int | Iterable[int] | None
 
-#: Attributes that all members share.
-_SHARED = ("action_space", "metadata", "observation_space", "render_mode", "scene", "spec", "task")
-#: Those of them that may be set, for all members at once.
-_SETTABLE = ("render_mode", "spec")
-#: Attributes of each member.
-_OWN = ("coordinates", "goal", "torques", "velocity")
-#: Methods of a member: none that would move it without the others.
-_METHODS = ("render", "snapshot")
-
 
 class SwimVecEnv(VecEnv):  # type: ignore[misc]
     """M swimmers for the algorithms of stable-baselines3, all stepped at once.
@@ -53,12 +44,10 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
     of M `SwimEnv` with the same seeds. Episode statistics need a `VecMonitor` around it, as for
     every environment that is batched by itself.
 
-    `get_attr` reads what `SwimEnv` has: ``scene``, ``task``, ``spec``, ``render_mode``,
-    ``metadata``, ``action_space`` and ``observation_space``, which all members share, and the
-    member's own ``coordinates``, ``velocity``, ``torques`` and ``goal``. `set_attr` sets
-    ``render_mode`` and ``spec``, for all members together. `env_method` calls ``render`` and
-    ``snapshot``. A member is no object of its own and cannot be moved without the others:
-    `reset`, `step`, and `restore` of the batch itself, `env`, move them all.
+    `get_attr` and `env_method` read what `SwimVectorEnv.call` lists, and `set_attr` sets
+    ``render_mode`` and ``spec``, for all members together. A member is no object of its own and
+    cannot be moved without the others: `reset`, `step`, and `restore` of the batch itself, `env`,
+    move them all.
 
     Parameters
     ----------
@@ -82,7 +71,7 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
         self._actions: NDArray[Any] | None = None
         self._was_reset = False
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
-        self.metadata = self._metadata()
+        self.metadata = env.get_attr("metadata")[0]
 
     @property
     def spec(self) -> gymnasium.envs.registration.EnvSpec | None:
@@ -179,70 +168,42 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
     def get_attr(self, attr_name: str, indices: Members = None) -> list[Any]:
         """Return an attribute of members, all unless given; `SwimVecEnv` lists what there is."""
         members = self._members(indices)
-        episodes = self.env.episodes
-        if attr_name in _OWN:
-            values = {
-                "coordinates": episodes.bodies.coordinates,
-                "goal": episodes.goals,
-                "torques": episodes.torques[:, 0],
-                "velocity": episodes.bodies.velocities,
-            }
-            return [np.array(values[attr_name][member]) for member in members]
-        if attr_name in _METHODS:
+        if attr_name in MEMBER_METHODS:
             return [partial(self._call, attr_name, member) for member in members]
-        if attr_name not in _SHARED:
-            known = ", ".join(sorted((*_SHARED, *_OWN, *_METHODS)))
-            raise AttributeError(
-                f"a member of the batch has no attribute {attr_name!r}; it has {known}"
-            )
-        if attr_name in ("action_space", "observation_space"):
-            attr_name = f"single_{attr_name}"
-        value = self._metadata() if attr_name == "metadata" else getattr(self.env, attr_name)
-        return [value] * len(members)
+        values = self.env.get_attr(attr_name)
+        return [values[member] for member in members]
 
     def set_attr(self, attr_name: str, value: Any, indices: Members = None) -> None:
         """Set ``render_mode`` or ``spec``, which all members share, for all of them at once."""
         members = self._members(indices)
-        if attr_name not in _SETTABLE:
-            if attr_name in (*_SHARED, *_OWN, *_METHODS):
-                raise AttributeError(
-                    f"{attr_name} of a batch cannot be set; what can is {', '.join(_SETTABLE)}"
-                )
-            raise AttributeError(f"a member of the batch has no attribute {attr_name!r}")
-        if len(set(members)) < self.num_envs:
+        if attr_name in SETTABLE and len(set(members)) < self.num_envs:
             raise OptionError(
                 f"all members share {attr_name}: it cannot be set for {len(set(members))} of "
                 f"{self.num_envs}"
             )
-        if attr_name == "render_mode":
-            self.render_mode = checked_render_mode(value)
-        setattr(self.env, attr_name, value)
+        self.env.set_attr(attr_name, value)
+        self.render_mode = self.env.render_mode
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: Members = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Call ``snapshot`` or ``render`` of members, all unless given.
+        """Call ``snapshot``, ``render`` or ``recorded`` of members, all unless given.
 
         ``snapshot`` returns a member's state as `SwimEnv.snapshot` does: a `SwimEnv` of the same
         scene can `restore` it and then does bit for bit what the member would, with its own number
         of actions in an episode. ``render`` returns a member's frame.
         """
         members = self._members(indices)
-        if method_name not in _METHODS:
+        if method_name not in MEMBER_METHODS:
             hint = ""
             if callable(getattr(self.env, method_name, None)):
                 hint = f"; call it for the whole batch, as SwimVecEnv.env.{method_name}"
             raise AttributeError(
                 f"a member of the batch has no method {method_name!r} of its own, only "
-                f"{' and '.join(_METHODS)}{hint}"
+                f"{', '.join(MEMBER_METHODS)}{hint}"
             )
-        if method_args or method_kwargs:
-            raise TypeError(f"{method_name} takes no arguments")
-        if method_name == "render":
-            frames = self.env.render()
-            return [None if frames is None else frames[member] for member in members]
-        snapshot = self.env.snapshot()
-        return [snapshot.member(member) for member in members]
+        values = self.env.call(method_name, *method_args, **method_kwargs)
+        return [values[member] for member in members]
 
     def _call(self, name: str, member: int, *args: Any, **kwargs: Any) -> Any:
         return self.env_method(name, *args, indices=member, **kwargs)[0]
@@ -271,10 +232,6 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
         if isinstance(indices, (int, np.integer)):
             indices = [int(indices)]
         return [all_members[index] for index in indices]
-
-    def _metadata(self) -> dict[str, Any]:
-        """Return the metadata of a single environment, which knows no autoreset mode."""
-        return {key: value for key, value in self.env.metadata.items() if key != "autoreset_mode"}
 
 
 def make_swim_vec_env(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swim_env.errors import SwimError
+from swim_env.errors import OptionError, SwimError
 from swim_env.scene import Scene
 from swim_env.sim.simulator import Simulator
 from swim_env.sim.trajectory import Trajectory
@@ -63,8 +63,18 @@ def elastic_moments(scene: Scene, joint_angles: Array) -> tuple[Array, Array]:
         EI K with the strain K of (16) (N m).
     energies : (..., N - 1) array
         dl EI K^2 / 2 (J), the parts of W (33).
+
+    Raises
+    ------
+    OptionError
+        If the angles are those of another number of joints.
     """
     beam = scene.beam
+    if np.shape(joint_angles)[-1:] != (beam.elements - 1,):
+        raise OptionError(
+            f"joint_angles must have shape (..., {beam.elements - 1}) in scene {scene.name}, got "
+            f"{np.shape(joint_angles)}"
+        )
     linear = scene.integrator.strain == "joint_angle"
     bend = joint_angles if linear else np.sin(joint_angles)
     moments: Array = beam.stiffness_at_joints() / beam.element_length * bend
@@ -185,7 +195,13 @@ def summed(values: Array) -> Array:
 def _chosen(trajectory: Trajectory, instants: ArrayLike | None) -> NDArray[np.int64]:
     if instants is None:
         return np.arange(trajectory.steps + 1)
-    return np.asarray(instants, dtype=np.int64)
+    chosen = np.atleast_1d(np.asarray(instants))
+    last = trajectory.steps
+    if chosen.size and (
+        chosen.dtype.kind not in "iu" or not ((chosen >= 0) & (chosen <= last)).all()
+    ):
+        raise OptionError(f"instants must be whole numbers of 0 to {last} in this trajectory")
+    return chosen.astype(np.int64)
 
 
 def _places(trajectory: Trajectory) -> Array:

@@ -43,6 +43,7 @@ from swim_env.physics.runtime.dense import dot
 from swim_env.physics.runtime.views import LANES, padded
 from swim_env.physics.status import FINE
 from swim_env.scene import Scene
+from swim_env.scene.checks import whole
 from swim_env.sim.constants import scene_constants
 from swim_env.sim.trajectory import Trajectory
 
@@ -230,7 +231,19 @@ class BodyFlow:
         -------
         Flow or None
             None if the panels have no solution for this shape.
+
+        Raises
+        ------
+        OptionError
+            If the arrays are those of another number of elements.
         """
+        n = self.scene.beam.elements
+        shapes = tuple(map(np.shape, (centre, angles, velocities, turning)))
+        if shapes != ((2,), (n,), (n, 2), (n,)):
+            raise OptionError(
+                f"a flow of scene {self.scene.name} takes a centre (2,), angles ({n},), velocities "
+                f"({n}, 2) and turning ({n},), got shapes {', '.join(map(str, shapes))}"
+            )
         if added_mass(np.diff(angles), self._fluid, self._buffers, self._mass) != FINE:
             return None
         motion = self._motion(angles, velocities, turning)
@@ -289,7 +302,7 @@ class BodyFlow:
                 f"a flow with steps of {own.integrator.time_step:g} s cannot show a trajectory "
                 f"with steps of {other.integrator.time_step:g} s"
             )
-        if not 0 <= instant <= trajectory.steps:
+        if whole(instant) is None or not 0 <= instant <= trajectory.steps:
             raise OptionError(
                 f"instant must be 0 to {trajectory.steps} for this trajectory, got {instant}"
             )

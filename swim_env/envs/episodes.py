@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -24,7 +23,8 @@ from swim_env.envs.task import Start, StartPlan, Task
 from swim_env.errors import ActionError, OptionError, SimulationEndedError, SwimError
 from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
 from swim_env.physics.status import describe
-from swim_env.scene.checks import got
+from swim_env.scene.checks import got, whole
+from swim_env.scene.scene import MOST_ACTIONS
 from swim_env.sim.batch import Bodies
 from swim_env.sim.recorder import needs_recording
 from swim_env.sim.trajectory import Trajectory
@@ -34,7 +34,6 @@ Indices = NDArray[np.int64]
 
 assert REACHED not in PHYSICS_REASONS
 _REASON_BY_CODE = {**PHYSICS_REASONS, REACHED: "target_reached"}
-_REASONS = np.array([_REASON_BY_CODE[code] for code in range(len(_REASON_BY_CODE))], dtype=object)
 
 #: Why a run or an episode ends before its time: every reason, and what it means.
 TERMINATION_REASONS: dict[str, str] = {
@@ -42,6 +41,25 @@ TERMINATION_REASONS: dict[str, str] = {
     for code, reason in _REASON_BY_CODE.items()
     if reason
 }
+
+#: What ``termination_code`` of an info means: the reason for each code, empty for none.
+TERMINATION_CODES: dict[int, str] = dict(sorted(_REASON_BY_CODE.items()))
+
+
+class Reasons(np.ndarray[Any, Any]):
+    """Reasons of a batch as text (M,), None for none; libraries without text get the codes.
+
+    They take arrays by ``__dlpack__``, as in `gymnasium.wrappers.vector.NumpyToTorch`.
+    """
+
+    def __dlpack__(self, **options: Any) -> Any:
+        codes = {reason: code for code, reason in TERMINATION_CODES.items()}
+        found = np.array([codes[reason or ""] for reason in self.tolist()], dtype=np.int64)
+        return found.__dlpack__(**options)
+
+
+_REASONS = np.array(list(TERMINATION_CODES.values()), dtype=object).view(Reasons)
+assert list(TERMINATION_CODES) == list(range(len(_REASONS)))
 
 #: A start that cannot be simulated is drawn again with less noise, down to this share and then 0.
 _SMALLEST_SHARE = 1e-3
@@ -79,7 +97,14 @@ class EnvSnapshot:
     is_reset: bool = True
 
     def member(self, index: int) -> EnvSnapshot:
-        """Return the snapshot of one member, which a single environment can restore."""
+        """Return the snapshot of one member, which a single environment can restore.
+
+        A number that is not one of its members' is an OptionError.
+        """
+        number, count = whole(index), len(self.randoms)
+        if number is None or not 0 <= number < count:
+            raise OptionError(f"member must be 0 to {count - 1}, got {got(index)}")
+        index = number
         return EnvSnapshot(
             self.task,
             {name: array[index : index + 1].copy() for name, array in self.arrays.items()},
@@ -111,10 +136,12 @@ class Episodes:
     count : int
         Their number M.
     max_episode_steps : int, optional
-        Actions until the time is up, if that is sooner than the scene's duration.
+        See `set_limit`.
 
     Attributes
     ----------
+    limit : int
+        Actions until the time is up.
     observations : (M, n) array of float32
         What each member observes now.
     actions : (M, N - 1) array
@@ -137,7 +164,7 @@ class Episodes:
     SceneError
         If the control interval is not a whole number of time steps.
     OptionError
-        If max_episode_steps is not a number of at least 1.
+        If max_episode_steps is not such a number.
     SimulationEndedError
         If the scene's own start cannot be simulated.
     """
@@ -146,9 +173,7 @@ class Episodes:
         scene = task.scene
         self.task = task
         self._hold = scene.steps_per_action
-        self.limit = scene.actions_per_episode
-        if max_episode_steps is not None:
-            self.limit = min(self.limit, whole_number(max_episode_steps, "max_episode_steps"))
+        self.set_limit(max_episode_steps)
         load_assessment()
         self.bodies = Bodies(scene, count)
         self.all_members = self.bodies.all_members
@@ -160,7 +185,6 @@ class Episodes:
         self.torques: Array = np.zeros((count, 1, joints))
         self._record = self.bodies.new_record(self._hold)
         self.goals: Array = np.zeros((count, 2))
-        self._settings = task.settings(self.limit)
         self.someone_ended = self.is_reset = False
         self.observations = np.zeros((count, task.observation_size), dtype=np.float32)
         self._figures = np.zeros((count, len(_COLUMNS)))
@@ -172,10 +196,24 @@ class Episodes:
         names = _TARGET_INFO if task.goal_is_point else _FORWARD_INFO
         self._info_columns = [(name, _COLUMNS[name]) for name in names]
         self._all_there = np.ones(count, dtype=np.bool_)
-        self._no_reasons = np.full(count, "", dtype=object)
+        self._no_reasons = np.full(count, "", dtype=object).view(Reasons)
         for constant in (self._all_there, self._no_reasons):
             constant.flags.writeable = False
         self._masks = [f"_{name}" for name in self.info(0)]
+
+    def set_limit(self, max_episode_steps: int | None) -> None:
+        """Set the actions until the time is up.
+
+        None means those of the scene's duration, -1 as many as can be counted, as for
+        `gymnasium.make`. Another number below 1 is an OptionError.
+        """
+        if max_episode_steps is None:
+            self.limit = self.task.scene.actions_per_episode
+        elif whole(max_episode_steps) == -1:
+            self.limit = MOST_ACTIONS
+        else:
+            self.limit = whole_number(max_episode_steps, "max_episode_steps", MOST_ACTIONS)
+        self._settings = self.task.settings(self.limit)
 
     # ---- running -------------------------------------------------------------------------------
 
@@ -290,15 +328,16 @@ class Episodes:
         """Return the info of one member."""
         code = int(self.counters[member, END_CODE])
         position = self._figures[member, _POSITION].copy()
-        info = self._info(self._figures[member].tolist(), position, _REASON_BY_CODE[code])
+        info = self._info(self._figures[member].tolist(), position, TERMINATION_CODES[code], code)
         if self.task.goal_is_point:
             info["target"] = self.goals[member].copy()
             info["success"] = info["is_success"] = code == REACHED
         return info
 
-    def _info(self, figures: Any, position: Array, reason: Any) -> dict[str, Any]:
+    def _info(self, figures: Any, position: Array, reason: Any, code: Any) -> dict[str, Any]:
         """Return what all tasks tell, of one member or of all: figures are by column."""
         info = {"time": figures[_TIME], "position": position, "termination_reason": reason}
+        info["termination_code"] = code
         for name, column in self._info_columns:
             info[name] = figures[column]
         return info
@@ -313,8 +352,9 @@ class Episodes:
             self.observations, self._figures, self.counters, observations, columns, flags
         )
         self.someone_ended = ended > 0
-        reasons = _REASONS[self.counters[:, END_CODE]] if ended else self._no_reasons
-        infos = self._info(columns, columns[_POSITION].T, reasons)
+        codes = self.counters[:, END_CODE].copy()
+        reasons = _REASONS[codes] if ended else self._no_reasons
+        infos = self._info(columns, columns[_POSITION].T, reasons, codes)
         if self.task.goal_is_point:
             infos["target"] = self.goals.copy()
             infos["success"] = self.counters[:, END_CODE] == REACHED
@@ -389,13 +429,10 @@ class Episodes:
 
 def whole_number(value: object, name: str, at_most: int | None = None) -> int:
     """Return a whole number of at least 1 and at most a bound, or raise OptionError."""
-    try:
-        if isinstance(value, bool):
-            raise TypeError
-        number = operator.index(value)  # type: ignore[arg-type]
-    except TypeError:
+    number = whole(value)
+    if number is None:
         shown = repr(value) if value is None or isinstance(value, bool) else got(value)
-        raise OptionError(f"{name} must be a whole number of at least 1, got {shown}") from None
+        raise OptionError(f"{name} must be a whole number of at least 1, got {shown}")
     if number < 1:
         raise OptionError(f"{name} must be at least 1, got {got(number)}")
     if at_most is not None and number > at_most:

@@ -2,26 +2,35 @@
 
 from __future__ import annotations
 
+import copy
+import enum
+import importlib
 import os
+import sys
 from collections.abc import Iterable, Mapping
+from types import NoneType
 from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.utils import seeding
+from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
 from swim_env.envs.assessment import OBSERVATION_LIMIT
-from swim_env.envs.episodes import EnvSnapshot, Episodes
+from swim_env.envs.episodes import EnvSnapshot, Episodes, whole_number
 from swim_env.envs.task import Task
 from swim_env.errors import OptionError
 from swim_env.scene import Scene
-from swim_env.scene.checks import nearest
+from swim_env.scene.block import plain
+from swim_env.scene.checks import got, nearest, whole
 
 Observation = NDArray[np.float32]
 RENDER_MODES = ("rgb_array", "human")
 
-SceneLike = Scene | str | os.PathLike[str]
+#: Largest number of threads.
+MOST_THREADS = 1_000
+
+SceneLike = Scene | str | os.PathLike[str] | Mapping[str, Any]
 Overrides = str | Iterable[str] | Mapping[str, object]
 
 
@@ -43,12 +52,19 @@ def observation_space_of(task: Task) -> gymnasium.spaces.Box:
 
 
 def checked_render_mode(mode: str | None) -> str | None:
-    """Return a render mode, or raise OptionError if there is no such mode."""
-    if mode is not None and mode not in RENDER_MODES:
+    """Return a render mode that can be used.
+
+    A mode that there is not is an OptionError, and Pillow that frames lack a SwimError.
+    """
+    if mode is None:
+        return None
+    if mode not in RENDER_MODES:
         hint = nearest(str(mode), RENDER_MODES)
         raise OptionError(
             f"unknown render_mode {mode!r}{hint}; modes: {', '.join(RENDER_MODES)}, or None"
         )
+    if mode == "rgb_array":
+        importlib.import_module("swim_env.envs.render.drawing")
     return mode
 
 
@@ -60,14 +76,14 @@ def checked_seed(seed: int | None, where: str = "") -> int | None:
     gymnasium.error.Error
         If it is not a whole number of at least 0.
     """
-    if isinstance(seed, bool):
-        raise gymnasium.error.Error(f"{where}Seed must be a whole number of at least 0, got {seed}")
-    if seed is not None:
-        try:
-            seeding.np_random(seed)
-        except gymnasium.error.Error as error:
-            raise gymnasium.error.Error(f"{where}{error}") from None
-    return seed
+    if seed is None:
+        return None
+    number = whole(seed)
+    if number is None or number < 0:
+        raise gymnasium.error.Error(
+            f"{where}Seed must be a whole number of at least 0, got {got(seed)}"
+        )
+    return number
 
 
 class SharedInterface:
@@ -88,10 +104,20 @@ class SharedInterface:
 
     metadata: dict[str, Any]
     render_mode: str | None
+    _spec: EnvSpec | None = None
 
     def _set_up_episodes(
-        self, task: Task, render_mode: str | None, *, count: int = 1, limit: int | None = None
+        self,
+        task: Task,
+        render_mode: str | None,
+        num_threads: int | None,
+        *,
+        count: int = 1,
+        limit: int | None = None,
     ) -> None:
+        self.num_threads = (
+            None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
+        )
         self.render_mode = checked_render_mode(render_mode)
         self.task = task
         self.episodes = Episodes(task, count, limit)
@@ -105,6 +131,26 @@ class SharedInterface:
     def scene(self) -> Scene:
         """The scene."""
         return self.task.scene
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What Gymnasium made the environment of, as plain values; None without Gymnasium.
+
+        Its ``max_episode_steps`` is the number of actions that an episode has. One that is set
+        with such a number changes the episodes to it.
+        """
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        if spec is not None:
+            limit = spec.max_episode_steps if spec.max_episode_steps else _limit_of_make()
+            if limit is not None:
+                self.episodes.set_limit(limit)
+            spec = copy.copy(spec)
+            spec.max_episode_steps = self.episodes.limit
+            spec.kwargs = _plain_arguments(spec.kwargs, self.scene)
+        self._spec = spec
 
     def render(self) -> Any:
         """Return a frame, (height, width, 3) uint8, or a batch's tuple of them, or show a window.
@@ -189,6 +235,46 @@ class SharedInterface:
         if self._viewer is not None:
             self._viewer.close()
             self._viewer = None
+
+
+def _limit_of_make() -> int | None:
+    """Return the limit that `gymnasium.make` has for the environment whose spec it is setting.
+
+    It keeps the limit to itself and puts a `TimeLimit` around the environment, which can end an
+    episode sooner than the environment does, but not later.
+    """
+    frame = sys._getframe(2)
+    if frame.f_code is not gymnasium.envs.registration.make.__code__:
+        return None
+    given: int | None = frame.f_locals.get("max_episode_steps")
+    registered = frame.f_locals.get("env_spec")
+    return registered.max_episode_steps if given is None and registered is not None else given
+
+
+def _plain_arguments(arguments: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
+    """Return arguments of an environment as JSON has them, a scene that is no name in full."""
+    found = dict(arguments)
+    found.pop("max_episode_steps", None)  # the spec has it itself
+    named = isinstance(found.get("scene", ""), str)
+    if not named or not isinstance(found.get("overrides", ""), (str, list, Mapping, NoneType)):
+        found["scene"] = scene
+        found.pop("overrides", None)
+    return {name: _as_json(value) for name, value in found.items()}
+
+
+def _as_json(value: Any) -> Any:
+    """Return a value of an argument as JSON has it, as far as it is one that can be used."""
+    if isinstance(value, Scene):
+        return value.to_dict()
+    if isinstance(value, enum.Enum):
+        return value.value
+    if isinstance(value, Mapping):
+        return {name: _as_json(item) for name, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_as_json(item) for item in value]
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    return plain(value)
 
 
 def _warn_of_no_render_mode(env: Any) -> None:

@@ -81,25 +81,31 @@ class SwimEnv(SharedInterface, gymnasium.Env[Observation, NDArray[Any]]):
     ``heading``, ``velocity``, ``turning_rate``, ``position`` ...), which are then exact.
 
     ## End
-    Truncated when the scene's ``episode.duration`` is over. Terminated when the physics cannot
-    continue; ``info["termination_reason"]`` is then one of ``swim_env.TERMINATION_REASONS``, and
-    empty otherwise.
+    Truncated when the scene's ``episode.duration`` is over, or after ``max_episode_steps``.
+    Terminated when the physics cannot continue; ``info["termination_reason"]`` is then one of
+    ``swim_env.TERMINATION_REASONS``, and empty otherwise.
 
     ## Info
     The same keys from ``reset`` and ``step``: ``time`` (s), ``position`` of the mean centre (m),
     ``progress`` since the start (BL), the reward's terms, ``heading_error`` (rad), ``work`` and
-    ``positive_work`` of the last action (J), ``termination_reason``.
+    ``positive_work`` of the last action (J), ``termination_reason``, and the same as a number,
+    ``termination_code``, whose meaning ``swim_env.TERMINATION_CODES`` tells.
 
     Parameters
     ----------
-    scene : Scene, str or os.PathLike
-        The scene, a shipped name or the path of a scene file.
+    scene : Scene, str, os.PathLike or mapping
+        The scene, a shipped name, the path of a scene file, or what `Scene.to_dict` returns.
     overrides : optional
         Changes to it, see `swim_env.load_scene`.
     render_mode : {"rgb_array", "human"}, optional
         Frames from `render`, or a window.
     effort_weight, heading_weight : float
         Weights of the optional rewards (BL/s), at least 0.
+    max_episode_steps : int, optional
+        Number of actions in an episode; by default those of the scene's duration. `gymnasium.make`
+        passes on its own argument of that name, -1 for episodes without end.
+    num_threads : int, optional
+        As for `SwimVectorEnv`; one body is stepped by one thread, whatever it is.
 
     Raises
     ------
@@ -123,12 +129,20 @@ class SwimEnv(SharedInterface, gymnasium.Env[Observation, NDArray[Any]]):
         render_mode: str | None = None,
         effort_weight: float = 0.0,
         heading_weight: float = 0.0,
+        max_episode_steps: int | None = None,
+        num_threads: int | None = None,
     ) -> None:
         task = ForwardTask(load_scene(scene, overrides), effort_weight, heading_weight)
-        self._set_up(task, render_mode)
+        self._set_up(task, render_mode, max_episode_steps, num_threads)
 
-    def _set_up(self, task: Task, render_mode: str | None) -> None:
-        self._set_up_episodes(task, render_mode)
+    def _set_up(
+        self,
+        task: Task,
+        render_mode: str | None,
+        max_episode_steps: int | None,
+        num_threads: int | None,
+    ) -> None:
+        self._set_up_episodes(task, render_mode, num_threads, limit=max_episode_steps)
         self.action_space = action_space_of(task)
         self.observation_space = observation_space_of(task)  # type: ignore[assignment]
 
@@ -259,7 +273,7 @@ class SwimTargetEnv(SwimEnv):
 
     Parameters
     ----------
-    scene, overrides, render_mode, effort_weight, heading_weight
+    scene, overrides, render_mode, effort_weight, heading_weight, max_episode_steps, num_threads
         As for `SwimEnv`.
     target_distance : pair of float
         Least and largest distance of the point at the start (BL).
@@ -284,6 +298,8 @@ class SwimTargetEnv(SwimEnv):
         target_distance: Sequence[float] = TARGET_DISTANCE,
         target_bearing: float = TARGET_BEARING,
         target_radius: float = TARGET_RADIUS,
+        max_episode_steps: int | None = None,
+        num_threads: int | None = None,
     ) -> None:
         task = TargetTask(
             load_scene(scene, overrides),
@@ -293,4 +309,4 @@ class SwimTargetEnv(SwimEnv):
             effort_weight,
             heading_weight,
         )
-        self._set_up(task, render_mode)
+        self._set_up(task, render_mode, max_episode_steps, num_threads)

@@ -13,13 +13,14 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from swim_env.envs.episodes import whole_number
+from swim_env.envs.episodes import Reasons, whole_number
 from swim_env.envs.interface import (
     Observation,
     Overrides,
     SceneLike,
     SharedInterface,
     action_space_of,
+    checked_render_mode,
     checked_seed,
     observation_space_of,
 )
@@ -35,13 +36,26 @@ from swim_env.envs.task import (
 from swim_env.errors import OptionError, SwimError
 from swim_env.physics.runtime.threads import usable_threads
 from swim_env.scene import load_scene
-from swim_env.scene.checks import got
+from swim_env.scene.checks import got, whole
 from swim_env.sim.trajectory import Trajectory
+
+#: What all members share, what of it can be set, and methods of each that move nothing.
+MEMBERS_SHARE = (
+    "action_space",
+    "metadata",
+    "observation_space",
+    "render_mode",
+    "scene",
+    "spec",
+    "task",
+)
+SETTABLE = ("render_mode", "spec")
+MEMBER_METHODS = ("recorded", "render", "snapshot")
 
 Booleans = NDArray[np.bool_]
 
-#: Largest number of members and of threads; memory ends sooner.
-MOST_MEMBERS, MOST_THREADS = 1_000_000, 1_000
+#: Largest number of members; memory ends sooner.
+MOST_MEMBERS = 1_000_000
 
 
 class SwimVectorEnv(
@@ -67,7 +81,7 @@ class SwimVectorEnv(
     autoreset_mode : gymnasium.vector.AutoresetMode or str
         ``NextStep``, ``SameStep`` or ``Disabled``.
     max_episode_steps : int, optional
-        Largest number of actions in an episode, if the scene's duration has more.
+        Number of actions in an episode, as for `SwimEnv`.
     num_threads : int, optional
         Largest number of threads; by default as many as numba uses at this moment.
 
@@ -105,11 +119,10 @@ class SwimVectorEnv(
     ) -> None:
         self.num_envs = whole_number(num_envs, "num_envs", MOST_MEMBERS)
         self.autoreset_mode = _checked_mode(autoreset_mode)
-        self.num_threads = (
-            None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
-        )
         try:
-            self._set_up_episodes(task, render_mode, count=self.num_envs, limit=max_episode_steps)
+            self._set_up_episodes(
+                task, render_mode, num_threads, count=self.num_envs, limit=max_episode_steps
+            )
         except MemoryError:
             raise OptionError(
                 f"{self.num_envs} members of scene {task.scene.name} do not fit into memory; "
@@ -131,11 +144,12 @@ class SwimVectorEnv(
         OptionError
             If the scene has no recording, or there is no such member.
         """
-        if isinstance(member, bool) or not isinstance(member, (int, np.integer)):
+        index = whole(member)
+        if index is None:
             raise OptionError(f"member must be a whole number, got {got(member)}")
-        if not 0 <= member < self.num_envs:
+        if not 0 <= index < self.num_envs:
             raise OptionError(f"member must be 0 to {self.num_envs - 1}, got {member}")
-        return self.episodes.recorded(int(member))
+        return self.episodes.recorded(index)
 
     # ---- Gymnasium's methods -------------------------------------------------------------------
 
@@ -177,8 +191,8 @@ class SwimVectorEnv(
             self.episodes.begin(member, *start)
             self._forget_frames(member)
         results = self.episodes.results()
-        if isinstance(seed, int):
-            super().reset(seed=seed)
+        if np.ndim(seed) == 0:  # type: ignore[arg-type]
+            super().reset(seed=checked_seed(seed))  # type: ignore[arg-type]
         self._show()
         infos = results.infos if mask.all() else self._masked_infos(mask)
         return results.observations, infos
@@ -229,6 +243,76 @@ class SwimVectorEnv(
         self._show()
         return observations, rewards, terminated, truncated, infos
 
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """Return what every member has or, of a method, returns by a name, as `SyncVectorEnv` does.
+
+        Members share ``scene``, ``task``, ``spec``, ``render_mode``, ``metadata``,
+        ``action_space`` and ``observation_space``. Their own are ``coordinates``, ``velocity``,
+        ``torques``, ``goal``, ``steps`` and ``np_random``, and the methods ``render``,
+        ``snapshot`` and ``recorded``. A member is no object that could be moved without the others.
+
+        Raises
+        ------
+        AttributeError
+            If members have nothing of that name.
+        """
+        members = range(self.num_envs)
+        if (args or kwargs) and name in MEMBER_METHODS:
+            raise TypeError(f"{name} takes no arguments")
+        if name == "render":
+            frames = self.render()
+            return (None,) * self.num_envs if frames is None else tuple(frames)
+        if name == "snapshot":
+            snapshot = self.snapshot()
+            return tuple(snapshot.member(member) for member in members)
+        if name == "recorded":
+            return tuple(self.recorded(member) for member in members)
+        if name in MEMBERS_SHARE:
+            value = getattr(self, f"single_{name}" if name.endswith("_space") else name)
+            if name == "metadata":  # a single environment knows no autoreset mode
+                value = {key: item for key, item in value.items() if key != "autoreset_mode"}
+            return (value,) * self.num_envs
+        if name == "np_random":
+            return tuple(self._generators())
+        bodies, episodes = self.episodes.bodies, self.episodes
+        own = {
+            "coordinates": bodies.coordinates,
+            "velocity": bodies.velocities,
+            "torques": episodes.torques[:, 0],
+            "goal": episodes.goals,
+        }
+        if name in own:
+            return tuple(np.array(own[name][member]) for member in members)
+        if name == "steps":
+            return tuple(map(int, bodies.steps_taken))
+        known = ", ".join(sorted((*MEMBERS_SHARE, *own, *MEMBER_METHODS, "np_random", "steps")))
+        raise AttributeError(f"a member of the batch has no attribute {name!r}; it has {known}")
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """Return an attribute of every member, see `call`."""
+        return self.call(name)
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Set ``render_mode`` or ``spec`` of all members, to one value or to M equal ones.
+
+        Raises
+        ------
+        AttributeError
+            If it is nothing that can be set.
+        OptionError
+            If the values are not M, or differ, as members share it.
+        """
+        if name not in SETTABLE:
+            raise AttributeError(
+                f"{name} of a batch cannot be set; what can is {' and '.join(SETTABLE)}"
+            )
+        given = list(values) if isinstance(values, (list, tuple)) else [values] * self.num_envs
+        if len(given) != self.num_envs or any(one != given[0] for one in given):
+            raise OptionError(
+                f"all members share {name}: it must be one value or {self.num_envs} equal ones"
+            )
+        setattr(self, name, checked_render_mode(given[0]) if name == "render_mode" else given[0])
+
     def close_extras(self, **kwargs: Any) -> None:
         """Close the window, if there is one."""
         self._close_viewer()
@@ -244,6 +328,7 @@ class SwimVectorEnv(
         infos: dict[str, Any] = {}
         for member in np.flatnonzero(mask):
             infos = self._add_info(infos, self.episodes.info(int(member)), int(member))
+        infos["termination_reason"] = infos["termination_reason"].view(Reasons)
         return infos
 
     def _plan_and_mask(self, options: Mapping[str, Any] | None) -> tuple[StartPlan, Booleans]:
@@ -284,8 +369,7 @@ class SwimVectorEnv(
             first = checked_seed(seed)  # type: ignore[arg-type]
             assert first is not None
             seeds = [first + i for i in range(self.num_envs)]
-        for member, one in enumerate(seeds):
-            checked_seed(one, f"seed of member {member}: ")
+        seeds = [checked_seed(one, f"seed of member {i}: ") for i, one in enumerate(seeds)]
         return [None if one is None else seeding.np_random(one)[0] for one in seeds]
 
     def _generators(self) -> list[np.random.Generator]:

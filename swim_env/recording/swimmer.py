@@ -87,11 +87,23 @@ class Swimmer:
         times: Array = np.minimum(ends, self.trajectory.time[-1])
         return times
 
-    def check_rewards(self) -> None:
-        """Check that rewards are finite numbers, one for each action that the run has begun.
+    def check(self) -> None:
+        """Check that what is given beside the run can belong to it, else raise OptionError.
 
-        An action in which the physics made no step at all may have one too.
+        Rewards are finite numbers, one for each action that the run has begun. An action in which
+        the physics made no step at all may have one too.
         """
+        n = self.scene.beam.elements
+        for what, value, size in (
+            ("goal", self.goal, 2),
+            ("start_velocity", self.start_velocity, n + 2),
+        ):
+            if value is not None and (
+                np.shape(value) != (size,) or not np.isfinite(np.asarray(value, float)).all()
+            ):
+                raise OptionError(f"the {what} of {self.name} must be {size} finite numbers")
+        if self.target_radius is not None and self.goal is None:
+            raise OptionError(f"the target_radius of {self.name} needs a goal, the target (m)")
         if self.rewards is None:
             return
         rewards = np.asarray(self.rewards)

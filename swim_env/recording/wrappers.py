@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 import os
 import weakref
 from collections.abc import Callable, Collection, Mapping
@@ -17,7 +16,7 @@ from swim_env.envs.vector import SwimVectorEnv
 from swim_env.errors import OptionError
 from swim_env.recording.tape import Tape
 from swim_env.recording.writer import FRAME_RATE, WrittenRecording
-from swim_env.scene.checks import got
+from swim_env.scene.checks import got, whole
 
 __all__ = ["RecordEpisodes", "RecordVectorEpisodes"]
 
@@ -267,11 +266,11 @@ def _checked_members(members: Collection[int], count: int) -> list[int]:
     shape = f"members must be different whole numbers of 0 to {count - 1}, at least one of them"
     try:
         listed = list(members)
-        chosen = sorted({operator.index(member) for member in listed})
     except TypeError:
         raise OptionError(f"{shape}, got {got(members)}") from None
+    chosen = sorted({number for number in map(whole, listed) if number is not None})
     in_range = chosen and 0 <= chosen[0] and chosen[-1] < count
-    if not in_range or len(chosen) < len(listed) or bool in map(type, listed):
+    if not in_range or len(chosen) < len(listed):
         shown = ", ".join(map(str, listed)) or "none"
         raise OptionError(f"{shape}, got {shown}")
     return chosen

@@ -107,8 +107,8 @@ def write_recording(
     Raises
     ------
     OptionError, SwimError
-        If there is no swimmer, if an argument cannot be used, if the number of a swimmer's rewards
-        does not fit its run; if rerun is not installed or the file cannot be written.
+        If there is no swimmer, if an argument cannot be used, if a swimmer's rewards, goal or
+        velocity do not fit its run; if rerun is not installed or the file cannot be written.
     """
     require_rerun()
     from swim_env.recording.layout import lanes_of
@@ -120,7 +120,7 @@ def write_recording(
         raise OptionError(f"unknown colour {colour!r}; colours: {', '.join(COLOURS)}")
     made = _text_of_about(about)
     for swimmer in swimmers:
-        swimmer.check_rewards()
+        swimmer.check()
         frames_of(swimmer.trajectory, frame_rate)
     begin = time.perf_counter()
     reach = REACH_OF_TWO if len(swimmers) == 2 else REACH

@@ -1,8 +1,8 @@
 """Checks of single values: each takes a value and the name of its field for messages.
 
 A check returns the value in its stored form or raises a `SceneError`. A bool is not a number, a
-number must be finite, and an integer field takes no float. Numpy scalars and arrays pass as the
-numbers and lists they hold.
+number must be finite, and an integer may be written as a float (4.0). Numpy scalars and arrays
+pass as the numbers and lists they hold.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import difflib
 import math
 import numbers
+import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
@@ -55,6 +56,18 @@ def is_number(value: object) -> bool:
     return isinstance(value, numbers.Real) and not isinstance(value, (bool, np.bool_))
 
 
+def whole(value: object) -> int | None:
+    """Return a whole number as an int, also one that is written as a float; else None."""
+    if isinstance(value, (bool, np.bool_)):
+        return None
+    if isinstance(value, (float, np.floating)):
+        return int(value) if float(value).is_integer() else None
+    try:
+        return operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        return None
+
+
 def real(
     unit: str = "",
     *,
@@ -89,9 +102,9 @@ def integer(at_least: int, at_most: int) -> Check[int]:
     """Return a check for an integer inside the bounds."""
 
     def check(value: object, field: str) -> int:
-        if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
+        number = whole(value)
+        if number is None:
             raise SceneError(f"{field} must be an integer, got {got(value)}")
-        number = int(value)
         if number < at_least:
             raise SceneError(f"{field} must be at least {at_least}, got {got(value)}")
         if number > at_most:

@@ -40,7 +40,8 @@ def find_scene_file(scene: object) -> tuple[Path, str]:
     """
     if not isinstance(scene, (str, os.PathLike)):
         raise SceneError(
-            f"a scene must be given as a name, a path or a Scene, got {type(scene).__name__}"
+            "a scene must be given as a name, a path, a Scene or a mapping, got "
+            f"{type(scene).__name__}"
         )
     given = os.fspath(scene)
     folder = _scene_folder()

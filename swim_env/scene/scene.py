@@ -372,15 +372,16 @@ def _build(name: str, cls: type[Block], value: object) -> object:
 
 
 def load_scene(
-    scene: str | os.PathLike[str] | Scene,
+    scene: str | os.PathLike[str] | Scene | Mapping[str, Any],
     overrides: str | Iterable[str] | Mapping[str, object] | None = None,
 ) -> Scene:
     """Find a scene and change fields of it.
 
     Parameters
     ----------
-    scene : str, os.PathLike or Scene
-        A shipped name (see `scene_names`), the path of a YAML file, or a scene.
+    scene : str, os.PathLike, Scene or mapping
+        A shipped name (see `scene_names`), the path of a YAML file, a scene, or what its `to_dict`
+        returns.
     overrides : str, iterable of str, or mapping, optional
         Changes by dotted path, as ``"fluid.panels_per_element=12"`` (the value read as YAML) or
         as a mapping. They are applied together.
@@ -401,7 +402,9 @@ def load_scene(
     27
     """
     source = None
-    if not isinstance(scene, Scene):
+    if isinstance(scene, Mapping):
+        scene = Scene.from_dict(scene)
+    elif not isinstance(scene, Scene):
         path, source = find_scene_file(scene)
         scene = Scene.from_dict(read_scene_file(path, source), source)
     changes = {} if overrides is None else parse_overrides(overrides)

@@ -381,8 +381,12 @@ class Simulator:
         Raises
         ------
         SwimError
-            If the snapshot belongs to another scene.
+            If it is no simulator's snapshot, or belongs to another scene.
         """
+        if not isinstance(snapshot, Snapshot):
+            raise SwimError(
+                f"restore needs what a simulator's snapshot returned, got {type(snapshot).__name__}"
+            )
         if snapshot.scene != self.scene:
             raise SwimError(
                 f"the snapshot belongs to another scene ({snapshot.scene.name}), it can be "

@@ -94,6 +94,19 @@ class Trajectory:
     impulse: Array
     internal_forces: Array | None = None
 
+    def __post_init__(self) -> None:
+        """Check that the arrays are those of the scene's body (else TrajectoryError)."""
+        elements, steps = self.scene.beam.elements, len(np.atleast_1d(self.torques))
+        ends = {"centres": (elements, 2), "angles": (elements,), "torques": (elements - 1,)}
+        for key, end in ends.items():
+            shape = np.shape(getattr(self, key))
+            if shape[1:] != end:
+                wanted = (steps + (key != "torques"), *end)
+                raise TrajectoryError(
+                    f"the trajectory's {key} must have shape {wanted} in scene {self.scene.name}, "
+                    f"got {shape}"
+                )
+
     # ---- figures -------------------------------------------------------------------------------
 
     @property
@@ -288,11 +301,14 @@ class Trajectory:
             raise TrajectoryError(f"the trajectory holds no numbers: {error} ({name})") from None
         if scene.internal_forces is not None and "internal_forces" not in arrays:
             raise TrajectoryError(f"not a trajectory file, it lacks internal_forces ({name})")
-        trajectory = cls(scene=scene, termination_reason=reason, **arrays)
-        trajectory._check_shapes(name)
-        return trajectory
+        try:
+            trajectory = cls(scene=scene, termination_reason=reason, **arrays)
+            trajectory._check_shapes()
+            return trajectory
+        except TrajectoryError as error:
+            raise TrajectoryError(f"{error} ({name})") from None
 
-    def _check_shapes(self, name: str) -> None:
+    def _check_shapes(self) -> None:
         elements = self.scene.beam.elements
         steps = len(np.atleast_1d(self.torques))
         shapes = dict.fromkeys(_ARRAYS, (steps,)) | {
@@ -307,10 +323,10 @@ class Trajectory:
         if self.internal_forces is not None:
             shapes["internal_forces"] = (steps, elements - 1, 2)
         for key, shape in shapes.items():
-            if getattr(self, key).shape != shape:
+            found = getattr(self, key).shape
+            if found != shape:
                 raise TrajectoryError(
-                    f"the trajectory's {key} must have shape {shape}, got "
-                    f"{getattr(self, key).shape} ({name})"
+                    f"the trajectory's {key} must have shape {shape}, got {found}"
                 )
 
 

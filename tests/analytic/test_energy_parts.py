@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from swim_env import Simulator, SwimError, Trajectory, load_scene
+from swim_env import OptionError, Simulator, SwimError, Trajectory, load_scene
 from swim_env.analysis.energy import (
     elastic_energy,
     elastic_moments,
@@ -13,6 +13,7 @@ from swim_env.analysis.energy import (
     velocity_of_start,
 )
 from swim_env.scene import STRAIN_NAMES
+from tests.support import refuses
 
 
 @pytest.fixture(scope="module")
@@ -117,3 +118,17 @@ def test_the_energy_is_split_to_the_end_of_a_run(
 def test_another_velocity_than_the_starts_is_refused(run: Trajectory) -> None:
     with pytest.raises(SwimError, match="not the one that the run started with"):
         split_energy(run, np.full(11, 0.3), [0, 20])
+
+
+def test_angles_and_instants_of_another_run_are_refused():
+    """A joint's angle would be taken for every joint's, and a negative instant for a late one."""
+    scene = load_scene("swimmer")
+    for shape in ((), (1,), (5, 1), (5, 9)):
+        with refuses(OptionError, "joint_angles must have shape (..., 8) in scene swimmer"):
+            elastic_moments(scene, np.zeros(shape))
+    simulator = Simulator(scene)
+    start = simulator.velocity()
+    run = simulator.rollout(np.zeros((3, 8)))
+    for instants in ([-1], [0, 4], [1.0], [True]):
+        with refuses(OptionError, "instants must be whole numbers of 0 to 3"):
+            split_energy(run, start, instants)

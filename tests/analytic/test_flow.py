@@ -262,3 +262,14 @@ def test_a_flow_shows_its_own_scene_and_instants_that_there_are(
     run = Simulator(scene).rollout(np.zeros((3, scene.beam.elements - 1)))
     with pytest.raises(OptionError, match=message):
         BodyFlow(scene.replace(change)).during(run, instant, np.zeros((1, 2)))
+
+
+def test_a_flow_takes_the_motion_of_its_own_number_of_elements():
+    flow, points = BodyFlow(load_scene("paper_iv")), np.array([[9.0, 9.0]])
+    good = (np.zeros(2), np.zeros(3), np.zeros((3, 2)), np.zeros(3))
+    assert flow.at(points, *good) is not None
+    for place, wrong in enumerate((np.zeros(3), np.zeros(9), np.zeros((9, 2)), np.zeros(9))):
+        with pytest.raises(
+            OptionError, match=r"scene paper_iv takes a centre \(2,\), angles \(3,\)"
+        ):
+            flow.at(points, *good[:place], wrong, *good[place + 1 :])

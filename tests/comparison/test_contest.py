@@ -21,6 +21,7 @@ from swim_agents.comparison.contest import (
     steps_to_play,
 )
 from swim_agents.comparison.performance import measure_performance
+from swim_agents.learning.saved import AgentError
 from swim_agents.rollout import play_episodes
 
 from swim_env import (
@@ -402,3 +403,16 @@ def test_agents_for_a_target_play_for_a_target_alone(tmp_path):
     assert record["policies"][entries[2].name]["success_rate"] == 0.0
     with refuses(SwimError, "was trained for task target, not for forward"):
         entries_of([str(tmp_path / "seed_5")], scene)
+
+
+def test_a_policy_of_another_scene_is_refused_before_any_is_played():
+    scene = short()
+    other = load_policy("tuned_wave", scene.replace("actuation.torque_limit", 2.0))
+    played: list[float] = []
+    entries = [*entries_of(["zero"], scene), Entry("other", "other", other, {})]
+    with refuses(OptionError, "cannot play scene swimmer: torque_limit is 1.0, not 2.0"):
+        hold_contest(scene, entries, SEEDS, threads=1, progress=played.append)
+    assert not played
+    target = Entry("agent", "agent", load_policy("ppo_target", scene), {})
+    with refuses(AgentError, "agent ppo_target was trained for task target, not for forward"):
+        hold_contest(scene, [*entries, target][:3] + [target], SEEDS, threads=1)

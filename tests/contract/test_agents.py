@@ -16,6 +16,7 @@ from swim_agents import (
     tuned_wave,
     verify_rollout,
 )
+from swim_agents.comparison.performance import measure_performance
 from swim_agents.replay import replay_episode
 from swim_agents.tuned_wave import load_tuned_wave
 from swim_agents.tuning import check_candidates, net_displacements, search_wave
@@ -333,3 +334,46 @@ def test_a_policy_of_another_scene_is_refused_where_it_plays(name: str, field: s
     if field != "beam.elements":
         rollout = play_episode(SwimEnv(other), policy, any_scene=True)
         assert len(rollout.torques) == round(0.08 / other.episode.control_interval)
+
+
+@pytest.mark.parametrize(
+    ("other", "field"),
+    [
+        ({"beam.elements": 8}, "beam"),
+        ({"beam.bending_stiffness": 0.02}, "beam"),
+        ({"episode.control_interval": 0.04}, "episode.control_interval"),
+    ],
+)
+def test_an_episode_is_not_played_again_by_another_body_or_clock(env, other, field):
+    rollout = play_episode(env, load_policy("random", env.scene, 0), seed=0)
+    changed = env.scene.replace(other)
+    with refuses(OptionError, "cannot be played again in scene swimmer", f"{field} differs"):
+        rollout.simulate(changed)
+    foreign = Simulator(changed).rollout(np.zeros((rollout.steps, changed.beam.elements - 1)))
+    shorter = Simulator(env.scene).rollout(rollout.torques[:3])
+    for trajectory in (foreign, shorter):
+        for use in (
+            lambda: rollout.swimmer("x", trajectory),  # noqa: B023
+            lambda: measure_performance(rollout, trajectory, verify_rollout(rollout)),  # noqa: B023
+        ):
+            with refuses(OptionError, "is not that of an episode"):
+                use()
+
+
+def test_batches_and_single_environments_are_not_taken_for_each_other(env):
+    policy = load_policy("zero", env.scene)
+    with refuses(OptionError, "play_episodes needs a SwimVectorEnv, got SwimEnv"):
+        play_episodes(env, policy, [0])
+    batch = SwimVectorEnv(2, env.scene)
+    with refuses(OptionError, "play_episode needs a SwimEnv, got SwimVectorEnv"):
+        play_episode(batch, policy)
+    batch.reset(seed=0)
+    for member in (-1, 2, 0.5, True):
+        with refuses(OptionError, "member must be 0 to 1"):
+            batch.snapshot().member(member)
+    simulator = Simulator(env.scene)
+    for snapshot in (batch.snapshot(), batch.snapshot().member(0), None):
+        with refuses(SwimError, "restore needs what a simulator's snapshot returned"):
+            simulator.restore(snapshot)
+    with refuses(SwimError, "restore needs what snapshot returned, got Snapshot"):
+        batch.restore(simulator.snapshot())

@@ -7,6 +7,7 @@ import copy
 import hashlib
 import math
 import pickle
+import sys
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -14,10 +15,15 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+import scipy._lib.array_api_compat
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers import TimeAwareObservation
 from numpy.typing import NDArray
 
 from swim_env import (
+    TERMINATION_CODES,
+    TERMINATION_REASONS,
     ActionError,
     OptionError,
     SceneError,
@@ -25,10 +31,12 @@ from swim_env import (
     SwimEnv,
     SwimError,
     SwimVectorEnv,
+    load_scene,
 )
 from tests.support import (
     FORWARD,
     LIVELY,
+    ROOT,
     SMALL,
     TARGET,
     TASKS,
@@ -36,6 +44,7 @@ from tests.support import (
     each_task,
     make,
     make_batch,
+    make_singles,
     refuses,
     run_python,
     uniform,
@@ -286,6 +295,152 @@ def test_the_time_limit_is_met_exactly(build, task, duration, limit):
         assert not np.any(np.asarray(info["termination_reason"]) != "")
 
 
+# ---- what clients of Gymnasium rely on ----------------------------------------------------------
+
+#: Five actions to an episode.
+SHORT: dict[str, object] = {**SMALL, "episode.duration": 0.1}
+
+
+@pytest.mark.parametrize("mode", [None, "vector_entry_point", "sync", "async"])
+@pytest.mark.parametrize("task", TASKS, ids=("forward", "target"))
+@pytest.mark.parametrize(("given", "limit"), [(None, 5), (3, 3), (8, 8), (-1, 10**9)])
+def test_max_episode_steps_is_met_exactly_and_told(task, mode, given, limit):
+    arguments: dict[str, Any] = {"overrides": SHORT}
+    if given is not None:
+        arguments["max_episode_steps"] = given
+    if mode is None:
+        env = gymnasium.make(task, **arguments)
+        assert env.spec.max_episode_steps == env.unwrapped.spec.max_episode_steps == limit
+        for wrapped in (env, gymnasium.make(env.spec)):
+            observation, _ = TimeAwareObservation(wrapped).reset(seed=0)
+            assert observation.size == env.observation_space.shape[0] + 1
+    else:
+        env = gymnasium.make_vec(task, 2, mode, **arguments)
+        if mode != "async":
+            assert [spec.max_episode_steps for spec in env.get_attr("spec")] == [limit] * 2
+    env.reset(seed=0)
+    still = np.zeros(env.action_space.shape)
+    ends = [bool(np.all(env.step(still)[3])) for _ in range(min(limit, 12))]
+    assert ends == [step == limit for step in range(1, len(ends) + 1)]
+    env.close()
+
+
+def test_a_limit_of_its_own_and_of_its_spec_count_for_an_environment_without_wrappers():
+    env = SwimEnv(overrides=SHORT, max_episode_steps=7)
+    assert env.episodes.limit == 7 and env.spec is None
+    env.spec = gymnasium.envs.registration.EnvSpec(FORWARD, max_episode_steps=2)
+    env.reset(seed=0)
+    assert [env.step(np.zeros(2))[3] for _ in range(2)] == [False, True]
+
+
+GIVEN_SCENES: dict[str, Callable[[], dict[str, Any]]] = {
+    "a scene": lambda: {"scene": load_scene("paper_ii", SHORT)},
+    "a mapping": lambda: {"scene": load_scene("paper_ii", SHORT).to_dict()},
+    "a name": lambda: {"scene": "paper_ii", "overrides": SHORT},
+    "texts": lambda: {"overrides": ("beam.elements=3", "episode.duration=0.1")},
+    "an iterator": lambda: {"overrides": iter(["beam.elements=3", "episode.duration=0.1"])},
+    "a path": lambda: {"scene": ROOT / "configs" / "scenes" / "paper_ii.yaml"},
+    "numbers of NumPy": lambda: {
+        "effort_weight": np.float32(0.5),
+        "overrides": {"beam.elements": np.int8(3)},
+    },
+}
+
+
+@pytest.mark.parametrize("arguments", GIVEN_SCENES.values(), ids=GIVEN_SCENES)
+def test_a_spec_becomes_text_and_the_same_environment_again(arguments):
+    env = gymnasium.make(FORWARD, max_episode_steps=9, **arguments())
+    again = gymnasium.make(EnvSpec.from_json(env.spec.to_json()))
+    assert again.spec == env.spec
+    assert again.unwrapped.task.identity == env.unwrapped.task.identity
+    assert again.unwrapped.episodes.limit == 9
+
+
+def test_a_spec_of_a_batch_becomes_text_and_the_same_batch_again():
+    scene = load_scene("paper_ii", SHORT)
+    given = {"target_distance": (0.5, 0.75), "autoreset_mode": AutoresetMode.SAME_STEP}
+    envs = make_batch(TARGET, 3, scene=scene, max_episode_steps=9, num_threads=1, **given)
+    again = gymnasium.make_vec(EnvSpec.from_json(envs.spec.to_json()))
+    assert again.spec == envs.spec
+    assert again.task.identity == envs.task.identity
+    assert (again.num_envs, again.autoreset_mode) == (3, AutoresetMode.SAME_STEP)
+    assert again.episodes.limit == 9
+
+
+def test_reasons_have_numbers_which_libraries_without_text_get(monkeypatch):
+    torch = pytest.importorskip("torch")
+    # SciPy's copy of what gymnasium's extra array-api installs.
+    monkeypatch.setitem(sys.modules, "array_api_compat", scipy._lib.array_api_compat)
+    from gymnasium.wrappers.vector import NumpyToTorch
+
+    assert TERMINATION_CODES[0] == "" and set(TERMINATION_CODES.values()) - {""} == set(
+        TERMINATION_REASONS
+    )
+    plain, envs = (make_batch(FORWARD, 3, overrides=LIVELY) for _ in range(2))
+    converted = NumpyToTorch(envs)
+    mask = {"reset_mask": np.array([False, True, False])}
+    reasons = set()
+    for action in [None, *actions_for(plain, 150), mask]:
+        if action is None or action is mask:
+            infos, tensors = (one.reset(seed=0, options=action)[1] for one in (plain, converted))
+        else:
+            infos, tensors = plain.step(action)[4], converted.step(torch.as_tensor(action))[4]
+        codes = infos["termination_code"]
+        assert codes.dtype == np.int64
+        texts = [text or "" for text in infos["termination_reason"]]
+        assert texts == [TERMINATION_CODES[code] for code in codes]
+        assert tensors.keys() == infos.keys()
+        for name in ("termination_code", "termination_reason"):
+            assert tensors[name].tolist() == codes.tolist()
+        reasons |= set(texts)
+    assert len(reasons) > 1
+
+
+def test_integral_floats_are_integers_wherever_one_is_taken():
+    for four in (4, 4.0, np.float64(4), np.float32(4), np.int8(4), np.array(4)):
+        scene = load_scene("swimmer", {"beam.elements": four, "fluid.panels_per_element": four})
+        assert type(scene.beam.elements) is int and scene.beam.elements == 4
+        assert scene.fluid.panels_per_element == 4
+        envs = make_batch(FORWARD, four, scene=scene, num_threads=four, max_episode_steps=four)
+        assert (envs.num_envs, envs.episodes.limit, envs.num_threads) == (4, 4, 4)
+        env = SwimEnv(scene, num_threads=four, max_episode_steps=four)
+        assert_same(envs.reset(seed=four)[0][0], env.reset(seed=4)[0])
+        assert_same(envs.reset(seed=[4, 1.0, four, None])[0][2], env.reset(seed=four)[0])
+
+
+@pytest.mark.parametrize("task", TASKS, ids=("forward", "target"))
+def test_attributes_of_members_are_those_of_gymnasiums_own_batch(task):
+    ours, theirs = make_batch(task, 3, overrides=SHORT), make_singles(task, 3, overrides=SHORT)
+    for envs in (ours, theirs):
+        envs.reset(seed=0)
+        envs.step(actions_for(ours, 1)[0])
+    own = ("coordinates", "velocity", "torques", "goal", "steps", "snapshot")
+    for name in (*own, "render_mode", "metadata", "action_space", "observation_space", "scene"):
+        for call in ("call", "get_attr"):
+            found, expected = (getattr(envs, call)(name) for envs in (ours, theirs))
+            assert type(found) is tuple
+            assert_same(found, expected, name) if name in own else None
+            assert name in own or found == expected
+    assert_same(
+        [one.bit_generator.state for one in ours.get_attr("np_random")],
+        [one.bit_generator.state for one in theirs.get_attr("np_random")],
+    )
+    ours.set_attr("render_mode", "rgb_array")
+    assert ours.get_attr("render_mode") == ("rgb_array",) * 3
+    assert_same(ours.call("render"), ours.render())
+    ours.set_attr("render_mode", [None] * 3)
+    assert ours.render_mode is None
+    for name, value in (("render_mode", ["human", None, None]), ("render_mode", [None] * 2)):
+        with refuses(OptionError, "all members share render_mode"):
+            ours.set_attr(name, value)
+    for name in ("scene", "goal", "episodes", "step"):
+        with refuses(AttributeError, f"{name} of a batch cannot be set"):
+            ours.set_attr(name, None)
+    for name in ("step", "reset", "episodes", "no_such_name"):
+        with refuses(AttributeError, f"no attribute {name!r}; it has", "coordinates"):
+            ours.call(name)
+
+
 @each_kind
 def test_resetting_twice_and_closing_twice_do_no_harm(build):
     env, twin = build(overrides=SMALL), build(overrides=SMALL)
@@ -346,11 +501,11 @@ BAD_MASKS: dict[str, tuple[Any, tuple[str, ...]]] = {
     "empty": ({"reset_mask": np.zeros(3, dtype=bool)}, ("reset_mask", "one of them")),
     "nothing": ({"reset_mask": None}, ("reset_mask", "None")),
 }
-BAD_SEEDS: list[Any] = ["1", 1.0, -1, True, np.True_, np.array(1), {}, []]
+BAD_SEEDS: list[Any] = ["1", 1.5, math.nan, -1, True, np.True_, np.array(1.5), {}, []]
 BAD_SEEDS_OF_ONE: list[Any] = [[1], ()]
 BAD_SEEDS_OF_THREE: list[Any] = [
-    *([1, 2], [1, 2, 3, 4], [1, 2.0, 3], [1, "2", 3], [1, -2, 3], [True, 2, 3]),
-    *(np.array([1.0, 2.0, 3.0]), np.array([-1, 2, 3])),
+    *([1, 2], [1, 2, 3, 4], [1, 2.5, 3], [1, "2", 3], [1, -2, 3], [True, 2, 3]),
+    *(np.array([1.0, 2.5, 3.0]), np.array([-1, 2, 3])),
 ]
 BAD_SEED = (gymnasium.error.Error, OptionError)
 FOLDED: list[dict[str, Any]] = [{"joint_angles": 2.9}, {"velocity": (1e200, 0.0)}]
@@ -452,7 +607,8 @@ BAD_TARGET_ARGUMENTS: Arguments = [
 BAD_BATCH_ARGUMENTS: Arguments = [
     ("num_envs", 0, ("num_envs must be at least 1", "0")),
     ("num_envs", -3, ("num_envs must be at least 1", "-3")),
-    ("num_envs", 2.0, ("num_envs must be a whole number", "2.0")),
+    ("num_envs", 2.5, ("num_envs must be a whole number", "2.5")),
+    ("num_envs", math.nan, ("num_envs must be a whole number", "nan")),
     ("num_envs", "2", ("num_envs must be a whole number", "'2'")),
     ("num_envs", None, ("num_envs must be a whole number", "None")),
     ("num_envs", True, ("num_envs must be a whole number", "True")),
@@ -475,6 +631,7 @@ BAD_RENDER_MODES: Arguments = [
     ("render_mode", value, ("render_mode", repr(value), "rgb_array"))
     for value in ("rgb", "RGB_ARRAY", "", 3, [])
 ]
+BAD_LIMITS = [bad for bad in BAD_BATCH_ARGUMENTS if bad[0] in ("max_episode_steps", "num_threads")]
 ALL_BAD_ARGUMENTS = [
     (build, task, *bad)
     for build, task, table in (
@@ -483,7 +640,7 @@ ALL_BAD_ARGUMENTS = [
         (make_batch, FORWARD, BAD_ARGUMENTS),
         (make_batch, TARGET, BAD_TARGET_ARGUMENTS),
         (make_batch, FORWARD, BAD_BATCH_ARGUMENTS),
-        (lambda _, **given: SwimEnv(**given), FORWARD, BAD_RENDER_MODES),
+        (lambda _, **given: SwimEnv(**given), FORWARD, [*BAD_RENDER_MODES, *BAD_LIMITS]),
     )
     for bad in table
 ]

@@ -35,6 +35,10 @@ def wave(step: int, joints: int) -> Array:
 
 def played(env: SwimEnv, steps: int, **start: Any) -> list[Frame]:
     env.reset(**start)
+    return played_on(env, steps)
+
+
+def played_on(env: SwimEnv, steps: int) -> list[Frame]:
     frames = [env.render()]
     for step in range(steps):
         env.step(wave(step, env.scene.beam.elements - 1))
@@ -250,14 +254,34 @@ def test_rendering_changes_nothing():
     assert unseen._viewer is None
 
 
-def test_restoring_starts_a_new_trail_and_copies_render_on_their_own():
-    """What was shown before leaves no trace in a restored episode, nor in copies."""
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_copies_render_what_the_original_renders_and_on_their_own(duplicate):
+    """A copy has the trail and the camera; what the one shows then leaves no trace in the other."""
+    env = SwimTargetEnv(overrides=SMALL, render_mode="rgb_array")
+    played(env, 12, seed=0)
+    twin = duplicate(duplicate(env))
+    without_trail = SwimTargetEnv(overrides=SMALL, render_mode="rgb_array")
+    without_trail.reset()
+    without_trail.restore(env.snapshot())
+    expected = played_on(env, 5)
+    assert not np.array_equal(expected[0], without_trail.render())
+    assert_same(played_on(twin, 5), expected)
+    assert_same(played(duplicate(env), 2, seed=1), played(twin, 2, seed=1))
+    batch = members(2)
+    batch.reset(seed=0)
+    for step in range(9):
+        batch.render()
+        batch.step(np.stack([wave(step, 2)] * 2))
+    other = duplicate(batch)
+    for one in (batch, other):
+        one.reset(options={"reset_mask": np.array([True, False])}, seed=5)
+    assert_same(other.render(), batch.render())
+
+
+def test_restoring_starts_a_new_trail():
+    """What was shown before leaves no trace in a restored episode."""
     env = SwimEnv(overrides=SMALL, render_mode="rgb_array")
     played(env, 3, seed=0)
-    for twin in (copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
-        assert twin._viewer is None
-        assert twin.render().shape == (360, 640, 3)
-        assert np.array_equal(twin.step(wave(3, 2))[0], copy.deepcopy(env).step(wave(3, 2))[0])
     snapshot = env.snapshot()
     for step in range(20):
         env.step(wave(step, 2))
@@ -394,14 +418,16 @@ def test_gymnasiums_checker_passes_with_its_render_checks(task, headless, capfd)
         assert part in lines[0]
 
 
-def test_a_missing_pygame_is_named(clock, monkeypatch, capfd):
-    """Without pygame the line names the extra, and the episode continues."""
-    monkeypatch.setitem(sys.modules, "pygame", None)
+@pytest.mark.parametrize(("module", "name"), [("pygame", "pygame"), ("PIL", "Pillow")])
+def test_what_a_window_lacks_is_named(module, name, clock, monkeypatch, capfd):
+    """Without pygame or Pillow the line names the extra, and the episode continues."""
+    monkeypatch.setitem(sys.modules, module, None)
+    monkeypatch.delitem(sys.modules, f"{module}.Image", raising=False)
     played(SwimEnv(overrides=SMALL, render_mode="human"), 3)
     captured = capfd.readouterr()
     assert captured.out == ""
     assert captured.err.count("\n") == 1
-    assert "pygame is not installed" in captured.err
+    assert f"{name} is not installed" in captured.err
     assert "swim-env[view]" in captured.err
 
 
@@ -410,10 +436,9 @@ def test_a_missing_pillow_is_named(monkeypatch, headless):
     monkeypatch.setitem(sys.modules, "PIL", None)
     for module in ("drawing", "frames"):
         monkeypatch.delitem(sys.modules, f"swim_env.envs.render.{module}")
-    env = SwimEnv(overrides=SMALL, render_mode="rgb_array")
-    env.reset()
-    with pytest.raises(SwimError, match=r"Pillow.*swim-env\[view\]"):
-        env.render()
+    for build in (gymnasium.make, gymnasium.make_vec):
+        with pytest.raises(SwimError, match=r"Pillow.*swim-env\[view\]"):
+            build(FORWARD, overrides=SMALL, render_mode="rgb_array")
     played(SwimEnv(overrides=SMALL, render_mode="human"), 1)
 
 

@@ -402,9 +402,10 @@ BAD = [
     ("beam.length", [1.0], "must be a number in m, got a list of 1"),
     ("beam.length", 1j, "must be a number in m, got 1j"),
     ("beam.length", np.zeros((2, 2)), "must be a number in m, got a list of 2"),
-    ("beam.elements", 9.0, "must be an integer, got 9.0"),
+    ("beam.elements", 9.5, "must be an integer, got 9.5"),
+    ("beam.elements", math.inf, "must be an integer, got inf"),
     ("beam.elements", False, "must be an integer, got false"),
-    ("beam.elements", np.float64(9), "must be an integer, got 9.0"),
+    ("beam.elements", np.float64(math.nan), "must be an integer, got nan"),
     ("fluid.panels_per_element", "four", "must be an integer, got text 'four'"),
     ("damping.retardation_time", None, "must be a number in s, got null"),
     ("actuation.end_time", "never", "must be a number in s, got text 'never'"),
@@ -706,7 +707,7 @@ def test_overrides_apply_together_and_the_last_of_a_kind_counts():
         ("beam.bending_stiffness=[1, 2", "override 'beam.bending_stiffness=[1, 2': not valid YAML"),
         ("beam={length: 1, length: 2}", "field 'length' is given twice"),
         ("beam.elemnts=3", "unknown field beam.elemnts (nearest: beam.elements)"),
-        ("beam.elements=1e1", "beam.elements must be an integer, got 10.0"),
+        ("beam.elements=1.5e0", "beam.elements must be an integer, got 1.5"),
         ("beam.elements=", "beam.elements must be an integer, got null"),
         ("name=!!python/object:os.system x", "not valid YAML"),
         (7, "override 7 must read block.field=value"),
@@ -780,7 +781,7 @@ def test_what_is_not_there_is_refused_with_the_nearest_name(tmp_path, monkeypatc
     fails(lambda: load_scene(""), "unknown scene ''", "shipped scenes: paper_i,")
     fails(lambda: load_scene("x" * 5000), "unknown scene")
     fails(lambda: load_scene("a\0b.yaml"), "no such scene file")
-    fails(lambda: load_scene(7), "must be given as a name, a path or a Scene, got int")
+    fails(lambda: load_scene(7), "must be given as a name, a path, a Scene or a mapping, got int")
     Path("folder.yaml").mkdir()
     fails(lambda: load_scene("folder.yaml"), "cannot read the scene file", "(folder.yaml)")
 

@@ -1,6 +1,7 @@
 """The simulator's public surface: shapes, errors, prescribed torques, trajectories and files."""
 
 import copy
+import dataclasses
 import pickle
 from pathlib import Path
 from typing import Any
@@ -324,3 +325,9 @@ def test_a_failed_save_leaves_the_old_file(tmp_path, run, monkeypatch):
     for nowhere in (f"{file}\0", tmp_path / "no" / "such" / "folder.npz"):
         with pytest.raises(TrajectoryError, match="cannot write"):
             run.save(nowhere)
+
+
+def test_a_trajectory_is_that_of_its_scenes_body():
+    run = Simulator("paper_iv").rollout(np.zeros((3, 2)))
+    with refuses(TrajectoryError, "centres must have shape (4, 9, 2) in scene paper_i, got"):
+        dataclasses.replace(run, scene=load_scene("paper_i"))

@@ -82,10 +82,10 @@ def table(folder: Path, name: str) -> list[list[str]]:
 
 def weights(folder: Path) -> dict[str, bytes]:
     """Return the bits of every parameter of an agent, critics included."""
-    from swim_agents.learning.saved import load_agent
+    from swim_agents.learning.saved import _weights
 
-    policy = load_agent(folder)._policy
-    return {name: value.numpy().tobytes() for name, value in policy.state_dict().items()}
+    kept = _weights(folder / "model.zip")
+    return {name: value.numpy().tobytes() for name, value in kept.items()}
 
 
 def assert_same_run(one: Path, other: Path) -> None:

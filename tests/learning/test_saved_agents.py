@@ -24,7 +24,7 @@ from swim_agents.learning.config import TrainingConfig
 from swim_agents.learning.environment import make_batch
 from swim_agents.learning.saved import AgentError, load_agent, load_bare_model, save_agent
 from swim_agents.learning.trainer import train
-from swim_agents.policies import load_policy
+from swim_agents.policies import PRETRAINED_FOLDER, load_policy
 from swim_agents.rollout import play_episodes
 
 from swim_env import OptionError, load_scene
@@ -37,7 +37,7 @@ from tests.learning.small_runs import (
     small_config,
     untrained,
 )
-from tests.support import call_script, refuses
+from tests.support import call_script, refuses, run_python
 
 #: A function that returns a model of a kind and the folder it was saved to.
 Saved = Callable[[str], tuple[Any, Path]]
@@ -134,6 +134,64 @@ def test_a_loaded_agent_acts_like_the_model_that_was_saved(kind, saved):
     # Exploration is there on request.
     loud, _ = agent.predict(batch, deterministic=False)
     assert (loud != actions).any() and np.abs(loud).max() <= 1.0
+
+
+#: Plays where some packages are not installed; its arguments are their names and a folder's.
+PLAY_WITHOUT = """
+import sys
+import numpy as np
+sys.modules.update(dict.fromkeys(sys.argv[1].split(",")))
+from swim_agents import load_policy, play_episode
+from swim_env import SwimEnv, SwimTargetEnv
+for name in ("ppo_forward", "sac_forward", "ppo_target"):
+    agent = load_policy(name)
+    size = 22 if "target" in name else 21
+    batch = np.random.default_rng(5).normal(size=(50, size)).astype(np.float32)
+    np.save(f"{sys.argv[2]}/{name}.npy", agent.predict(batch)[0])
+    env = (SwimTargetEnv if "target" in name else SwimEnv)("swimmer", max_episode_steps=3)
+    assert play_episode(env, agent, seed=0, deterministic=False).truncated
+print(sys.modules.keys() & {"stable_baselines3.common"})
+"""
+
+
+def test_shipped_agents_play_with_torch_alone_as_with_stable_baselines3(tmp_path):
+    done = run_python("-W", "error", "-c", PLAY_WITHOUT, "stable_baselines3,tensorboard", tmp_path)
+    assert done.code == 0 and done.out == "set()\n", done.err
+    for name in ("ppo_forward", "sac_forward", "ppo_target"):
+        kind = stable_baselines3.SAC if "sac" in name else stable_baselines3.PPO
+        model = kind.load(
+            PRETRAINED_FOLDER / name / "model.zip",
+            device="cpu",
+            custom_objects={"replay_buffer_class": None},
+        )
+        actions = np.load(tmp_path / f"{name}.npy")
+        expected = model.predict(observations(model, 50), deterministic=True)[0]
+        assert (actions == expected).all() and actions.dtype == expected.dtype
+
+
+@pytest.mark.parametrize(
+    ("lacking", "arguments", "message"),
+    [
+        ("torch", "replay --scene swimmer --env --policy ppo_forward", "playing a trained agent"),
+        ("torch", "train demo", "training needs stable-baselines3"),
+        ("stable_baselines3", "train demo", "training needs stable-baselines3"),
+        (
+            "stable_baselines3",
+            "compare --policies MODEL --trust",
+            "a model file without agent.json",
+        ),
+    ],
+)
+def test_what_is_missing_is_said_for_what_is_done(lacking, arguments, message, saved, tmp_path):
+    model = shutil.copy(saved("ppo")[1] / "model.zip", tmp_path / "bare.zip")
+    code = (
+        f"import sys; sys.modules.update({{{lacking!r}: None}}); "
+        "from swim_agents.commands.main import main; sys.exit(main())"
+    )
+    given = arguments.replace("MODEL", str(model)).split()
+    done = run_python("-c", code, *given, cwd=tmp_path)
+    assert done.code == 2 and done.err.count("\n") == 1 and message in done.err, done.err
+    assert ("training" in message) == ("training" in done.err)
 
 
 def test_the_description_says_what_the_agent_is(saved):

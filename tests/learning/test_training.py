@@ -16,10 +16,16 @@ pytest.importorskip("stable_baselines3")
 
 import torch
 from swim_agents.learning.checkpoints import CheckpointError, load_checkpoint
-from swim_agents.learning.config import ConfigError
+from swim_agents.learning.config import ConfigError, load_config
 from swim_agents.learning.environment import make_training_env
 from swim_agents.learning.logs import read_log
-from swim_agents.learning.trainer import EVALUATION_COLUMNS, RunExistsError, run_status, train
+from swim_agents.learning.trainer import (
+    EVALUATION_COLUMNS,
+    RunExistsError,
+    check_run,
+    run_status,
+    train,
+)
 
 from swim_env import SwimError
 from tests.learning.small_runs import (
@@ -291,7 +297,6 @@ def test_a_checkpoint_without_a_sound_record_is_not_resumed(text, half):
 
 
 CHANGES: list[tuple[dict[str, Any], str]] = [
-    ({"steps": 3200}, "steps"),
     ({"network": {"layers": [4]}}, "network"),
     ({"evaluation": {"every": 601, "episodes": 2}}, "evaluation"),
     ({"ppo": {"rollout": 16, "minibatch": 32, "epochs": 3}}, "ppo"),
@@ -309,6 +314,59 @@ def test_another_configuration_is_refused_and_the_field_named(changes, name, who
     ):
         train(small_config(**changes), folder, 3, resume=True)
     assert contents(folder) == before
+
+
+# ---- prolonged runs ----------------------------------------------------------------------------
+
+#: The rates and the evaluations of a long run are those of a short one in its first 800 steps.
+STEADY: dict[str, Any] = {
+    "final_learning_rate": None,
+    "evaluation": {"every": 400, "episodes": 2},
+    "checkpoint_every": 400,
+}
+
+
+@pytest.mark.parametrize("kind", ["ppo", "sac", "target"])
+def test_a_prolonged_run_is_the_longer_run(kind, tmp_path):
+    short, long = (small_config(kind, steps=steps, **STEADY) for steps in (800, 1600))
+    one, other = tmp_path / "one", tmp_path / "other"
+    taken = train(long, one, 3)["steps"]
+    half = train(short, other, 3)["steps"]
+    record = check_run(long, other, 3, resume=True)
+    assert record is not None and (record["finished"], record["steps"]) == (False, half)
+    with pytest.raises(Stopped):
+        train(long, other, 3, resume=True, progress=stop_at(half + 300))
+    assert load_config(other / "config.yaml").steps == 1600
+    assert train(long, other, 3, resume=True)["steps"] == taken
+    assert_same_run(one, other)
+    assert load_config(other / "config.yaml") == long
+    assert (run_status(other) or {})["finished"]
+
+
+def test_the_rate_of_a_prolonged_run_is_that_of_its_new_length(tmp_path):
+    short, long = small_config(steps=640), small_config(steps=1280)
+    for config in (short, long):
+        train(config, tmp_path, 3, resume=True)
+    log = read_log(tmp_path / "progress.csv")
+    rates = [(short if now <= 640 else long).learning_rate_at(int(now)) for now in log["steps"]]
+    assert log["learning_rate"] == rates
+    assert log["steps"][-1] == 1280
+
+
+def test_a_run_cannot_be_prolonged_to_what_it_has_taken_or_without_its_checkpoint(whole, tmp_path):
+    folder = Path(shutil.copytree(whole("ppo"), tmp_path / "run"))
+    before = contents(folder)
+    for steps in (1, 1599):
+        with refuses(
+            ConfigError, "has taken 1,600 steps of 1,600: steps must be more", f"{steps:,}"
+        ):
+            train(small_config(steps=steps), folder, 3, resume=True)
+    with refuses(ConfigError, "another configuration, network differs"):
+        train(small_config(steps=3200, network={"layers": [4]}), folder, 3, resume=True)
+    assert contents(folder) == before
+    (folder / "checkpoint.zip").unlink()
+    with refuses(CheckpointError, "cannot be prolonged without its checkpoint.zip"):
+        train(small_config(steps=3200), folder, 3, resume=True)
 
 
 def test_another_seed_or_device_is_refused_by_name(half):

@@ -420,7 +420,7 @@ def test_bad_environments(tmp_path):
         ({"members": [-1]}, "got -1"),
         ({"members": []}, "got none"),
         ({"members": [0, 0]}, "got 0, 0"),
-        ({"members": [0.0]}, "members must be"),
+        ({"members": [0.5]}, "members must be"),
         ({"members": [True]}, "members must be"),
         ({"members": 1}, "members must be"),
         ({"members": "01"}, "members must be"),

@@ -1,5 +1,6 @@
 """Recordings, read back with rerun's own reader and compared with the run's numbers."""
 
+import math
 import subprocess
 from pathlib import Path
 
@@ -353,6 +354,20 @@ def test_rewards_fit_the_run(run, write):
     cut = simulator.rollout(simulator.prescribed_torques(10))
     one = write(Swimmer("x", cut, [0.1, 0.2, 0.3])).swimmers["x"]
     assert one.reward_time == pytest.approx([0.02, 0.04, 0.05])
+
+
+@pytest.mark.parametrize(
+    ("extra", "part"),
+    [
+        ({"goal": (1.0, 0.0, 0.0)}, "the goal of x must be 2 finite numbers"),
+        ({"goal": (1.0, math.nan)}, "the goal of x must be 2 finite numbers"),
+        ({"target_radius": 0.1}, "the target_radius of x needs a goal"),
+        ({"start_velocity": np.zeros(5)}, "the start_velocity of x must be 11 finite numbers"),
+    ],
+)
+def test_what_is_given_beside_a_run_fits_it(extra, part, run, write):
+    with pytest.raises(OptionError, match=part):
+        write(Swimmer("x", run, **extra))
 
 
 def test_places_of_recordings(tmp_path, monkeypatch):

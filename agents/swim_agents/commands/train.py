@@ -34,7 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--resume",
         action="store_true",
-        help="continue from the last checkpoints; finished runs are left as they are",
+        help="continue from the last checkpoints; finished runs are left as they are, unless "
+        "--set steps=N with more steps prolongs them",
     )
     parser.add_argument(
         "--device", default="cpu", help="of PyTorch: cpu (the default), cuda, auto ..."
@@ -85,7 +86,11 @@ def _train_all(
     for seed, folder in folders.items():
         before = check_run(config, folder, seed, **settings)
         if before is not None and before["finished"]:
-            print(f"seed {seed}: finished before, left as it is", file=sys.stderr)
+            print(
+                f"seed {seed}: finished before, left as it is; more steps prolong it "
+                "(--set steps=N)",
+                file=sys.stderr,
+            )
             steps[seed] = 0
     load_assessment()
     runs = []

@@ -17,11 +17,11 @@ from swim_agents.baselines import Policy
 from swim_agents.comparison.gait import Gait
 from swim_agents.comparison.performance import Performance, measure_performance
 from swim_agents.policies import load_policy, policy_names
-from swim_agents.rollout import Rollout, play_episodes
+from swim_agents.rollout import Rollout, check_policy, play_episodes
 from swim_agents.tuned_wave import load_tuned_wave
 from swim_agents.verification import TOLERANCE, fine_scene, verify_rollout
 from swim_env import __version__
-from swim_env.envs.task import TARGET_RADIUS, check_task
+from swim_env.envs.task import TARGET_RADIUS, TASKS, check_task
 from swim_env.envs.vector import VECTOR_ENVIRONMENTS
 from swim_env.errors import OptionError
 from swim_env.files.provenance import where_and_when
@@ -193,13 +193,16 @@ def hold_contest(
 
     Raises
     ------
-    OptionError
-        If the seeds or the task cannot be used, or a reference is missing.
+    OptionError, AgentError
+        If the seeds or the task cannot be used, a reference is missing, or a policy was made for
+        another scene or task.
     """
     count = len(seeds)
     if not seeds or len(set(seeds)) < count or min(seeds) < 0:
         raise OptionError(f"seeds must be different whole numbers of at least 0, got {list(seeds)}")
-    check_task(task)
+    made = TASKS[check_task(task)](scene)
+    for entry in entries:
+        check_policy(entry.policy, made)
     missing = [name for name in REFERENCES if name not in [entry.name for entry in entries]]
     if missing and task == "forward":
         raise OptionError(

@@ -72,6 +72,7 @@ def measure_performance(
     rollout: Rollout, trajectory: Trajectory, verification: Verification
 ) -> Performance:
     """Return the figures of an episode; the trajectory is that of `Rollout.simulate`."""
+    rollout.own(trajectory)
     scene = rollout.scene
     beam = scene.beam
     net, duration = rollout.net_displacement, trajectory.duration

@@ -14,11 +14,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from swim_agents.files import DAMAGED
+from swim_agents.vec_env import TrainingExtraError  # noqa: F401
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
+
+# After swim_agents.vec_env, which says in one line what is missing where this is not installed.
+import torch  # isort: skip
 
 __all__ = ["CheckpointError", "load_checkpoint", "save_checkpoint"]
 

@@ -8,9 +8,9 @@ from collections import deque
 from collections.abc import Iterator
 from typing import Any
 
-import gymnasium
 import numpy as np
 
+from swim_agents.learning.actor import ACTIVATIONS
 from swim_agents.learning.config import TrainingConfig
 from swim_agents.learning.settings import Network
 from swim_agents.vec_env import TrainingExtraError  # noqa: F401
@@ -20,9 +20,6 @@ from swim_env.errors import SwimError
 import stable_baselines3  # isort: skip
 import torch  # isort: skip
 from stable_baselines3.common.base_class import BaseAlgorithm  # isort: skip
-from stable_baselines3.common.policies import BasePolicy  # isort: skip
-
-_ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
 
 
 @contextlib.contextmanager
@@ -53,27 +50,9 @@ def _policy_arguments(network: Network, algorithm: str) -> dict[str, Any]:
     layers = list(network.layers)
     return {
         "net_arch": {"pi": layers, "vf": layers} if algorithm == "PPO" else layers,
-        "activation_fn": _ACTIVATIONS[network.activation],
+        "activation_fn": ACTIVATIONS[network.activation],
         "log_std_init": network.log_std,
     }
-
-
-def make_policy(
-    algorithm: str,
-    observation_space: gymnasium.spaces.Box,
-    action_space: gymnasium.spaces.Box,
-    network: Network,
-    state_dependent: bool,
-) -> BasePolicy:
-    """Make an untrained policy, of the shape that a saved agent's weights have."""
-    made = getattr(stable_baselines3, algorithm).policy_aliases["MlpPolicy"]
-    return made(
-        observation_space,
-        action_space,
-        lambda _: 0.0,
-        use_sde=state_dependent,
-        **_policy_arguments(network, algorithm),
-    )
 
 
 #: Names of settings in stable-baselines3 by algorithm.

@@ -63,7 +63,7 @@ class AgentPolicy:
 
     Parameters
     ----------
-    policy : stable_baselines3.common.policies.BasePolicy
+    policy : Actor or stable_baselines3.common.policies.BasePolicy
         The network.
     description : mapping
         What ``agent.json`` says of it: name, algorithm, task, scene, the record of the training.
@@ -178,7 +178,7 @@ def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
     """
     where = os.fspath(folder)
     description = _description(Path(folder) / "agent.json")
-    from swim_agents.learning.models import make_policy
+    from swim_agents.learning.actor import Actor
 
     try:
         scene = Scene.from_dict(description["scene"])
@@ -206,16 +206,13 @@ def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
         )
     weights = _weights(Path(folder) / "model.zip")
     try:
-        policy = make_policy(
-            algorithm, observation_space_of(task), action_space_of(task), network, gsde
-        )
-        policy.load_state_dict(weights)
+        policy = Actor(algorithm, observation_space_of(task), action_space_of(task), network, gsde)
+        policy.take_weights(weights)
     except (RuntimeError, AttributeError, TypeError):
         raise AgentError(
             f"the weights in model.zip are not those of the agent that agent.json describes "
             f"({where})"
         ) from None
-    policy.set_training_mode(False)
     return AgentPolicy(policy, description)
 
 
@@ -262,7 +259,13 @@ def load_bare_model(path: str | os.PathLike[str], scene: Scene, trust: bool) -> 
             f"{name} has no agent.json beside it, so reading it would unpickle, that is run, what "
             "it contains; if you trust where it came from, say so (trust=True, or --trust)"
         )
-    import stable_baselines3
+    try:
+        import stable_baselines3
+    except ImportError as missing:
+        raise AgentError(
+            f"a model file without agent.json needs stable-baselines3 ({missing}): install it "
+            f"(pip install stable-baselines3) ({name})"
+        ) from None
 
     for algorithm in ALGORITHMS:
         try:

@@ -14,7 +14,8 @@ A run is one folder:
 
 A run that was killed continues from its last checkpoint and ends bit for bit as it would have
 without the kill: the checkpoint has the networks and their optimisers, the replay buffer, every
-random number generator and the state of every episode.
+random number generator and the state of every episode. A run that is continued with more steps,
+finished or not, goes on to their number, with the learning rate that they give.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ except ImportError:  # no such locks on this system
     fcntl = None  # type: ignore[assignment]
 
 from swim_agents.files import INTACT, as_json, read_json, writing
-from swim_agents.learning.checkpoints import load_checkpoint, save_checkpoint
+from swim_agents.learning.checkpoints import CheckpointError, load_checkpoint, save_checkpoint
 from swim_agents.learning.config import ConfigError, TrainingConfig, load_config
 from swim_agents.learning.environment import make_batch, make_training_env
 from swim_agents.learning.logs import CsvLog, TensorBoardLog
@@ -136,7 +137,8 @@ def train(
         Of starts, first weights, exploration and minibatches.
     resume : bool
         Whether to continue from the folder's last checkpoint; a run without one starts afresh,
-        and a finished one is left as it is.
+        and a finished one is left as it is unless `config` has more steps than it took. All other
+        fields must be those of the run.
     device : str
         For PyTorch: ``cpu``, ``cuda``, ``auto``.
     threads : int, optional
@@ -159,7 +161,7 @@ def train(
     Raises
     ------
     ConfigError
-        If the folder's run has another configuration.
+        If the folder's run has another configuration, or took as many steps as another one has.
     RunExistsError
         If the folder holds a run and `resume` is not set, or another process uses it.
     CheckpointError, SwimError
@@ -216,7 +218,8 @@ def _run_before(
 ) -> dict[str, Any] | None:
     """Return the record of the run that is to be continued, None without one.
 
-    A run that is not to be continued, or that has other settings, is refused.
+    A run that is not to be continued, or that has other settings, is refused. One that is to be
+    prolonged is not ``finished``.
     """
     before = run_status(folder)
     if before is None:
@@ -238,7 +241,7 @@ def _run_before(
         raise SwimError(f"cannot read the run's configuration: {error} ({folder})") from None
     now = config.to_dict()
     for name in dict.fromkeys([*kept, *now]):
-        if kept.get(name) != now.get(name):
+        if name != "steps" and kept.get(name) != now.get(name):
             raise ConfigError(
                 f"the run was begun with another configuration, {name} differs; continue with the "
                 f"configuration in {folder / 'config.yaml'}, or name another folder"
@@ -248,6 +251,17 @@ def _run_before(
             raise ConfigError(
                 f"the run was begun with {name} {before[name]}, not {value} ({folder})"
             )
+    if config.steps != kept["steps"]:
+        if config.steps <= before["steps"]:
+            raise ConfigError(
+                f"the run has taken {before['steps']:,} steps of {kept['steps']:,}: steps must be "
+                f"more to prolong it, got {config.steps:,} ({folder})"
+            )
+        if before["finished"] and not (folder / "checkpoint.zip").exists():
+            raise CheckpointError(
+                f"the run cannot be prolonged without its checkpoint.zip ({folder})"
+            )
+        before["finished"] = False
     return before
 
 

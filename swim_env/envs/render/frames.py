@@ -55,6 +55,11 @@ class FramePainter:
     target_radius : float, optional
         The goal is a point, reached this close to it (BL); without, it is a direction.
 
+    Attributes
+    ----------
+    camera : Camera or None
+        What decides the next frame beside what it shows; None before an episode's first one.
+
     Raises
     ------
     OptionError
@@ -88,13 +93,13 @@ class FramePainter:
         self._middle_of_plot = np.array([left, top]) + self._half
         self._grid_shades = ramp((WATER, GRID), np.arange(256) / 255)
         self._backdrop = self._draw_backdrop()
-        self._camera: Camera | None = None
+        self.camera: Camera | None = None
 
     # ---- the frames ----------------------------------------------------------------------------
 
     def forget(self) -> None:
         """Start a new episode, with a new trail and a new place of the camera."""
-        self._camera = None
+        self.camera = None
 
     def draw(
         self,
@@ -130,10 +135,10 @@ class FramePainter:
         aim = np.asarray(goal, dtype=np.float64)
         if self._radius is not None:
             aim = np.clip(aim / length, -_FAR, _FAR)
-        camera = self._camera
+        camera = self.camera
         if camera is None or time < camera.time:
             step = _TRAIL_STEP * self._unit
-            camera = self._camera = Camera(
+            camera = self.camera = Camera(
                 self._middle_of_plot, self._half, self._radius, step, self._lag, centre, aim, time
             )
         else:
@@ -154,9 +159,9 @@ class FramePainter:
 
         The pixel in row i and column j has its middle at (j + 0.5, i + 0.5).
         """
-        if self._camera is None:
+        if self.camera is None:
             raise SwimError("no frame was drawn yet")
-        return self._camera.on_screen(np.asarray(points, dtype=np.float64) / self.scene.beam.length)
+        return self.camera.on_screen(np.asarray(points, dtype=np.float64) / self.scene.beam.length)
 
     # ---- layers, from back to front ------------------------------------------------------------
 

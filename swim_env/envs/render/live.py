@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import copy
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.envs.episodes import Episodes
+from swim_env.envs.render.camera import Camera
 from swim_env.envs.render.window import Window
 
 if TYPE_CHECKING:
@@ -20,9 +21,9 @@ Frame = NDArray[np.uint8]
 class EpisodesViewer:
     """Draws the members of `Episodes` as they are, or shows member 0 in a window.
 
-    Nothing of the episodes is changed. A copy of an environment has no viewer and makes its own:
-    copies and pickles of this object are None. A window shows so many frames in a second of real
-    time. `frames` and `show` raise a SwimError where Pillow is not installed.
+    Nothing of the episodes is changed. The viewer in a copy of an environment continues the trail,
+    and has a window of its own. A window shows so many frames in a second of real time. `frames`
+    raises a SwimError where Pillow is not installed.
     """
 
     def __init__(self, episodes: Episodes, rate: float) -> None:
@@ -31,6 +32,8 @@ class EpisodesViewer:
         self._limit = scene.torque_limit
         self._heading = np.array(scene.episode.heading)
         self._painters: list[FramePainter] = []
+        #: Of a copy, until it paints itself.
+        self._cameras: list[Camera | None] = []
         self._rate = rate
         self._window: Window | None = None
 
@@ -47,8 +50,10 @@ class EpisodesViewer:
 
     def forget(self, member: int | None = None) -> None:
         """Say that the episode of one member, or of all, does not continue what was shown."""
-        for painter in self._painters if member is None else self._painters[member : member + 1]:
+        chosen = slice(None) if member is None else slice(member, member + 1)
+        for painter in self._painters[chosen]:
             painter.forget()
+        self._cameras[chosen] = [None] * len(self._cameras[chosen])
 
     def close(self) -> None:
         """Close the window, if there is one."""
@@ -65,6 +70,9 @@ class EpisodesViewer:
             painter = FramePainter(task.scene, target_radius=radius)
             # Copies share what all their frames have in common.
             self._painters = [copy.copy(painter) for _ in self._episodes.all_members]
+            for one, camera in zip(self._painters, self._cameras, strict=False):
+                one.camera = camera
+            self._cameras = []
         info = self._episodes.info(member)
         return self._painters[member].draw(
             self._episodes.bodies.coordinates[member],
@@ -74,5 +82,7 @@ class EpisodesViewer:
             info.get("target", self._heading),
         )
 
-    def __reduce__(self) -> tuple[type[None], tuple[()]]:
-        return type(None), ()
+    def __getstate__(self) -> dict[str, Any]:
+        # Neither fonts nor windows can be copied.
+        cameras = [painter.camera for painter in self._painters] or self._cameras
+        return {**vars(self), "_painters": [], "_cameras": cameras, "_window": None}

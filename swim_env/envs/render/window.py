@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import sys
 import time
@@ -98,9 +99,11 @@ def _ready_pygame() -> Any:
             with warnings.catch_warnings():
                 # pygame imports pkg_resources where it finds it, which warns about itself.
                 warnings.simplefilter("ignore")
+                importlib.import_module("PIL.Image")
                 import pygame
-        except ImportError:
-            _print_once(_NO_WINDOW.format(why="pygame is not installed", cure=_CURE))
+        except ImportError as error:
+            missing = "Pillow" if "PIL" in str(error) else "pygame"
+            _print_once(_NO_WINDOW.format(why=f"{missing} is not installed", cure=_CURE))
             return None
         try:
             if found and not chosen:
