@@ -18,12 +18,12 @@ from swim_agents.files import check_file, writing
 from swim_agents.policies import load_policy, policy_label
 from swim_agents.rollout import Rollout, play_episode
 from swim_env.envs.registration import FORWARD_ID, TARGET_ID
-from swim_env.envs.task import check_task
+from swim_env.envs.task import NOISE, SEED, check_task
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
 from swim_env.files.names import file_name
 from swim_env.scene import Scene, scene_label
-from swim_env.scene.checks import checked_option, integer
+from swim_env.scene.checks import checked_option
 from swim_env.sim.trajectory import Trajectory
 
 __all__ = ["replay_episode"]
@@ -71,7 +71,8 @@ def replay_episode(
         ``info``; ``video``, where one was made.
     """
     check_task(task)
-    seed = checked_option(integer(0, 10**40), seed, "the seed")
+    seed = checked_option(SEED, seed, "the seed")
+    noise = checked_option(NOISE, noise, "the noise")
     chosen = load_policy(policy, scene, seed, task)
     video = None
     if video_folder is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import operator
 import os
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -63,6 +65,8 @@ def checked_seed(seed: int | None, where: str = "") -> int | None:
     if isinstance(seed, bool):
         raise gymnasium.error.Error(f"{where}Seed must be a whole number of at least 0, got {seed}")
     if seed is not None:
+        with contextlib.suppress(TypeError):  # what is no whole number is refused below
+            seed = operator.index(seed)
         try:
             seeding.np_random(seed)
         except gymnasium.error.Error as error:

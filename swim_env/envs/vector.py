@@ -177,8 +177,8 @@ class SwimVectorEnv(
             self.episodes.begin(member, *start)
             self._forget_frames(member)
         results = self.episodes.results()
-        if isinstance(seed, int):
-            super().reset(seed=seed)
+        if isinstance(seed, (int, np.integer)):
+            super().reset(seed=int(seed))
         self._show()
         infos = results.infos if mask.all() else self._masked_infos(mask)
         return results.observations, infos
@@ -284,8 +284,7 @@ class SwimVectorEnv(
             first = checked_seed(seed)  # type: ignore[arg-type]
             assert first is not None
             seeds = [first + i for i in range(self.num_envs)]
-        for member, one in enumerate(seeds):
-            checked_seed(one, f"seed of member {member}: ")
+        seeds = [checked_seed(one, f"seed of member {i}: ") for i, one in enumerate(seeds)]
         return [None if one is None else seeding.np_random(one)[0] for one in seeds]
 
     def _generators(self) -> list[np.random.Generator]:

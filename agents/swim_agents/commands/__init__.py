@@ -2,10 +2,20 @@
 
 A subcommand has ``add_arguments(parser)`` and ``main(options)``, which returns an exit code or
 raises a `SwimError`. Its module's docstring is its help text.
+
+Importing this package makes Ctrl-C quiet from here on: the imports that follow take seconds.
 """
 
+from __future__ import annotations
+
+import _thread
+import signal
 import sys
-from types import TracebackType
+import threading
+
+TYPE_CHECKING = False  # without typing, which takes longer to import than all of the above
+if TYPE_CHECKING:
+    from types import FrameType, TracebackType
 
 #: What Ctrl-C ends with where a command does not say more.
 INTERRUPTED_TEXT = "interrupted; files that were finished are kept, no others were written"
@@ -15,13 +25,32 @@ INTERRUPTED = 130
 _usual = sys.excepthook
 
 
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    """Raise KeyboardInterrupt, once no module is being imported and no kernel loaded.
+
+    Some libraries abort the process when it is raised in an import, and llvmlite swallows it.
+    """
+    while frame is not None:
+        if any(name in frame.f_code.co_filename for name in ("frozen importlib", "llvmlite")):
+            again = threading.Timer(0.02, _thread.interrupt_main)
+            again.daemon = True
+            again.start()
+            return
+        frame = frame.f_back
+    raise KeyboardInterrupt
+
+
 def _one_line(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    """Say in one line that Ctrl-C was pressed while the modules of a command were imported."""
+    """End in one line where Ctrl-C is pressed before `run` takes care of it."""
     if issubclass(kind, KeyboardInterrupt):
         print(INTERRUPTED_TEXT, file=sys.stderr)
         raise SystemExit(INTERRUPTED)
     _usual(kind, error, trace)
 
 
-# Imports take a second, before a command can do anything about Ctrl-C.
 sys.excepthook = _one_line
+if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    try:
+        signal.signal(signal.SIGINT, _interrupt)
+    except ValueError:  # only the main thread may
+        pass

@@ -18,10 +18,10 @@ from tqdm import tqdm
 from swim_agents.commands import INTERRUPTED, INTERRUPTED_TEXT
 from swim_agents.policies import policy_names
 from swim_env.accuracy.choice import Choice, choose
-from swim_env.envs.task import TASKS
+from swim_env.envs.task import NOISE, SEED, TASKS
 from swim_env.errors import SwimError
 from swim_env.scene import Scene, load_scene, scene_names
-from swim_env.scene.checks import checked_option, integer, real
+from swim_env.scene.checks import checked_option
 
 #: Exit codes: the machine failed, bad input.
 FAILED, BAD_INPUT = 1, 2
@@ -137,7 +137,7 @@ def refuse(options: argparse.Namespace, names: Sequence[str], problem: str) -> N
 
 def check_numbers(options: argparse.Namespace) -> None:
     """Refuse numbers among the common options that no run can use."""
-    for name, check in (("seed", integer(0, 10**40)), ("noise", real(at_least=0.0))):
+    for name, check in (("seed", SEED), ("noise", NOISE)):
         value = getattr(options, name, None)
         if value is not None:
             checked_option(check, value, f"--{name}")
@@ -160,7 +160,7 @@ def check_places(
         By option other places, such as folders that may hold anything.
     """
     places = {option: path for option, path in {**own, **(shared or {})}.items() if path}
-    for option in own.keys() & places.keys():
+    for option in [option for option in own if option in places]:
         for other, path in places.items():
             if other != option and _is_within(path, places[option]):
                 raise SwimError(f"{option} and {other} need different places, got {path} for both")

@@ -92,11 +92,11 @@ def _train_all(
             print(f"seed {seed}: finished before, left as it is", file=sys.stderr)
             steps[seed] = 0
     for folder in [folder for seed, folder in folders.items() if steps[seed]]:
+        if options.record is not None:
+            recording_file(Path(options.record) / folder.name / "any.rrd", "any")
         with writing("the run's folder", folder, verb="make"):
             folder.mkdir(parents=True, exist_ok=True)
         check_file(folder / "run.json")
-        if options.record is not None:
-            recording_file(Path(options.record) / folder.name / "any.rrd", "any")
     load_assessment()
     runs = []
     bar = {"unit_scale": True, "mininterval": 0.5, "leave": True}

@@ -22,7 +22,7 @@ from swim_agents.rollout import Rollout, play_episodes
 from swim_agents.tuned_wave import load_tuned_wave
 from swim_agents.verification import TOLERANCE, fine_scene, verify_rollout
 from swim_env import __version__
-from swim_env.envs.task import TARGET_RADIUS, check_task
+from swim_env.envs.task import NOISE, TARGET_RADIUS, check_task
 from swim_env.envs.vector import VECTOR_ENVIRONMENTS
 from swim_env.errors import OptionError
 from swim_env.files.names import shown_name
@@ -30,6 +30,7 @@ from swim_env.files.provenance import where_and_when
 from swim_env.physics.runtime.threads import usable_threads
 from swim_env.recording import Swimmer
 from swim_env.scene import Scene
+from swim_env.scene.checks import checked_option
 from swim_env.sim.trajectory import Trajectory
 
 #: The policies that every score is compared with.
@@ -151,10 +152,10 @@ def steps_to_play(scene: Scene, entries: int, seeds: int) -> int:
 def checked_seeds(seeds: Sequence[int]) -> list[int]:
     """Return seeds of starts as plain numbers; OptionError unless they differ and are usable."""
     try:
-        found = [operator.index(seed) for seed in seeds]
+        found = [operator.index(seed) for seed in seeds if not isinstance(seed, bool)]
     except TypeError:
         found = []
-    if not found or len(set(found)) < len(found) or min(found) < 0:
+    if not found or len(set(found)) < len(seeds) or min(found) < 0:
         raise OptionError(f"seeds must be different whole numbers of at least 0, got {list(seeds)}")
     return found
 
@@ -211,6 +212,7 @@ def hold_contest(
         If the seeds or the task cannot be used, or a reference is missing.
     """
     seeds = checked_seeds(seeds)
+    noise = checked_option(NOISE, noise, "the noise")
     count = len(seeds)
     check_task(task)
     names = [entry.name for entry in entries]
