@@ -26,7 +26,7 @@ def file_name(name: str, content: str = "") -> str:
         a digest of both is added, so that unlike things have unlike files.
     """
     plain = plain_name(name)[:_LONGEST]
-    if plain == name and not content:
+    if plain and plain == name and not content:
         return plain
     both = f"{name}\0{content}".encode("utf-8", "surrogatepass")
     return f"{plain}-{hashlib.sha256(both).hexdigest()[:8]}".lstrip("-")
