@@ -220,6 +220,8 @@ def main(arguments: list[str] | None = None) -> int:
     require_matplotlib()
     usual = "results/accuracy_quick" if options.quick else "results/accuracy"
     folder = Path(options.output or usual)
+    if not options.sweeps:
+        _held_out_cases(options) if options.held_out else _study_cases(options)
     # A folder or file that cannot be written is an error now, not when all is done.
     folder.mkdir(parents=True, exist_ok=True)
     kind = "sweeps" if options.sweeps else "held_out" if options.held_out else "study"

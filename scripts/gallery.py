@@ -17,7 +17,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # studies are not 
 
 from swim_agents.commands.command_line import (
     add_options,
-    check_numbers,
     print_result,
     progress_bar,
     run,
@@ -55,7 +54,6 @@ def main(arguments: list[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     plan, quick = (QUICK, "_quick") if options.quick else (FULL, "")
     folder = options.output or f"results/gallery{quick}"
-    check_numbers(options)
     command = ["python", "scripts/gallery.py", *(["--quick"] if quick else [])]
     if options.seed is not None:
         plan = replace(plan, seed=options.seed)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import operator
 import os
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -54,7 +52,7 @@ def checked_render_mode(mode: str | None) -> str | None:
     return mode
 
 
-def checked_seed(seed: int | None, where: str = "") -> int | None:
+def checked_seed(seed: int | np.integer[Any] | None, where: str = "") -> int | None:
     """Return a seed that Gymnasium takes; `where` begins the message if it does not.
 
     Raises
@@ -65,8 +63,8 @@ def checked_seed(seed: int | None, where: str = "") -> int | None:
     if isinstance(seed, bool):
         raise gymnasium.error.Error(f"{where}Seed must be a whole number of at least 0, got {seed}")
     if seed is not None:
-        with contextlib.suppress(TypeError):  # what is no whole number is refused below
-            seed = operator.index(seed)
+        if isinstance(seed, np.integer):
+            seed = int(seed)
         try:
             seeding.np_random(seed)
         except gymnasium.error.Error as error:

@@ -52,7 +52,7 @@ SCRIPTS = ROOT / "scripts"
         ("stability --output folders", "cannot write a file there: Is a directory"),
         ("reproduce_paper --output folders", "cannot write a file there: Is a directory"),
         # numbers
-        ("compare --duration nan", "the duration must be a positive number of seconds, got nan"),
+        ("compare --duration nan", "episode.duration must be a finite number in s, got nan"),
         ("compare --duration 1e9", "at most 2,000,000 time steps"),
         ("compare --noise nan", "--noise must be a finite number, got nan"),
         ("compare --seeds 3 3", "seeds must be different whole numbers of at least 0"),
@@ -62,7 +62,7 @@ SCRIPTS = ROOT / "scripts"
         ("replay --scene paper_i --duration inf", "the duration must be a positive number"),
         ("replay --scene paper_i --duration 0 --accuracy 0.1", "must be a positive number"),
         ("visualise --scene paper_i --compare-with zero --seed -1", "--seed must be at least 0"),
-        ("gallery --seed -1", "--seed must be at least 0, got -1"),
+        ("gallery --seed -1", "the seed must be a whole number of at least 0, got -1"),
         ("train demo --seeds -1", "seed must be a whole number from 0"),
     ],
 )
@@ -179,10 +179,10 @@ def test_ctrl_c_is_one_line_from_the_beginning_on(wait):
     assert "Traceback" not in err
 
 
-@pytest.mark.parametrize("place", ["importlib", "llvmlite"])
+@pytest.mark.parametrize("place", ["importlib", "llvmlite", "serialization"])
 def test_an_interrupt_is_raised_after_an_import_or_a_callback(place, tmp_path):
     """Not in it: there it would be swallowed (llvmlite) or abort the process (torch)."""
-    module = tmp_path / f"{place}_like.py"
+    module = tmp_path / f"like_{place}.py"
     module.write_text(
         "import signal, time\ntry:\n    signal.raise_signal(signal.SIGINT)\n    time.sleep(0.2)\n"
         "except KeyboardInterrupt:\n    print('in it')\n"

@@ -22,16 +22,19 @@ INTERRUPTED_TEXT = "interrupted; files that were finished are kept, no others we
 #: Exit code of a command that the user has interrupted.
 INTERRUPTED = 130
 
+#: Parts of the names of files in whose functions Ctrl-C has to wait.
+_UNSAFE = ("frozen importlib", "llvmlite", "serialization.py")
+
 _usual = sys.excepthook
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    """Raise KeyboardInterrupt, once no module is being imported and no kernel loaded.
+    """Raise KeyboardInterrupt, once no module is imported, no kernel loaded, no model written.
 
-    Some libraries abort the process when it is raised in an import, and llvmlite swallows it.
+    Raised there, it would abort the process, be swallowed, or become another error of torch.
     """
     while frame is not None:
-        if any(name in frame.f_code.co_filename for name in ("frozen importlib", "llvmlite")):
+        if any(name in frame.f_code.co_filename for name in _UNSAFE):
             again = threading.Timer(0.02, _thread.interrupt_main)
             again.daemon = True
             again.start()

@@ -71,8 +71,9 @@ def main(options: argparse.Namespace) -> int:
     )
     scene = cli.scene_of(options)
     name = f"{scene_label(scene)}-{options.task}"
-    steps_of(scene, options.duration)  # refuses a duration before anything is played
     scene = cli.played_scene(scene, options.duration)
+    scene.actions_per_episode  # noqa: B018  refuses a duration before anything is played
+    steps_of(scene)
     if options.output is not None:
         require_matplotlib()
         check_folder(options.output, CONTEST_FILES)
