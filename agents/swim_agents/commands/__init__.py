@@ -22,8 +22,9 @@ INTERRUPTED_TEXT = "interrupted; files that were finished are kept, no others we
 #: Exit code of a command that the user has interrupted.
 INTERRUPTED = 130
 
-#: Parts of the names of files in whose functions Ctrl-C has to wait.
-_UNSAFE = ("frozen importlib", "llvmlite", "serialization.py")
+#: Parts of the names of files in whose functions Ctrl-C has to wait: imports, callbacks of
+#: llvmlite, torch when it writes, callbacks of numba's types.
+_UNSAFE = ("frozen importlib", "llvmlite", "serialization.py", "abstract.py")
 
 _usual = sys.excepthook
 
