@@ -18,7 +18,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # studies are not installed
 
-from swim_agents.commands.command_line import progress_bar, run
+from swim_agents.commands.command_line import STUDY_INTERRUPTED, print_result, progress_bar, run
+from swim_agents.files import check_file
 
 from studies.accuracy.front import front_to_json, make_front, pareto
 from studies.accuracy.grid import (
@@ -44,6 +45,15 @@ from swim_env.physics.loading import load_kernels
 from swim_env.plots import require_matplotlib, save_figure
 from swim_env.scene import load_scene
 
+#: What each kind of run writes.
+_FILES = {
+    "study": (
+        *("runs.jsonl", "references.json", "front.json"),
+        *("tables.md", "study.json", "work_precision.png"),
+    ),
+    "held_out": ("held_out.json", "held_out.md"),
+    "sweeps": ("sweeps.json", "sweeps.md", "sweeps.png"),
+}
 #: Options without a value.
 _FLAGS = {
     "--quick": "few settings on the first two scenes, in less than three minutes",
@@ -208,26 +218,37 @@ def main(arguments: list[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     _check(options)
     require_matplotlib()
-    load_kernels()
     usual = "results/accuracy_quick" if options.quick else "results/accuracy"
     folder = Path(options.output or usual)
-    make = _sweep if options.sweeps else _judge if options.held_out else _study
+    if not options.sweeps:
+        _held_out_cases(options) if options.held_out else _study_cases(options)
+    # A folder or file that cannot be written is an error now, not when all is done.
+    folder.mkdir(parents=True, exist_ok=True)
+    kind = "sweeps" if options.sweeps else "held_out" if options.held_out else "study"
+    for name in _FILES[kind]:
+        check_file(folder / name)
+    load_kernels()
+    make = {"sweeps": _sweep, "held_out": _judge, "study": _study}[kind]
     summary = make(options, folder)
-    if options.json:
-        print(json.dumps(summary, allow_nan=False))
-    elif "scenes" in summary:
-        for name, one in summary["scenes"].items():
-            print(f"{name}: known to {one['uncertainty']:.1e}; front of cost and error:")
-            for point in one["front"]:
-                print(f"  {point['cost']:8.3f}  {point['error']:.1e}  {point['settings']}")
-    elif "met" in summary:
-        print(
-            f"{summary['met']} of {summary['choices']} choices met their tolerance against the "
-            f"reference, {summary['met_direct']} against a direct run"
-        )
     print(f"results are in {folder}", file=sys.stderr)
+    print_result(summary, options.json, lambda: _text(summary))
     return 0
 
 
+def _text(summary: dict[str, Any]) -> str:
+    """Return a study's fronts, or how many choices met their tolerance."""
+    if "met" in summary:
+        return (
+            f"{summary['met']} of {summary['choices']} choices met their tolerance against the "
+            f"reference, {summary['met_direct']} against a direct run"
+        )
+    lines = []
+    for name, one in summary.get("scenes", {}).items():
+        lines.append(f"{name}: known to {one['uncertainty']:.1e}; front of cost and error:")
+        for point in one["front"]:
+            lines.append(f"  {point['cost']:8.3f}  {point['error']:.1e}  {point['settings']}")
+    return "\n".join(lines)
+
+
 if __name__ == "__main__":
-    sys.exit(run(main))
+    sys.exit(run(main, interrupted=STUDY_INTERRUPTED))

@@ -8,18 +8,25 @@ from __future__ import annotations
 
 import argparse
 import math
+import shlex
 import sys
 from dataclasses import replace
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # studies are not installed
 
-from swim_agents.commands.command_line import add_options, print_result, progress_bar, run
+from swim_agents.commands.command_line import (
+    add_options,
+    print_result,
+    progress_bar,
+    run,
+)
 
 from studies.gallery.page import check_gallery, make_gallery
 from studies.gallery.runs import FULL, QUICK
 from studies.store import page_of
 from swim_env.envs.assessment import load_assessment
+from swim_env.files.names import shown_name
 from swim_env.plots import require_matplotlib
 
 
@@ -47,23 +54,23 @@ def main(arguments: list[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     plan, quick = (QUICK, "_quick") if options.quick else (FULL, "")
     folder = options.output or f"results/gallery{quick}"
-    command = f"python scripts/gallery.py{' --quick' if quick else ''}"
+    command = ["python", "scripts/gallery.py", *(["--quick"] if quick else [])]
     if options.seed is not None:
         plan = replace(plan, seed=options.seed)
-        command += f" --seed {options.seed}"
-    command += f" --output {folder}"
+        command += ["--seed", str(options.seed)]
+    command += ["--output", folder]
     require_matplotlib()
     check_gallery(folder)
     load_assessment()
     with progress_bar(math.ceil(plan.seconds()), "s", "simulated") as progress:
-        record = make_gallery(folder, plan, command, progress)
+        record = make_gallery(folder, plan, shown_name(shlex.join(command)), progress)
     lines = [
         f"{name:12s} {rows[-1]['net_displacement']:+.4f} body lengths for "
         f"{rows[-1]['positive_work']:.4g} J"
         for name, rows in record["policies"].items()
     ]
-    print_result(record, options.json, lambda: "\n".join(lines))
     print(f"the page is {page_of(folder)}", file=sys.stderr)
+    print_result(record, options.json, lambda: "\n".join(lines))
     return 0
 
 

@@ -9,14 +9,14 @@ changed.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # studies are not installed
 
-from swim_agents.commands.command_line import INTERRUPTED, progress_bar, run
+from swim_agents.commands.command_line import STUDY_INTERRUPTED, print_result, progress_bar, run
+from swim_agents.files import check_file
 
 from studies.paper.book import write_book
 from studies.paper.suite import PARTS, all_units
@@ -61,31 +61,26 @@ def main(arguments: list[str] | None = None) -> int:
     folder = Path(options.output or usual)
     # A folder that cannot be made is an error now, not when all is done.
     (folder / "units").mkdir(parents=True, exist_ok=True)
+    check_file(folder / "verdicts.json")
+    check_file(page_of(folder))
     store = unit_store(folder)
     everything = all_units(options.quick)
     chosen = all_units(options.quick, tuple(options.only)) if options.only else everything
     # Of the code that is loaded now: the results themselves may be in the same checkout.
     written = where_and_when()["commit"]
     begin = time.perf_counter()
-    try:
-        with progress_bar(len(chosen), "unit", "the paper") as progress:
-            done = do_units(chosen, store, options.workers, progress)
-    except KeyboardInterrupt:
-        print("interrupted; what was done is kept, start again to continue", file=sys.stderr)
-        return INTERRUPTED
+    with progress_bar(len(chosen), "unit", "the paper") as progress:
+        done = do_units(chosen, store, options.workers, progress)
     seconds = time.perf_counter() - begin
     command = "scripts/reproduce_paper.py" + (" --quick" if options.quick else "")
     records = done_units(everything, store)
     summary = write_book(folder, everything, store, records, command, written)
-    if options.json:
-        print(json.dumps(summary, allow_nan=False))
-    else:
-        for key, one in summary["verdicts"].items():
-            print(f"{one['verdict']:13s} {key}: {one['measured']}")
     words = f"{done} of {len(chosen)} units in {seconds:.0f} s; the page is {page_of(folder)}"
     print(words, file=sys.stderr)
+    lines = [f"{x['verdict']:13s} {key}: {x['measured']}" for key, x in summary["verdicts"].items()]
+    print_result(summary, options.json, lambda: "\n".join(lines))
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(run(main))
+    sys.exit(run(main, interrupted=STUDY_INTERRUPTED))

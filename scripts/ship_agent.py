@@ -17,6 +17,7 @@ from swim_agents.policies import PRETRAINED_FOLDER
 from swim_env.envs.assessment import load_assessment
 from swim_env.errors import SwimError
 from swim_env.files.folders import check_folder
+from swim_env.files.names import file_name
 from swim_env.plots import require_matplotlib
 from swim_env.scene import Scene
 
@@ -58,7 +59,7 @@ def main(arguments: list[str] | None = None) -> int:
     if options.starts < 1:
         raise SwimError(f"--starts must be at least 1, got {options.starts}")
     about = load_agent(Path(options.run) / "agent").description
-    name = options.name or str(about["name"])
+    name = file_name(options.name or str(about["name"]))
     folder = Path(options.output or PRETRAINED_FOLDER) / name
     check_folder(folder, SHIPPED_FILES)
     scene, task = Scene.from_dict(about["scene"]), str(about["task"])
@@ -78,8 +79,8 @@ def main(arguments: list[str] | None = None) -> int:
         )
     scores = scores_of(contest.record, entries[-1].name)
     ship_agent(options.run, folder, scores)
-    print_result(scores, options.json, lambda: _line(name, scores))
     print(f"the agent is in {folder}", file=sys.stderr)
+    print_result(scores, options.json, lambda: _line(name, scores))
     return 0
 
 

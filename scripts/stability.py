@@ -11,6 +11,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # studies are not installed
 
 from swim_agents.commands.command_line import add_options, print_result, progress_bar, run
+from swim_agents.files import check_file
 
 from studies.stability.cases import CASES
 from studies.stability.report import failures_of, stability_tables
@@ -59,6 +60,8 @@ def main(arguments: list[str] | None = None) -> int:
     folder = Path(options.output or place)
     # A folder that cannot be made is found at once, not after half an hour.
     folder.mkdir(parents=True, exist_ok=True)
+    for name in ("stability.json", "tables.md"):
+        check_file(folder / name)
     with progress_bar(work_of(names, draws), "run", "hard cases") as progress:
         results = measure_stability(names, draws, options.workers, progress)
     data = json.dumps(results, indent=1, allow_nan=False) + "\n"
@@ -66,10 +69,10 @@ def main(arguments: list[str] | None = None) -> int:
     write_atomically(folder / "stability.json", lambda file: file.write(data.encode()))
     write_atomically(folder / "tables.md", lambda file: file.write(tables.encode()))
     failures = failures_of(results)
-    print_result(results, options.json, lambda: tables.split("## Runs")[0].rstrip())
     for text in failures[:20]:
         print(f"not right: {text}", file=sys.stderr)
     print(f"results are in {folder}", file=sys.stderr)
+    print_result(results, options.json, lambda: tables.split("## Runs")[0].rstrip())
     return 1 if failures else 0
 
 

@@ -4,10 +4,15 @@ Training is in `swim_agents.learning`, the comparison of gaits in `swim_agents.c
 console command in `swim_agents.commands`. Everything is imported only when it is first used.
 """
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from __future__ import annotations
 
+import importlib
+
+# Without typing, whose import takes longer than all the rest of this module.
+TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from typing import Any
+
     from swim_agents.baselines import POLICY_NAMES, Policy, RandomPolicy, WavePolicy, ZeroPolicy
     from swim_agents.policies import load_policy, policy_names
     from swim_agents.rollout import Rollout, play_episode, play_episodes

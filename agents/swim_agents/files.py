@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import errno
 import io
 import json
 import os
 import pickle
+import tempfile
 import zipfile
 import zlib
 from collections.abc import Iterable, Iterator
@@ -16,7 +18,7 @@ from typing import Any
 
 from swim_env.errors import SwimError
 
-__all__ = ["DAMAGED", "INTACT", "as_csv", "as_json", "read_json", "writing"]
+__all__ = ["DAMAGED", "INTACT", "as_csv", "as_json", "check_file", "read_json", "writing"]
 
 #: What PyTorch, zip files and unpickling raise for a file that is damaged or something else.
 DAMAGED = (
@@ -47,6 +49,15 @@ def writing(
     except OSError as refused:
         reason = refused.strerror or str(refused)
         raise SwimError(f"cannot {verb} {what}: {reason} ({os.fspath(path)}){advice}") from None
+
+
+def check_file(path: str | os.PathLike[str], what: str = "a file there") -> None:
+    """Refuse a path that is a folder, or whose folder is missing or not writable."""
+    with writing(what, path):
+        if Path(path).is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        with tempfile.TemporaryFile(dir=Path(path).resolve().parent):
+            pass
 
 
 def as_json(content: Any) -> bytes:

@@ -15,10 +15,11 @@ from swim_agents.baselines import (
 )
 from swim_env.envs.interface import SceneLike
 from swim_env.errors import OptionError
+from swim_env.files.names import file_name
 from swim_env.scene import Scene, load_scene
 from swim_env.scene.checks import nearest
 
-__all__ = ["PRETRAINED_FOLDER", "load_policy", "policy_names", "pretrained_names"]
+__all__ = ["PRETRAINED_FOLDER", "load_policy", "policy_label", "policy_names", "pretrained_names"]
 
 _HERE = Path(__file__).parent
 #: The trained agents that ship, a folder each: inside the package in a wheel, else beside it.
@@ -38,6 +39,14 @@ def pretrained_names() -> tuple[str, ...]:
 def policy_names() -> tuple[str, ...]:
     """Return all names that `load_policy` knows."""
     return (*POLICY_NAMES, *pretrained_names())
+
+
+def policy_label(policy: str) -> str:
+    """Return what files of a policy are called: its name, with a digest of a path."""
+    if policy in policy_names():
+        return policy
+    path = Path(policy).resolve()
+    return file_name(path.name, str(path))
 
 
 def load_policy(

@@ -14,14 +14,16 @@ from typing import Any
 
 import gymnasium
 
-from swim_agents.files import writing
-from swim_agents.policies import load_policy
+from swim_agents.files import check_file, writing
+from swim_agents.policies import load_policy, policy_label
 from swim_agents.rollout import Rollout, play_episode
 from swim_env.envs.registration import FORWARD_ID, TARGET_ID
-from swim_env.envs.task import check_task
+from swim_env.envs.task import NOISE, SEED, check_task
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
-from swim_env.scene import Scene
+from swim_env.files.names import file_name
+from swim_env.scene import Scene, scene_label
+from swim_env.scene.checks import checked_option
 from swim_env.sim.trajectory import Trajectory
 
 __all__ = ["replay_episode"]
@@ -69,14 +71,16 @@ def replay_episode(
         ``info``; ``video``, where one was made.
     """
     check_task(task)
-    if seed < 0:
-        raise SwimError(f"the seed must be a whole number of at least 0, got {seed!r}")
+    seed = checked_option(SEED, seed, "the seed")
+    noise = checked_option(NOISE, noise, "the noise")
     chosen = load_policy(policy, scene, seed, task)
     video = None
     if video_folder is not None:
-        video = Path(video_folder) / f"{scene.name}-{task}-{Path(policy).name}-{seed}.mp4"
+        name = file_name(f"{scene_label(scene)}-{task}-{policy_label(policy)}-{seed}")
+        video = Path(video_folder) / f"{name}.mp4"
         with writing("the video", video.parent, verb="make the folder for"):
             video.parent.mkdir(parents=True, exist_ok=True)
+        check_file(video, "the video")
     with tempfile.TemporaryDirectory() as scratch:
         mode = None if video is None else "rgb_array"
         env = gymnasium.make(_ENVIRONMENTS[task], scene=scene, render_mode=mode)

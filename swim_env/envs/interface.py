@@ -68,7 +68,7 @@ def checked_render_mode(mode: str | None) -> str | None:
     return mode
 
 
-def checked_seed(seed: int | None, where: str = "") -> int | None:
+def checked_seed(seed: int | np.integer[Any] | None, where: str = "") -> int | None:
     """Return a seed that Gymnasium takes; `where` begins the message if it does not.
 
     Raises

@@ -17,13 +17,16 @@ from numpy.typing import NDArray
 from swim_env.envs.assessment import TASK_SETTINGS, VELOCITY_SCALE, observation_size
 from swim_env.errors import OptionError, SceneError
 from swim_env.scene import Initial, Scene
-from swim_env.scene.checks import checked_option, got, nearest, pair, real, reals
+from swim_env.scene.checks import checked_option, got, integer, nearest, pair, real, reals
 from swim_env.sim.batch import minimal_start
 
 Array = NDArray[np.float64]
 
 #: Where a target is drawn by default: distance (BL), bearing (rad), radius (BL).
 TARGET_DISTANCE, TARGET_BEARING, TARGET_RADIUS = (0.5, 1.5), 0.5 * math.pi, 0.1
+
+#: Checks of an episode's seed, and of the factor on the noise of its start.
+SEED, NOISE = integer(0, 10**40), real(at_least=0.0, at_most=1e6)
 
 _START_FIELDS = tuple(spec.name for spec in fields(Initial))
 
@@ -154,7 +157,7 @@ class Task(ABC):
                 initial = replace(initial, **changes)
             return StartPlan(
                 *minimal_start(self.scene, initial),
-                noise=real(at_least=0.0, at_most=1e6)(options.get("noise", 1.0), "noise"),
+                noise=NOISE(options.get("noise", 1.0), "noise"),
                 exact=frozenset(changes),
                 position=initial.position,
                 goal=self._given_goal(options),

@@ -26,7 +26,8 @@ def write_atomically(path: str | os.PathLike[str], write: Callable[[IO[bytes]], 
         and nothing half-written stays behind. An OSError names the file.
     """
     target = Path(path)
-    scratch = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
+    short = os.fsdecode(os.fsencode(target.name)[:200])  # file systems take 255 bytes
+    scratch = target.with_name(f".{short}.{secrets.token_hex(6)}.tmp")
     try:
         with open(scratch, "xb") as file:
             write(file)

@@ -51,21 +51,25 @@ def write_folder(
 
 
 def check_folder(folder: str | os.PathLike[str], names: Collection[str]) -> None:
-    """Refuse a result folder that exists and holds anything but earlier results.
+    """Refuse a result folder that cannot be written, or holds anything but earlier results.
 
     Raises
     ------
     SwimError
-        If it holds other files than `names`, or if the path is a file.
+        If it holds other files than `names`, if the path is a file, or if the folder above cannot
+        be written or made.
     """
     name = os.fspath(folder)
-    target = Path(folder)
+    target = Path(os.path.realpath(folder))
+    others: list[str] = []
     try:
-        if not target.exists():
-            return
-        if not target.is_dir():
-            raise SwimError(f"results go into a folder, this is a file ({name})")
-        others = sorted(entry.name for entry in target.iterdir() if entry.name not in names)
+        if target.exists():
+            if not target.is_dir():
+                raise SwimError(f"results go into a folder, this is a file ({name})")
+            others = sorted(entry.name for entry in target.iterdir() if entry.name not in names)
+        above = next(one for one in target.parents if one.exists())
+        with tempfile.TemporaryDirectory(dir=above, prefix=f".{target.name[:50]}."):
+            pass
     except OSError as error:
         raise SwimError(f"cannot use the folder: {error.strerror or error} ({name})") from None
     if others:

@@ -51,7 +51,7 @@ def draw_scores(record: Mapping[str, Any]) -> Figure:
                 fontsize=style.SMALLER,
             )
     axes.axvline(0.0, color=style.GREY, linewidth=style.THIN)
-    axes.set_yticks(range(len(policies)), list(policies))
+    axes.set_yticks(range(len(policies)), list(map(style.literal, policies)))
     axes.invert_yaxis()
     axes.margins(x=0.02)
     right = axes.get_xlim()[1]
@@ -89,7 +89,7 @@ def draw_paths(
     for name in names:
         run, colour = trajectories[name], looks[name]["color"]
         path, shape = (_from_start(run, points) for points in (run.path, run.nodes[-1]))
-        plane.plot(*path.T, **looks[name], linewidth=style.LINE, label=name)
+        plane.plot(*path.T, **looks[name], linewidth=style.LINE, label=style.literal(name))
         plane.plot(*shape.T, color=colour, linewidth=style.THICK, alpha=0.6, solid_capstyle="round")
         plane.plot(*shape[0], "o", color=colour, markersize=4)
         if name in goals:
@@ -136,7 +136,9 @@ def _draw_shapes(axes: Axes, run: Trajectory, name: str, last: bool) -> None:
     axes.set_ylim(-0.4, 0.4)
     axes.set_xlim(-0.56, 0.56)
     style.style_axes(axes, "along the body (body lengths, head left)" if last else "", "")
-    axes.set_ylabel(name, fontsize=style.SMALLER, rotation=0, ha="right", va="center")
+    axes.set_ylabel(
+        style.literal(name), fontsize=style.SMALLER, rotation=0, ha="right", va="center"
+    )
     axes.set_yticks([])
     if not last:
         axes.set_xticklabels([])
@@ -169,7 +171,7 @@ def draw_gaits(
             style.style_axes(axes, time, label, title if first else "", grid=False)
         bends.set_yticklabels([])
         torques.annotate(
-            name,
+            style.literal(name),
             (-0.36, 0.5),
             xycoords="axes fraction",
             rotation=90,

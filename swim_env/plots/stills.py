@@ -100,7 +100,7 @@ def draw_path(
     _draw_displacement(figure.add_subplot(rows[1, 0]), trajectory)
     _draw_heading(figure.add_subplot(rows[1, 1]), trajectory)
     title = _title(trajectory, name) + (f"; shapes moved apart by {step:.2g} m" if step else "")
-    figure.suptitle(title, fontsize=style.SMALL + 1)
+    figure.suptitle(style.literal(title), fontsize=style.SMALL + 1)
     # The limits of equal scales are known only now, and with them the widths of their numbers.
     figure.draw_without_rendering()
     return figure

@@ -144,7 +144,12 @@ def style_axes(axes: Axes, x: str, y: str, title: str = "", grid: bool = True) -
 
 def name_panel(axes: Axes, text: str) -> None:
     """Write what axes show above their left end."""
-    axes.set_title(text, fontsize=SMALL, loc="left")
+    axes.set_title(literal(text), fontsize=SMALL, loc="left")
+
+
+def literal(text: str) -> str:
+    """Return a text with a name in it as matplotlib shows it as it is, without formulas."""
+    return text.replace("$", r"\$")
 
 
 def add_legend(axes: Axes | Figure, *entries: Any, **options: Any) -> Legend:

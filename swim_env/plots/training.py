@@ -35,7 +35,7 @@ def draw_training(curves: Mapping[str, Sequence[Curve]], task: str = "forward") 
             colour = looks[name]["color"]
             for number, run in enumerate(runs):
                 at = np.array(run[x]) * scale
-                label = None if number else name
+                label = None if number else style.literal(name)
                 axes.plot(at, run[column], color=colour, linewidth=style.LINE, label=label)
                 if not target:
                     low, high = run["net_displacement_min"], run["net_displacement_max"]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.colours import Colour
+from swim_env.files.names import shown_name
 from swim_env.recording.palette import SERIES, TRAILS
 from swim_env.recording.schema import label_of, place_of
 from swim_env.recording.swimmer import Swimmer, frames_of
@@ -127,7 +128,7 @@ def lanes_of(
     lanes: list[Lane] = []
     for number, swimmer in enumerate(swimmers):
         layout = Layout(
-            name=swimmer.name,
+            name=shown_name(swimmer.name),
             label=label_of(swimmer.name, [lane.layout.label for lane in lanes]),
             scene=swimmer.scene,
             number=number,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection
+
+from swim_env.files.names import plain_name
 
 #: Version of the layout below. A reader takes recordings of this version and older ones. A change
 #: of a path, a series, its unit or its place in a row adds one, and a branch to the reader.
@@ -68,7 +69,7 @@ def names_of(group: str, joints: int, split: bool) -> tuple[str, ...]:
 
 def label_of(name: str, taken: Collection[str] = ()) -> str:
     """Return what a swimmer is called in entity paths: one plain part, unlike those taken."""
-    label = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_") or "swimmer"
+    label = plain_name(name) or "swimmer"
     found, number = label, 2
     while found in taken:
         found, number = f"{label}_{number}", number + 1

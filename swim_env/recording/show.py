@@ -6,6 +6,7 @@ import contextlib
 import io
 import math
 import os
+import shlex
 import shutil
 import socket
 import subprocess
@@ -63,10 +64,10 @@ def open_viewer(path: str | os.PathLike[str]) -> str | None:
     has_display = sys.platform in ("darwin", "win32") or any(
         os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
     )
-    typed = typed_command()
+    typed, file = typed_command(), os.fspath(path)
     hint = (
-        f"look at the recording with: {typed} {os.fspath(path)} (on a machine with one) or "
-        f"{typed} --web-viewer {os.fspath(path)} (in a browser)"
+        f"look at the recording with: {shlex.join([typed, file])} (on a machine with one) or "
+        f"{shlex.join([typed, '--web-viewer', file])} (in a browser)"
     )
     if not has_display:
         return f"there is no display; {hint}"

@@ -252,7 +252,8 @@ def _checked_prefix(prefix: object) -> str:
     if (
         not isinstance(prefix, str)
         or prefix.strip(".") == ""
-        or any(sign in prefix for sign in "/\\\0\n")
+        or not prefix.isprintable()
+        or any(sign in prefix for sign in "/\\")
     ):
         raise OptionError(
             f"name_prefix must be the beginning of a file's name, without a folder, got "

@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 from swim_env.errors import OptionError, SwimError
 from swim_env.files.atomic import write_atomically
+from swim_env.files.names import file_name, shown_name
 from swim_env.files.provenance import where_and_when
-from swim_env.recording.schema import APPLICATION, PROPERTY, SCHEMA_VERSION, WORLD, label_of
+from swim_env.recording.schema import APPLICATION, PROPERTY, SCHEMA_VERSION, WORLD
 from swim_env.recording.swimmer import Swimmer, frames_of
 from swim_env.scene import Scene
 
@@ -167,7 +168,7 @@ def _content(
     stream.send_blueprint(blueprint)
     stream.send_chunks(standing)
     names = ", ".join([layout.label for layout in layouts])
-    stream.send_recording_name(title or f"{names} on {layouts[0].scene.name}")
+    stream.send_recording_name(shown_name(title or f"{names} on {layouts[0].scene.name}"))
     stream.send_property(PROPERTY, _property(layouts, reasons, about))
     for lane, water in zip(lanes, waters, strict=True):
         log_swimmer(stream, lane, water)
@@ -247,7 +248,7 @@ def recording_file(place: str | os.PathLike[str], name: str) -> Path:
     is_file = given.suffix == ".rrd"
     if not is_file and re.fullmatch(r"\.[A-Za-z]\w*", given.suffix) and not given.is_dir():
         raise SwimError(f"a recording's name ends with .rrd, or is a folder's ({given})")
-    file = given if is_file else given / f"{label_of(name)}.rrd"
+    file = given if is_file else given / f"{file_name(name)}.rrd"
     if file.is_dir():
         raise SwimError(f"a recording is a file, this is a folder ({file})")
     what = "make"

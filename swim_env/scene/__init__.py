@@ -23,7 +23,7 @@ from swim_env.scene.run import (
     Episode,
     Integrator,
 )
-from swim_env.scene.scene import Scene, load_scene
+from swim_env.scene.scene import Scene, load_scene, scene_label
 
 __all__ = [
     "EFFECT_NAMES",
@@ -50,5 +50,6 @@ __all__ = [
     "StiffnessPiece",
     "Stream",
     "load_scene",
+    "scene_label",
     "scene_names",
 ]

@@ -6,11 +6,13 @@ Other rooms take a `Scene` and never read files of their own.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
 from swim_env.errors import SceneError
+from swim_env.files.names import file_name
 from swim_env.scene.block import Block, build_block, plain
 from swim_env.scene.body import Beam
 from swim_env.scene.checks import check_fields, nearest, text
@@ -27,7 +29,7 @@ from swim_env.scene.effects import (
 )
 from swim_env.scene.fluid import NO_FLUID, Fluid
 from swim_env.scene.initial import Initial
-from swim_env.scene.library import find_scene_file, read_scene_file
+from swim_env.scene.library import find_scene_file, read_scene_file, scene_names
 from swim_env.scene.run import Episode, Integrator
 from swim_env.scene.yaml import dump_yaml, parse_overrides, write_text
 
@@ -100,9 +102,12 @@ class Scene:
 
     def __post_init__(self) -> None:
         """Check what the blocks cannot check alone."""
-        if not text(self.name, "name").strip() or "\n" in self.name:
-            raise SceneError(f"name must be text on one line, got {self.name!r}")
-        text(self.description, "description")
+        if not text(self.name, "name").strip() or not self.name.isprintable():
+            raise SceneError(
+                f"name must be text on one line, of printable characters, got {self.name!r}"
+            )
+        if not re.sub(r"[\n\t]", "", text(self.description, "description")).isprintable():
+            raise SceneError("description must be text of printable characters, tabs and newlines")
         for block, cls in _BLOCKS.items():
             value = getattr(self, block)
             if not isinstance(value, cls) and not (value is None and block in _OPTIONAL):
@@ -414,3 +419,15 @@ def load_scene(
         return scene.replace(changes)
     except SceneError as error:
         raise error.located(source and f"{source} with overrides") from None
+
+
+def scene_label(scene: Scene) -> str:
+    """Return what files of a scene are called: its name, with a digest unless it is as shipped.
+
+    The duration of the episode does not count for a shipped scene.
+    """
+    if scene.name in scene_names():
+        shipped = load_scene(scene.name)
+        if shipped.replace("episode.duration", scene.episode.duration) == scene:
+            return scene.name
+    return file_name(scene.name, scene.to_yaml())

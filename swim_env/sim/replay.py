@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from typing import Any
 
-from swim_env.errors import SwimError
+from swim_env.errors import SceneError, SwimError
 from swim_env.scene import Scene
+from swim_env.scene.checks import got, real
 from swim_env.sim.simulator import Simulator
 from swim_env.sim.trajectory import Trajectory
 
@@ -32,9 +32,13 @@ def steps_of(scene: Scene, duration: float | None = None) -> int:
         If the duration is not a positive number, shorter than half a step, or longer than
         MOST_STEPS steps.
     """
-    wanted = scene.episode.duration if duration is None else duration
-    if not (math.isfinite(wanted) and wanted > 0.0):
-        raise SwimError(f"the duration must be a positive number of seconds, got {wanted!r}")
+    given = scene.episode.duration if duration is None else duration
+    try:
+        wanted = real("s", above=0.0)(given, "the duration")
+    except SceneError:
+        raise SwimError(
+            f"the duration must be a positive number of seconds, got {got(given)}"
+        ) from None
     if wanted / scene.integrator.time_step > MOST_STEPS:
         raise SwimError(
             f"the duration must be at most {MOST_STEPS:,} time steps of "

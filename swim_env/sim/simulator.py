@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swim_env.errors import SwimError, TorqueError
+from swim_env.errors import OptionError, SwimError, TorqueError
 from swim_env.physics.fluid.outline import LENGTH
 from swim_env.physics.fluid.sources import normal_influence
 from swim_env.physics.invariants import momentum_map
@@ -17,6 +17,7 @@ from swim_env.physics.planar.chain import centres
 from swim_env.physics.solve.state import RECORD_NAMES, energy_drift_of
 from swim_env.physics.status import TERMINATION_REASONS
 from swim_env.scene import Initial, Scene, load_scene
+from swim_env.scene.checks import checked_option, got, real
 from swim_env.sim.batch import Bodies, ended, minimal_start
 from swim_env.sim.recorder import needs_recording, trajectory_of
 from swim_env.sim.trajectory import Trajectory
@@ -361,8 +362,13 @@ class Simulator:
         """Return the scene's torques (N m) for the next steps, (steps, N - 1).
 
         Each row holds the value at its step's beginning, with the composed scheme at its middle;
-        all are zero in a scene without actuation.
+        all are zero in a scene without actuation. Other steps than a whole number of at least 0
+        are an OptionError.
         """
+        count = checked_option(real(at_least=0.0), steps, "steps")
+        if not count.is_integer():
+            raise OptionError(f"steps must be a whole number, got {got(steps)}")
+        steps = int(count)
         if self.scene.actuation is None:
             return np.zeros((steps, self.elements - 1))
         into = 0.5 if self.scene.integrator.scheme == "composed" else 0.0

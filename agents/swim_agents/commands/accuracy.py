@@ -11,6 +11,7 @@ import sys
 from dataclasses import asdict
 
 from swim_agents.commands import command_line as cli
+from swim_agents.files import check_file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,7 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> int:
     """Choose, and print or write the scene."""
     if options.output is not None:
-        cli.check_file(options.output)
+        check_file(options.output)
+    cli.check_places([options.scene], {"--output": options.output})
     scene = cli.scene_of(options)
     choice = cli.chosen(scene, options.tolerance, options.keep_elements, options.duration)
     text = f"{scene.description} Settings chosen {choice.reason}.".strip()

@@ -5,22 +5,28 @@ from __future__ import annotations
 import argparse
 import contextlib
 import errno
+import io
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO, cast
 
 from tqdm import tqdm
 
+from swim_agents.commands import INTERRUPTED, INTERRUPTED_TEXT
+from swim_agents.policies import policy_names
 from swim_env.accuracy.choice import Choice, choose
-from swim_env.envs.task import TASKS
+from swim_env.envs.task import NOISE, SEED, TASKS
 from swim_env.errors import SwimError
 from swim_env.scene import Scene, load_scene, scene_names
+from swim_env.scene.checks import checked_option
 
-#: Exit codes: the machine failed, bad input, interrupted by the user.
-FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+#: Exit codes: the machine failed, bad input.
+FAILED, BAD_INPUT = 1, 2
+#: What Ctrl-C ends with where the next start continues.
+STUDY_INTERRUPTED = "interrupted; what was done is kept, start again to continue"
 
 #: What is not the input's fault: a full disk, a file beyond a limit, a broken disk.
 _FAILURES = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
@@ -129,11 +135,46 @@ def refuse(options: argparse.Namespace, names: Sequence[str], problem: str) -> N
             raise SwimError(f"--{name.replace('_', '-')} {problem}")
 
 
-def check_file(file: str) -> None:
-    """Refuse a path that is a folder, or whose folder is missing or not writable."""
-    folder = Path(file).resolve().parent
-    if not folder.is_dir() or not os.access(folder, os.W_OK) or Path(file).is_dir():
-        raise SwimError(f"cannot write a file there: {file}")
+def check_numbers(options: argparse.Namespace) -> None:
+    """Refuse numbers among the common options that no run can use."""
+    for name, check in (("seed", SEED), ("noise", NOISE)):
+        value = getattr(options, name, None)
+        if value is not None:
+            checked_option(check, value, f"--{name}")
+
+
+def check_places(
+    inputs: Iterable[str | None],
+    own: Mapping[str, str | None],
+    shared: Mapping[str, str | None] | None = None,
+) -> None:
+    """Refuse results in one place, or in the place of what is read.
+
+    Parameters
+    ----------
+    inputs : iterable of str
+        What is read: files and folders; names of shipped scenes and policies do not matter.
+    own : mapping
+        By option the files, and the folders that are replaced whole: nothing else goes there.
+    shared : mapping, optional
+        By option other places, such as folders that may hold anything.
+    """
+    places = {option: path for option, path in {**own, **(shared or {})}.items() if path}
+    for option in [option for option in own if option in places]:
+        for other, path in places.items():
+            if other != option and _is_within(path, places[option]):
+                raise SwimError(f"{option} and {other} need different places, got {path} for both")
+        for read in inputs:
+            if read is None or read in (*scene_names(), *policy_names()):
+                continue
+            if os.path.exists(read) and _is_within(read, places[option]):
+                raise SwimError(f"{option} would replace what is read ({read}); name another place")
+
+
+def _is_within(path: str, place: str) -> bool:
+    """Return whether a path is a place or lies in it."""
+    real, around = Path(os.path.realpath(path)), Path(os.path.realpath(place))
+    return around in (real, *real.parents)
 
 
 # ---- output ------------------------------------------------------------------------------------
@@ -169,12 +210,18 @@ def progress_bar(
 # ---- exit codes --------------------------------------------------------------------------------
 
 
-def run(main: Callable[[list[str] | None], int], arguments: list[str] | None = None) -> int:
+def run(
+    main: Callable[[list[str] | None], int],
+    arguments: list[str] | None = None,
+    interrupted: str = INTERRUPTED_TEXT,
+) -> int:
     """Run a main function and return its exit code.
 
     Errors of the package become one line on stderr and exit code 2, or 1 where the disk is full or
-    broken. A reader of standard output that has gone away ends the command quietly.
+    broken, Ctrl-C becomes the line `interrupted`. A reader of standard output that has gone away
+    ends the command quietly.
     """
+    _open_streams()
     try:
         code = main(arguments)
         sys.stdout.flush()
@@ -195,8 +242,39 @@ def run(main: Callable[[list[str] | None], int], arguments: list[str] | None = N
         )
         return FAILED
     except KeyboardInterrupt:
-        print("interrupted, nothing was written", file=sys.stderr)
+        print(interrupted, file=sys.stderr)
         return INTERRUPTED
+
+
+def _open_streams() -> None:
+    """Let standard output and error take any text; where they are closed, nothing is shown."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+    if sys.stderr is sys.__stderr__:
+        sys.stderr = cast(TextIO, _Messages(sys.stderr))
+
+
+class _Messages:
+    """Standard error. What it cannot show is lost, and not what is being computed."""
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        with contextlib.suppress(OSError):
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        with contextlib.suppress(OSError):
+            self._stream.flush()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
 
 
 def _machine_failed(error: BaseException) -> bool:

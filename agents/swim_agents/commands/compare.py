@@ -7,7 +7,13 @@ import sys
 
 from swim_agents.commands import command_line as cli
 from swim_agents.commands.playing import record
-from swim_agents.comparison.contest import FIRST_SEED, entries_of, hold_contest, steps_to_play
+from swim_agents.comparison.contest import (
+    FIRST_SEED,
+    checked_seeds,
+    entries_of,
+    hold_contest,
+    steps_to_play,
+)
 from swim_agents.comparison.report import CONTEST_FILES, as_text, write_contest
 from swim_agents.policies import policy_names
 from swim_env.envs.assessment import load_assessment
@@ -15,6 +21,8 @@ from swim_env.envs.task import check_task
 from swim_env.files.folders import check_folder
 from swim_env.plots import require_matplotlib
 from swim_env.recording import recording_file
+from swim_env.scene import scene_label
+from swim_env.sim.replay import steps_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,25 +63,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> int:
     """Hold the contest, print its tables and write what was asked for."""
     check_task(options.task)
-    scene = cli.played_scene(cli.scene_of(options), options.duration)
+    seeds = checked_seeds(options.seeds)
+    cli.check_places(
+        [options.scene, *options.policies],
+        {"--output": options.output},
+        {"--record": options.record},
+    )
+    scene = cli.scene_of(options)
+    name = f"{scene_label(scene)}-{options.task}"
+    scene = cli.played_scene(scene, options.duration)
+    scene.actions_per_episode  # noqa: B018  refuses a duration before anything is played
+    steps_of(scene)
     if options.output is not None:
         require_matplotlib()
         check_folder(options.output, CONTEST_FILES)
-    file = None
-    if options.record is not None:
-        file = recording_file(options.record, f"{scene.name}-{options.task}")
     entries = entries_of(options.policies, scene, options.task, options.trust)
+    file = None if options.record is None else recording_file(options.record, name)
     load_assessment()
-    total = steps_to_play(scene, len(entries), len(options.seeds))
+    total = steps_to_play(scene, len(entries), len(seeds))
     with cli.progress_bar(total, "s", "simulated") as progress:
         contest = hold_contest(
-            scene, entries, options.seeds, options.task, options.noise, progress=progress
+            scene, entries, seeds, options.task, options.noise, progress=progress
         )
     if options.output is not None:
         write_contest(contest, options.output)
     if file is not None:
         print(f"the recording is {record(file, contest.swimmers()).file}", file=sys.stderr)
-    cli.print_result(contest.record, options.json, lambda: as_text(contest.record))
     if options.output is not None:
         print(f"results are in {options.output}", file=sys.stderr)
+    cli.print_result(contest.record, options.json, lambda: as_text(contest.record))
     return 0

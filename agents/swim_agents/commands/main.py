@@ -34,12 +34,16 @@ def command(name: str, prog: str | None = None) -> Callable[[list[str] | None], 
     """
 
     def run_command(arguments: list[str] | None = None) -> int:
+        from swim_agents.commands.command_line import check_numbers
+
         module = importlib.import_module(f"swim_agents.commands.{name.replace('-', '_')}")
         given = sys.argv[1:] if arguments is None else list(arguments)
         parser = argparse.ArgumentParser(prog=prog, description=module.__doc__)
         module.add_arguments(parser)
         parser.set_defaults(command_line=["swim-env", name, *given])
-        return int(module.main(parser.parse_args(given)))
+        options = parser.parse_args(given)
+        check_numbers(options)
+        return int(module.main(options))
 
     return run_command
 

@@ -8,15 +8,17 @@ from typing import Any
 
 from swim_agents.commands import command_line as cli
 from swim_agents.commands.playing import play_policy, play_prescribed, record, report_early_end
-from swim_agents.policies import policy_names
+from swim_agents.policies import load_policy, policy_names
 from swim_agents.tables import text_table
 from swim_env.envs.assessment import load_assessment
+from swim_env.envs.task import check_task
 from swim_env.errors import SwimError
 from swim_env.files.folders import check_folder
 from swim_env.physics.loading import load_kernels
 from swim_env.plots import require_matplotlib
 from swim_env.plots.results import RESULT_FILES, write_results
 from swim_env.recording import recording_file
+from swim_env.scene import load_scene, scene_label
 from swim_env.sim.replay import steps_of
 
 
@@ -54,18 +56,30 @@ def main(options: argparse.Namespace) -> int:
         )
     if not options.env:
         cli.refuse(options, ("policy", "task", "seed", "noise", "record_video"), "needs --env")
-    scene = cli.scene_of(options)
+    cli.check_places(
+        [options.scene, options.policy],
+        {"--output": options.output},
+        {"--record": options.record, "--record-video": options.record_video},
+    )
+    scene = load_scene(options.scene, options.set)
+    steps_of(scene, options.duration)  # refuses a duration before anything is played
     if options.output is not None:
         require_matplotlib()
         check_folder(options.output, RESULT_FILES)
-    steps_of(scene, options.duration)  # refuses a duration before anything is played
-    file = None if options.record is None else recording_file(options.record, scene.name)
+    policy, task = options.policy or "paper_wave", options.task or "forward"
+    if options.env:
+        check_task(task)
+        load_policy(policy, scene, options.seed, task)
+    file = None
+    if options.record is not None:
+        file = recording_file(options.record, scene_label(scene))
+    scene = cli.scene_of(options)  # now that nothing is wrong, as choosing settings takes a while
     if options.env:
         load_assessment()
         swimmer, summary = play_policy(
             cli.played_scene(scene, options.duration),
-            options.policy or "paper_wave",
-            task=options.task or "forward",
+            policy,
+            task=task,
             seed=options.seed or 0,
             noise=1.0 if options.noise is None else options.noise,
             video_folder=options.record_video,
@@ -78,9 +92,9 @@ def main(options: argparse.Namespace) -> int:
     report_early_end(swimmer, "the run")
     if options.output is not None:
         write_results(swimmer.trajectory, summary, options.output)
-    cli.print_result(summary, options.json, lambda: _table(summary))
     if options.output is not None:
         print(f"results are in {options.output}", file=sys.stderr)
+    cli.print_result(summary, options.json, lambda: _table(summary))
     return 0
 
 

@@ -8,11 +8,15 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from swim_agents.commands import INTERRUPTED
 from swim_agents.commands import command_line as cli
+from swim_agents.files import check_file, writing
 from swim_agents.learning.config import TrainingConfig, config_names, load_config
 from swim_agents.tables import text_table
 from swim_env.envs.assessment import load_assessment
 from swim_env.errors import SwimError
+from swim_env.files.names import file_name
+from swim_env.recording import recording_file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -62,15 +66,15 @@ def main(options: argparse.Namespace) -> int:
     if options.threads is not None and options.threads < 1:
         raise SwimError(f"--threads must be at least 1, got {options.threads}")
     config = load_config(options.config, options.set)
-    base = Path(options.output or f"results/train/{config.name}")
+    base = Path(options.output or f"results/train/{file_name(config.name)}")
     try:
         runs = _train_all(options, config, base)
     except KeyboardInterrupt:
         print("interrupted; --resume continues from the last checkpoint", file=sys.stderr)
-        return cli.INTERRUPTED
+        return INTERRUPTED
     result = {"name": config.name, "runs": runs}
-    cli.print_result(result, options.json, lambda: _table(runs, config.task))
     print(f"runs are in {base}; the best agent of each in its folder agent", file=sys.stderr)
+    cli.print_result(result, options.json, lambda: _table(runs, config.task))
     return 0
 
 
@@ -92,6 +96,12 @@ def _train_all(
                 file=sys.stderr,
             )
             steps[seed] = 0
+    for folder in [folder for seed, folder in folders.items() if steps[seed]]:
+        if options.record is not None:
+            recording_file(Path(options.record) / folder.name / "any.rrd", "any")
+        with writing("the run's folder", folder, verb="make"):
+            folder.mkdir(parents=True, exist_ok=True)
+        check_file(folder / "run.json")
     load_assessment()
     runs = []
     bar = {"unit_scale": True, "mininterval": 0.5, "leave": True}

@@ -7,12 +7,13 @@ import json
 import time
 
 from swim_agents.commands import command_line as cli
-from swim_agents.files import as_json
+from swim_agents.files import as_json, check_file
 from swim_agents.tuning import check_candidates, search_wave
 from swim_agents.verification import fine_scene
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
 from swim_env.plots import draw_wave_search, require_matplotlib, save_figure
+from swim_env.sim.replay import steps_of
 
 #: Options that are whole numbers: least value, default, help.
 _NUMBERS = {
@@ -46,11 +47,13 @@ def main(options: argparse.Namespace) -> int:
             raise SwimError(
                 f"--{name.replace('_', '-')} must be at least {least}, got {getattr(options, name)}"
             )
-    cli.check_file(options.output)
+    check_file(options.output)
     if options.plot is not None:
         require_matplotlib()
-        cli.check_file(options.plot)
+        check_file(options.plot)
+    cli.check_places([options.scene], {"--output": options.output, "--plot": options.plot})
     scene = cli.scene_of(options)
+    steps_of(scene)  # refuses an episode that is too long for any run
 
     start = time.perf_counter()
     total = options.frequencies * options.wave_numbers

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
+import shlex
 import sys
 from pathlib import Path
 
 from swim_agents.commands import command_line as cli
 from swim_agents.commands import playing
-from swim_agents.policies import load_policy, policy_names
+from swim_agents.policies import load_policy, policy_label, policy_names
 from swim_agents.tables import text_table
 from swim_env import recording
 from swim_env.analysis.energy import velocity_of_start
 from swim_env.envs.assessment import load_assessment
 from swim_env.envs.task import check_task
 from swim_env.errors import SwimError
+from swim_env.files.names import file_name
 from swim_env.recording import FLOW_RATE, FRAME_RATE, Swimmer, WrittenRecording
-from swim_env.scene import Scene
+from swim_env.scene import Scene, scene_label
 from swim_env.sim.replay import steps_of
 from swim_env.sim.trajectory import Trajectory
 
@@ -100,13 +103,14 @@ def main(options: argparse.Namespace) -> int:
         shown = 0.5 * longest if options.at is None else options.at
         for complaint in recording.take_picture(file, options.picture, shown):
             print(f"rerun: {complaint}", file=sys.stderr)
-    cli.print_result(written.to_dict(), options.json, lambda: _table(written))
     if options.view:
         advice = recording.open_viewer(file)
         if advice is not None:
             print(advice, file=sys.stderr)
     elif not options.json:
-        print(f"look at it with: {recording.typed_command()} {written.file}", file=sys.stderr)
+        command = shlex.join([recording.typed_command(), str(written.file)])
+        print(f"look at it with: {command}", file=sys.stderr)
+    cli.print_result(written.to_dict(), options.json, lambda: _table(written))
     return 0
 
 
@@ -134,6 +138,11 @@ def _check(options: argparse.Namespace) -> None:
     if options.trajectory is not None:
         problem = "has no meaning with --trajectory; --compare-with adds a policy"
         cli.refuse(options, ("policy",), problem)
+    cli.check_places(
+        [options.scene, options.trajectory, options.compare_with, *options.policy],
+        {"--picture": options.picture},
+        {"--output": options.output},
+    )
 
 
 def _check_scene(options: argparse.Namespace, scene: Scene, end: float) -> None:
@@ -156,7 +165,9 @@ def _swimmers(options: argparse.Namespace) -> tuple[Path, list[Swimmer]]:
         scene = cli.played_scene(saved.scene, saved.duration if saved.steps else None)
         _check_scene(options, scene, float(saved.time[-1]))
         name = Path(options.trajectory).stem
-        file = recording.recording_file(place, f"{scene.name}-{name}")
+        _load(options, scene, others)
+        label = file_name(name, os.path.abspath(options.trajectory))
+        file = recording.recording_file(place, f"{scene_label(saved.scene)}-{label}")
         start = velocity_of_start(saved) if saved.steps else None
         kept = Swimmer(name, saved, start_velocity=start)
         return file, [kept, *_play(options, scene, others)]
@@ -164,13 +175,20 @@ def _swimmers(options: argparse.Namespace) -> tuple[Path, list[Swimmer]]:
     scene = cli.scene_of(options)
     steps = steps_of(scene, options.duration)
     _check_scene(options, scene, steps * scene.integrator.time_step)
-    scene = cli.played_scene(scene, options.duration)
     policies = [*options.policy, *others]
-    names = [Path(policy).name for policy in policies] or [playing.PRESCRIBED]
-    file = recording.recording_file(place, "-".join([scene.name, *names]))
+    names = [scene_label(scene), *([policy_label(one) for one in policies] or [playing.PRESCRIBED])]
+    scene = cli.played_scene(scene, options.duration)
+    _load(options, scene, policies)
+    file = recording.recording_file(place, "-".join(names))
     load_assessment()
     swimmers = [] if options.policy else [playing.play_prescribed(scene, options.duration)[0]]
     return file, [*swimmers, *_play(options, scene, policies)]
+
+
+def _load(options: argparse.Namespace, scene: Scene, policies: list[str]) -> None:
+    """Refuse policies that cannot be played, before anything is played."""
+    for policy in policies:
+        load_policy(policy, scene, options.seed, options.task or "forward")
 
 
 def _play(options: argparse.Namespace, scene: Scene, policies: list[str]) -> list[Swimmer]:
@@ -178,8 +196,6 @@ def _play(options: argparse.Namespace, scene: Scene, policies: list[str]) -> lis
     task, seed, noise = options.task or "forward", options.seed or 0, options.noise
     if noise is None:
         noise = 1.0 if options.policy else 0.0
-    for policy in policies:  # refuses what cannot be played before playing anything
-        load_policy(policy, scene, seed, task)
     return [
         playing.play_policy(scene, policy, task=task, seed=seed, noise=noise)[0]
         for policy in policies

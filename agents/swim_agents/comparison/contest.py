@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -21,13 +22,15 @@ from swim_agents.rollout import Rollout, check_policy, play_episodes
 from swim_agents.tuned_wave import load_tuned_wave
 from swim_agents.verification import TOLERANCE, fine_scene, verify_rollout
 from swim_env import __version__
-from swim_env.envs.task import TARGET_RADIUS, TASKS, check_task
+from swim_env.envs.task import NOISE, TARGET_RADIUS, TASKS, check_task
 from swim_env.envs.vector import VECTOR_ENVIRONMENTS
 from swim_env.errors import OptionError
+from swim_env.files.names import shown_name
 from swim_env.files.provenance import where_and_when
 from swim_env.physics.runtime.threads import usable_threads
 from swim_env.recording import Swimmer
 from swim_env.scene import Scene
+from swim_env.scene.checks import checked_option
 from swim_env.sim.trajectory import Trajectory
 
 #: The policies that every score is compared with.
@@ -123,7 +126,8 @@ def entries_of(
             policy = load_policy(name if path is None else path, scene, 0, task, trust)
             about = dict(getattr(policy, "description", {}))
             label, group = _labels(name, path, policy)
-            while any(entry.group == group for entry in found if entry.source != name):
+            others = [entry for entry in found if entry.source != name]
+            while any(group == entry.group or label == entry.name for entry in others):
                 label, group = label.replace(group, f"{group}'", 1), f"{group}'"
             found.append(Entry(label, group, policy, dict(about.get("training", {})), name))
     return found
@@ -131,18 +135,29 @@ def entries_of(
 
 def _labels(name: str, run: Path | None, policy: Policy) -> tuple[str, str]:
     """Return the names of a policy and its group: of an agent its own name, and its run."""
-    known = str(getattr(policy, "name", name))
+    known = shown_name(str(getattr(policy, "name", name)))
     if run is not None:
-        return f"{known}/{run.name}", known
+        return f"{known}/{shown_name(run.name)}", known
     place = Path(name)
     place = place.parent if place.name in ("agent", "final_agent") else place
-    label = f"{known}/{place.name}" if place.name.startswith("seed_") else known
+    label = f"{known}/{shown_name(place.name)}" if place.name.startswith("seed_") else known
     return label, label
 
 
 def steps_to_play(scene: Scene, entries: int, seeds: int) -> int:
     """Return what the progress of `hold_contest` adds up to: seconds simulated and checked."""
     return math.ceil(2 * entries * seeds * scene.episode.duration)
+
+
+def checked_seeds(seeds: Sequence[int]) -> list[int]:
+    """Return seeds of starts as plain numbers; OptionError unless they differ and are usable."""
+    try:
+        found = [operator.index(seed) for seed in seeds if not isinstance(seed, bool)]
+    except TypeError:
+        found = []
+    if not found or len(set(found)) < len(seeds) or min(found) < 0:
+        raise OptionError(f"seeds must be different whole numbers of at least 0, got {list(seeds)}")
+    return found
 
 
 def hold_contest(
@@ -197,13 +212,16 @@ def hold_contest(
         If the seeds or the task cannot be used, a reference is missing, or a policy was made for
         another scene or task.
     """
+    seeds = checked_seeds(seeds)
+    noise = checked_option(NOISE, noise, "the noise")
     count = len(seeds)
-    if not seeds or len(set(seeds)) < count or min(seeds) < 0:
-        raise OptionError(f"seeds must be different whole numbers of at least 0, got {list(seeds)}")
     made = TASKS[check_task(task)](scene)
     for entry in entries:
         check_policy(entry.policy, made)
-    missing = [name for name in REFERENCES if name not in [entry.name for entry in entries]]
+    names = [entry.name for entry in entries]
+    if len(set(names)) < len(names):
+        raise OptionError(f"entries must have different names, got {', '.join(names)}")
+    missing = [name for name in REFERENCES if name not in names]
     if missing and task == "forward":
         raise OptionError(
             f"every contest needs {' and '.join(REFERENCES)}, {missing[0]} is missing"

@@ -29,6 +29,7 @@ from swim_env.envs.interface import action_space_of, observation_space_of
 from swim_env.envs.task import TASKS, Task
 from swim_env.errors import OptionError, SceneError, SettingsError, SwimError
 from swim_env.files.folders import write_folder
+from swim_env.files.names import shown_name
 from swim_env.scene import Beam, Scene
 from swim_env.scene.block import build_block, plain
 from swim_env.scene.checks import one_of, text
@@ -289,7 +290,7 @@ def load_bare_model(path: str | os.PathLike[str], scene: Scene, trust: bool) -> 
             f"{shapes['forward']} (or {shapes['target']} with a target) and {actions} ({name})"
         )
     description = {
-        "name": Path(path).stem,
+        "name": shown_name(Path(path).stem),
         "algorithm": algorithm,
         "task": tasks[0],
         "scene": scene.to_dict(),

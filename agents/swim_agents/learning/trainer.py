@@ -21,6 +21,7 @@ finished or not, goes on to their number, with the learning rate that they give.
 from __future__ import annotations
 
 import contextlib
+import numbers
 import os
 import shutil
 import time
@@ -55,6 +56,7 @@ from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
 from swim_env.files.provenance import where_and_when
 from swim_env.recording import recording_file, write_recording
+from swim_env.scene.checks import got
 
 # After swim_agents.vec_env, which says in one line what is missing where this is not installed.
 import torch  # isort: skip
@@ -168,7 +170,7 @@ def train(
         If a file cannot be written or read; the last checkpoint is intact.
     """
     place = Path(folder)
-    device = _checked_start(config, seed, device)
+    seed, device = _checked_start(config, seed, device)
     recordings = None
     if record is not None:
         recordings = recording_file(Path(record) / "any.rrd", "any").parent
@@ -197,20 +199,21 @@ def check_run(
     Returns what ``run.json`` says of the run that would be continued, None without one.
     """
     place = Path(folder)
-    device = _checked_start(config, seed, device)
+    seed, device = _checked_start(config, seed, device)
     with _alone(place) if (place / ".lock").exists() else contextlib.nullcontext():
         return _run_before(config, place, seed, resume, device)
 
 
-def _checked_start(config: TrainingConfig, seed: int, device: str) -> str:
-    """Check the seed, and return the device that PyTorch is to use."""
+def _checked_start(config: TrainingConfig, seed: Any, device: str) -> tuple[int, str]:
+    """Return the seed as a plain number, and the device that PyTorch is to use."""
     most = config.evaluation.seed // config.members
-    if isinstance(seed, bool) or not 0 <= seed < most:
+    whole = isinstance(seed, numbers.Integral) and not isinstance(seed, bool)
+    if not whole or not 0 <= int(seed) < most:
         raise ConfigError(
             f"seed must be a whole number from 0 to {most - 1}, so that training draws other "
-            f"starts than evaluations, got {seed!r}"
+            f"starts than evaluations, got {got(seed)}"
         )
-    return checked_device(device)
+    return int(seed), checked_device(device)
 
 
 def _run_before(
