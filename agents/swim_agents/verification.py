@@ -38,7 +38,7 @@ class Verification:
     #: Their difference as a share of the score.
     difference: float
     #: Whether the difference is at most `tolerance`, the energy of both computations adds up as the
-    #: scene's ``integrator.energy_tolerance`` asks, and neither was ended by the physics: an episode
+    #: scene asks (``integrator.energy_tolerance``), and neither was ended by the physics: an episode
     #: that broke down proves nothing.
     verified: bool
     #: The largest difference allowed.
@@ -46,7 +46,7 @@ class Verification:
     #: Of the finer computation (s); no panels where the scene has none.
     time_step: float
     panels_per_element: int | None
-    #: Unexplained energy of the episode and of the finer computation, see `Trajectory.energy_drift`.
+    #: `Trajectory.energy_drift` of the episode and of the finer computation.
     energy_drift: float
     fine_energy_drift: float
     #: Why the episode or, if not, the finer run was ended by the physics; empty where neither was.

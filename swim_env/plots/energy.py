@@ -30,7 +30,7 @@ def draw_energy(
     """Draw the energy budgets of runs, a column for each.
 
     Above, the energy in its parts at the end of the run; below, work and losses since the start,
-    and what they do not explain, as a share of the energy that went through (`Trajectory.energy_drift`).
+    and what they do not explain, as a share of what went through (`Trajectory.energy_drift`).
 
     Parameters
     ----------
