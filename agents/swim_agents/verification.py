@@ -37,8 +37,8 @@ class Verification:
     fine_displacement: float
     #: Their difference as a share of the score.
     difference: float
-    #: Whether the difference is at most `tolerance`, the energy of both computations adds up as the
-    #: scene asks (``integrator.energy_tolerance``), and neither was ended by the physics: an episode
+    #: Whether the difference is at most `tolerance`, the energy of both computations adds up to the
+    #: scene's ``energy_tolerance``, and neither was ended by the physics: an episode
     #: that broke down proves nothing.
     verified: bool
     #: The largest difference allowed.

@@ -28,33 +28,44 @@ STATE_NOT_FINITE = 7
 SELF_CONTACT = 8
 ENERGY_UNEXPLAINED = 10
 
+#: What happened, and what would help.
 _MEANING = {
     "outline_degenerate": (
         "the beam bends so far at a joint that the inner side of its outline is shorter than 0.1 "
-        "element lengths or the mitre longer than 4 half thicknesses"
+        "element lengths or the mitre longer than 4 half thicknesses; more stiffness, less torque "
+        "or a thinner body bends less far"
     ),
     "under_resolved_gap": (
-        "parts of the beam that are not neighbours came closer than half a panel length, which "
-        "the panels cannot resolve"
+        "parts of the beam that are not neighbours are closer to each other than half the length "
+        "of their panels, which these cannot resolve; more panels (fluid.panels_per_element, "
+        "fluid.cap_panels) or less bending would help"
     ),
     "influence_singular": (
         "the normal influence matrix of the panels has no inverse that could be trusted, its "
-        "condition is beyond 1e10: the body is too thin for panels on both of its sides"
+        "condition is beyond 1e10: the body is too thin for panels on both of its sides; fluid "
+        "model strip takes any thickness"
     ),
     "mass_not_positive": (
-        "the discrete total mass is not positive definite: the outline is too coarse for the bend, "
-        "or the inertia too small for the numbers"
+        "the discrete total mass is not positive definite: the outline is too coarse for the bend "
+        "(more fluid.panels_per_element would help), or the inertia too small for the numbers "
+        "(beam.rotary_inertia above 0 would help)"
     ),
     "step_not_solved": (
         "the step equations could not be solved, however short a part of the step was tried, or "
-        "not within the effort of half a second that a step may take"
+        "not within the effort of half a second that a step may take; a smaller "
+        "integrator.time_step, less torque or, for a very fine body, fewer elements or panels "
+        "would help"
     ),
     "turn_too_large": (
-        "an element or a joint turns by more than 0.5 rad in however short a part of a step"
+        "an element or a joint turns by more than 0.5 rad in however short a part of a step; a "
+        "smaller integrator.time_step or less torque would help"
     ),
-    "state_not_finite": "the state holds a number that is not finite",
+    "state_not_finite": (
+        "the state holds a number that is not finite: what started or drove the body was too large"
+    ),
     "energy_unexplained": (
-        "more energy than integrator.energy_tolerance is not explained by start, work and losses"
+        "more energy than integrator.energy_tolerance is not explained by start, work and losses; "
+        "a smaller integrator.time_step would help"
     ),
     "self_contact": "the body, as thick as it is, touches itself (watched for by self_contact)",
 }

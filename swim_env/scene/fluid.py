@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
@@ -175,7 +176,17 @@ class Fluid(Block, path="fluid"):
                 f"beam.half_thickness must be above 0 and below a quarter of the length, "
                 f"{limit:.6g} m, for an outline of panels, got {beam.half_thickness!r}"
             )
-        panels = beam.elements * self.panels_per_element + 2 * self.panels_per_end(beam)
+        ends = self.panels_per_end(beam)
+        # Panels resolve what is at least half their length away; the ends' and the sides of the
+        # next element but one are two element lengths apart.
+        needed = 1 + math.floor(0.5 * beam.half_thickness / beam.element_length * (1.0 + 1e-9))
+        if model.outline and beam.elements > 2 and ends < needed:
+            raise SceneError(
+                f"fluid.cap_panels must be at least {needed}, or {PROPORTIONAL}, got {ends}: the "
+                f"panels on ends of {2.0 * beam.half_thickness:.3g} m must be shorter than four "
+                f"elements of {beam.element_length:.3g} m"
+            )
+        panels = beam.elements * self.panels_per_element + 2 * ends
         if model.panels and panels > MOST_PANELS_IN_ALL:
             raise SceneError(
                 f"beam.elements times fluid.panels_per_element and the ends' panels must be "

@@ -530,6 +530,17 @@ BAD_TOGETHER: list[tuple[dict[str, object], tuple[str, ...]]] = [
         {"self_contact": {}, "fluid": None, "beam.half_thickness": 0.0},
         ("self_contact needs beam.half_thickness, a number above 0 in m, got 0.0",),
     ),
+    *(
+        (
+            {"fluid.cap_panels": caps, "beam.elements": elements, "beam.half_thickness": thickness},
+            (f"fluid.cap_panels must be at least {needed}, or proportional, got {caps}", "ends"),
+        )
+        for elements, thickness, caps, needed in (
+            (9, 0.24, 1, 2),
+            (40, 0.05, 1, 2),
+            (40, 0.24, 4, 5),
+        )
+    ),
 ]
 ALL_BAD = [*(({path: value}, (part,)) for path, value, part in BAD), *BAD_TOGETHER]
 
