@@ -261,7 +261,7 @@ class _Watch:
         self._balance = float(expected[-1])
         self._unexplained = max(self._unexplained, float(np.abs(energy - expected).max()))
         self._largest = max(self._largest, float(energy.max()))
-        self._lost += float(column["dissipated"].sum())
+        self._lost += float(np.maximum(column["dissipated"], 0.0).sum())
         count = verdict.steps + np.arange(1, len(energy) + 1)
         first, last = self._quarters
         first.append(float(energy[count <= verdict.wanted // 4].sum()))

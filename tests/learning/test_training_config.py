@@ -161,7 +161,7 @@ def test_a_misspelt_field_is_named_with_the_nearest_one_and_the_file(text, field
         ("reward_scale: 0.0", "reward_scale must be above 0, got 0.0"),
         ("members: true", "members must be an integer, got true"),
         ("members: 0", "members must be at least 1, got 0"),
-        ("steps: 1e6", "steps must be an integer, got 1000000.0"),
+        ("steps: 1.5", "steps must be an integer, got 1.5"),
         ("checkpoint_every: 0", "checkpoint_every must be at least 1, got 0"),
         ("torch_threads: 0", "torch_threads must be at least 1, got 0"),
         ("noise_hold: -1", "noise_hold must be at least 1, got -1"),

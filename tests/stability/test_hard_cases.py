@@ -96,8 +96,11 @@ def test_how_curling_ends(strain):
             # Without an outline only the watch for contact ends a run ...
             watched = shape.endswith("watched")
             assert verdict.reason == ("self_contact" if watched else ""), run.label
-            # ... and the energy shows a joint that snapped over.
-            assert verdict.trusted == (holds or watched), run.label
+            # ... and the energy shows joints that snapped over, but for those that a held torque
+            # turns over and over: more goes through than is unexplained.
+            snapped = shape in ("one joint", "head to tail", "folding rule")
+            shown = snapped and (model != "none" or shape == "one joint")
+            assert verdict.trusted == (holds or watched or not shown), run.label
 
 
 # ---- random scenes -----------------------------------------------------------------------------

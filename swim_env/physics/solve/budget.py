@@ -32,7 +32,7 @@ def begin_budget(energy: float, counters: Array) -> None:
 def keep_budget(counters: Array, record: Array) -> None:
     """Compare the energy after a step with what start, work and losses explain."""
     counters[EXPLAINED] += record[WORK] - record[DISSIPATED]
-    counters[LOST] += record[DISSIPATED]
+    counters[LOST] += max(record[DISSIPATED], 0.0)
     counters[LARGEST] = max(counters[LARGEST], record[ENERGY])
     gap = abs(record[ENERGY] - counters[EXPLAINED])
     if not gap <= counters[UNEXPLAINED]:
