@@ -23,6 +23,8 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+#: Coordinates that are no further apart (BL, rad) count as the same.
+_SAME = 1e-6
 #: Blocks of a scene that the body alone is without.
 _SURROUNDINGS = ("axial_added_mass", "cross_flow_drag", "stream", "self_contact", "fluid")
 
@@ -151,8 +153,7 @@ def velocity_of_start(trajectory: Trajectory) -> Array | None:
     try:
         simulator = Simulator(trajectory.scene)
         velocity = simulator.velocity()
-        off = np.abs(simulator.coordinates - _places(trajectory)[0]).max()
-        if not off <= _tolerance(trajectory):
+        if not _apart(simulator.coordinates, _places(trajectory)[0], trajectory) <= _SAME:
             return None
         _velocities(trajectory, velocity, np.array([trajectory.steps]))
     except SwimError:
@@ -172,18 +173,20 @@ def _velocities(trajectory: Trajectory, velocity: ArrayLike, chosen: NDArray[np.
             # Unlike `step`, this does not raise where the run itself ended early.
             again.rollout(torques)
         rates[row] = again.velocity()
-        off = np.abs(again.coordinates - places[again.steps]).max()
-        if again.steps != instant or not off <= _tolerance(trajectory):
+        off = _apart(again.coordinates, places[again.steps], trajectory)
+        if again.steps != instant or not off <= _SAME:
             raise SwimError(
                 "the velocity is not the one that the run started with: played again, it is "
-                f"{off:.2g} off after {again.time:g} s"
+                f"{off:.2g} (BL, rad) off after {again.time:g} s"
             )
     return rates
 
 
-def _tolerance(trajectory: Trajectory) -> float:
-    """Return how far apart coordinates may be that count as the same (m, rad)."""
-    return 1e-6 * trajectory.scene.beam.length
+def _apart(one: Array, other: Array, trajectory: Trajectory) -> float:
+    """Return how far apart coordinates are: the largest of lengths (BL) and angles (rad)."""
+    gaps = np.abs(one - other)
+    gaps[:2] /= trajectory.scene.beam.length
+    return float(gaps.max())
 
 
 def summed(values: Array) -> Array:

@@ -22,7 +22,15 @@ from swim_agents.tuned_wave import load_tuned_wave
 from swim_agents.tuning import check_candidates, net_displacements, search_wave
 from swim_agents.verification import fine_scene
 
-from swim_env import OptionError, Simulator, SwimEnv, SwimError, SwimVectorEnv, load_scene
+from swim_env import (
+    OptionError,
+    Simulator,
+    SwimEnv,
+    SwimError,
+    SwimVectorEnv,
+    Trajectory,
+    load_scene,
+)
 from swim_env.scene import Actuation
 from tests.support import refuses, run_script
 
@@ -213,6 +221,28 @@ def test_a_score_whose_energy_does_not_add_up_is_not_verified():
     assert checked.difference < checked.tolerance and not checked.termination_reason
     assert max(checked.energy_drift, checked.fine_energy_drift) > 1e-6
     assert not checked.verified
+
+
+@pytest.mark.slow
+def test_unexplained_energy_is_an_alarm_for_displacements_that_are_off():
+    scene = load_scene("swimmer")
+    for name in ("ppo_forward", "tuned_wave"):
+        rollout = play_episode(SwimEnv(scene), load_policy(name, scene), seed=2000000)
+
+        def played(scheme: str, step: float, rollout: Rollout = rollout) -> Trajectory:
+            changes = {"integrator.scheme": scheme, "integrator.time_step": step}
+            return rollout.simulate(rollout.scene.replace(changes))
+
+        wanted = played("composed", 0.0003125).displacement
+        for scheme in ("paper", "composed"):
+            for step in (0.02, 0.01, 0.005, 0.0025):
+                run = played(scheme, step)
+                error = np.hypot(*(run.displacement - wanted)) / np.hypot(*wanted)
+                print(f"{name} {scheme} {1e3 * step:g} ms: {run.energy_drift:.2%} / {error:.2%}")
+                if run.warnings():
+                    assert error > 0.025
+                else:
+                    assert error < (0.15 if scheme == "paper" else 0.06)
 
 
 # ---- the tuned wave ----------------------------------------------------------------------------

@@ -120,7 +120,7 @@ def as_markdown(record: dict[str, Any]) -> str:
     parts = [f"# {record['scene']}: policies compared", f"{_caption(record)}. {where}"]
     parts.append(
         "*Finer computation* verifies a score: the same torques played again at a quarter of "
-        "the time step with 12 panels on every element; a score is verified when the two agree "
+        "the time step with three times the panels; a score is verified when the two agree "
         f"within {record['tolerance']:.0%}. A target counts as reached in it where it comes within "
         f"{1.0 + record['tolerance']:.1f} of the target's radius. *A*, *f* and *kappa* are those "
         "of the travelling wave nearest to the torques, *explained* is its share of their mean "
