@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from swim_agents.rollout import Rollout, score
+from swim_env.errors import SceneError
 from swim_env.scene import Integrator, Scene
 from swim_env.scene.fluid import FLUID_TABLE
 
@@ -67,7 +68,8 @@ def fine_scene(scene: Scene) -> Scene:
     """Return a scene with all of its discretisation refined but the elements, which act.
 
     That is the time step, the tolerance of its equations, and the panels on sides and ends of any
-    model that has them, in proportion. What a model leaves out is no discretisation.
+    model that has them, in proportion. What a model leaves out is no discretisation. It is a
+    SceneError if a scene has so many panels that more are refused.
     """
     integrator, fluid = scene.integrator, scene.fluid
     changes: dict[str, object] = {
@@ -75,12 +77,17 @@ def fine_scene(scene: Scene) -> Scene:
         "integrator.tolerance": min(integrator.tolerance, Integrator().tolerance),
     }
     if fluid is not None and FLUID_TABLE[fluid.model].panels:
-        panels = max(FINE_PANELS, 2 * fluid.panels_per_element)
+        own, caps = fluid.panels_per_element, fluid.cap_panels
+        panels = max(FINE_PANELS, 2 * own)
         changes["fluid.panels_per_element"] = panels
-        if not isinstance(fluid.cap_panels, str):
-            finer = math.ceil(fluid.cap_panels * panels / fluid.panels_per_element)
-            changes["fluid.cap_panels"] = finer
-    return scene.replace(changes)
+        if not isinstance(caps, str):
+            changes["fluid.cap_panels"] = math.ceil(caps * panels / own)
+    try:
+        return scene.replace(changes)
+    except SceneError as error:
+        raise SceneError(
+            f"scene {scene.name} is too fine to be verified by a finer one: {error}"
+        ) from None
 
 
 def _panels(scene: Scene) -> int | None:

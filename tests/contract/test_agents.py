@@ -215,6 +215,12 @@ def test_the_finer_scene_refines_all_that_is_discrete_but_the_elements(changes, 
     assert fine_scene(scene) == scene.replace({"integrator.time_step": 0.00125, **finer})
 
 
+def test_a_scene_that_cannot_be_refined_is_refused_by_name():
+    fine = load_scene("swimmer", ["beam.elements=500", "fluid.cap_panels=proportional"])
+    with refuses(SwimError, "scene swimmer is too fine to be verified", "at most 5000 panels"):
+        fine_scene(fine)
+
+
 def test_a_score_whose_energy_does_not_add_up_is_not_verified():
     still = ["episode.duration=0.2", "integrator.energy_tolerance=1e-6"]
     checked = verify_rollout(_play(still, Actuation(amplitude=1.0)))
