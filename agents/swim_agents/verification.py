@@ -80,7 +80,7 @@ def fine_scene(scene: Scene) -> Scene:
         own, caps = fluid.panels_per_element, fluid.cap_panels
         panels = max(FINE_PANELS, 2 * own)
         changes["fluid.panels_per_element"] = panels
-        if not isinstance(caps, str):
+        if FLUID_TABLE[fluid.model].outline and not isinstance(caps, str):
             changes["fluid.cap_panels"] = math.ceil(caps * panels / own)
     try:
         return scene.replace(changes)
@@ -117,7 +117,7 @@ def verify_rollout(
     if rollout.info["termination_reason"] != "target_reached":
         reason = rollout.info["termination_reason"] or reason
     drifts = (float(rollout.info["energy_drift"]), fine.energy_drift)
-    trusted = max(drifts) <= scene.integrator.energy_tolerance
+    trusted = all(drift <= scene.integrator.energy_tolerance for drift in drifts)
     distance = None
     if rollout.goal_is_point:
         away = np.hypot(*(fine.path - rollout.goal).T)

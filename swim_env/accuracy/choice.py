@@ -18,6 +18,7 @@ from swim_env.errors import SceneError, SwimError
 from swim_env.scene import Scene
 from swim_env.scene.checks import checked_option, is_number, real
 from swim_env.scene.fluid import FLUID_TABLE, NO_FLUID
+from swim_env.sim.replay import steps_of
 
 __all__ = ["Choice", "choose", "with_chosen_settings"]
 
@@ -75,9 +76,9 @@ def choose(
         Keep the number of elements, as an agent for so many joints needs it; the error is then that
         of a body of so many elements.
     duration : float, optional
-        Simulated time on which settings are judged (s), the scene's own unless given; 20 periods of
-        the drive at most, or without one 1000 control intervals, as the error of a steady gait does
-        not grow.
+        Simulated time on which settings are judged (s), the scene's own unless given; at most 20
+        periods of the drive, as the error of a steady gait does not grow, and at most 1000 control
+        intervals where there is no drive or a fiftieth of its period is longer than one.
     progress : callable, optional
         Called with 1 after every run.
 
@@ -95,6 +96,7 @@ def choose(
     tolerance = float(tolerance)
     wanted = scene.episode.duration if duration is None else duration
     wanted = checked_option(real("s", above=0.0), wanted, "the duration")
+    steps_of(scene, wanted)
     if not keep_elements:
         refuse_lists(scene, "be chosen; keep it (keep_elements), or give a law in s/l")
     duration = duration_for(scene, wanted)

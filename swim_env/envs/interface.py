@@ -144,7 +144,9 @@ class SharedInterface:
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
         if spec is not None:
-            limit = spec.max_episode_steps if spec.max_episode_steps else _limit_of_make()
+            # What `make_vec` was given goes to the environment alone, beside a spec's own number.
+            given = spec.kwargs.get("max_episode_steps")
+            limit = given or spec.max_episode_steps or _limit_of_make()
             if limit is not None:
                 self.episodes.set_limit(limit)
             spec = copy.copy(spec)

@@ -52,16 +52,17 @@ class SwimEnv(SharedInterface, gymnasium.Env[Observation, NDArray[Any]]):
     ``Box((2 (N - 1) + 5,), float32)``. Nothing depends on where the body is. Values are scaled to
     order one and, except sine and cosine, clipped to ±100.
 
-    | index        | quantity                                               | unit of 1 |
-    |--------------|--------------------------------------------------------|-----------|
-    | 0 ... N-2    | joint angles, head to tail                             | 0.1 rad   |
-    | N-1 ... 2N-3 | joint rates                                            | 5 rad/s   |
-    | 2N-2         | sine of the goal's direction from the head's, + = left | 1         |
-    | 2N-1         | its cosine                                             | 1         |
-    | 2N           | velocity of the mean centre, forward                   | 0.1 BL/s  |
-    | 2N+1         | the same, to the left                                  | 0.1 BL/s  |
-    | 2N+2         | mean turning rate of the elements, counter-clockwise   | 1 rad/s   |
+    | index        | quantity                                               | unit of 1     |
+    |--------------|--------------------------------------------------------|---------------|
+    | 0 ... N-2    | joint angles, head to tail                             | 0.1 rad       |
+    | N-1 ... 2N-3 | joint rates                                            | 0.1 rad / t   |
+    | 2N-2         | sine of the goal's direction from the head's, + = left | 1             |
+    | 2N-1         | its cosine                                             | 1             |
+    | 2N           | velocity of the mean centre, forward                   | 0.002 BL / t  |
+    | 2N+1         | the same, to the left                                  | 0.002 BL / t  |
+    | 2N+2         | mean turning rate of the elements, counter-clockwise   | 0.02 rad / t  |
 
+    with t the control interval: 5 rad/s, 0.1 BL/s and 1 rad/s at 0.02 s.
     The head's direction is opposite to the mean angle of the elements; forward and left are along
     it and at a right angle to it.
 

@@ -239,6 +239,8 @@ class SwimVectorEnv(
                 last = self._add_info(last, final, member)
                 self._restart(member)
             observations, _, _, _, infos = episodes.results()
+            reasons = last["final_info"]["termination_reason"]
+            last["final_info"]["termination_reason"] = reasons.view(Reasons)
             infos.update(last)
         self._show()
         return observations, rewards, terminated, truncated, infos

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -57,7 +59,7 @@ def unexplained_energy(energy: Array, work: Array, dissipated: Array) -> Array:
     energy : (T + 1,) array
         H(q_n, p_n) (J).
     work, dissipated : (T,) arrays
-        Work of the torques and loss to damping in every step (J).
+        Work of the torques and loss to damping and drag in every step (J).
     """
     balance: Array = energy - energy[0]
     balance[1:] -= np.cumsum(work - dissipated)
@@ -74,4 +76,6 @@ def energy_drift(energy: Array, work: Array, dissipated: Array) -> float:
     """
     left = float(np.max(np.abs(unexplained_energy(energy, work, dissipated))))
     through = float(np.max(energy) + np.sum(np.maximum(dissipated, 0.0)))
-    return left / through if through > 0.0 else 0.0
+    if left == 0.0:
+        return 0.0
+    return left / through if through > 0.0 and math.isfinite(left / through) else math.inf

@@ -32,8 +32,8 @@ ENERGY_UNEXPLAINED = 10
 _MEANING = {
     "outline_degenerate": (
         "the beam bends so far at a joint that the inner side of its outline is shorter than 0.1 "
-        "element lengths or the mitre longer than 4 half thicknesses; more stiffness, less torque "
-        "or a thinner body bends less far"
+        "element lengths or the mitre longer than 4 half thicknesses; more stiffness or less "
+        "torque bends it less far, a thinner body may bend further"
     ),
     "under_resolved_gap": (
         "parts of the beam that are not neighbours are closer to each other than half the length "
@@ -58,7 +58,7 @@ _MEANING = {
     ),
     "turn_too_large": (
         "an element or a joint turns by more than 0.5 rad in however short a part of a step; a "
-        "smaller integrator.time_step or less torque would help"
+        "smaller integrator.time_step, less torque or a slower start would help"
     ),
     "state_not_finite": (
         "the state holds a number that is not finite: what started or drove the body was too large"

@@ -51,7 +51,7 @@ def draw_energy(
         for place, label, title in (
             (parts, "energy (J)", f"energy in its parts, last {seconds:g} s"),
             (spent, "energy (J)", "since the start"),
-            (drift, "share of the\nlargest H (%)", "H - H(0) - work + dissipated"),
+            (drift, "share of what\nwent through (%)", "H - H(0) - work + dissipated"),
         ):
             style.style_axes(place, "time (s)", "" if column else label, f"{name}: {title}")
         style.add_legend(parts, loc="upper center", ncols=2)

@@ -57,7 +57,7 @@ class Trajectory:
         the change of the momentum.
     work, positive_work, dissipated : (T,) arrays
         Work of the torques in each step, the sum of its positive parts over joints, and the loss
-        to damping (J).
+        to damping and drag (J).
     residual : (T,) array
         Scaled residual of the step equations after the last iteration.
     iterations : (T,) array

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from swim_agents.commands import main as console
+from swim_agents.commands.command_line import check_places
 from swim_agents.comparison.contest import entries_of, hold_contest
 from swim_agents.replay import replay_episode
 
@@ -197,3 +198,25 @@ def test_an_interrupt_is_raised_after_an_import_or_a_callback(place, tmp_path):
         preexec_fn=hear_interrupts,
     )  # fmt: skip
     assert done.stdout == "after it\n", done.stderr
+
+
+def test_a_shared_place_is_not_what_is_read(tmp_path):
+    scene = tmp_path / "in.rrd"
+    scene.write_text("name: mine\n")
+    with refuses(SwimError, "--record would replace what is read"):
+        check_places([str(scene)], {}, {"--record": str(scene)})
+    check_places([str(scene)], {}, {"--record": str(tmp_path)})
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a full device")
+def test_a_version_that_cannot_be_printed_is_one_line():
+    code = "from swim_agents.commands.main import main; main(['--version'])"
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=ENVIRONMENT,
+        )
+    assert "Traceback" not in done.stderr and "No space left" in done.stderr

@@ -652,3 +652,19 @@ def test_a_bad_argument_is_refused(build, task, name, value, parts):
     with refuses(error, *parts) as caught:
         build(task, **{name: value})
     assert isinstance(caught.value, (SwimError, ValueError))
+
+
+def test_the_number_that_make_vec_is_given_counts_more_than_that_of_a_spec():
+    spec = gymnasium.make(FORWARD, overrides={"episode.duration": 0.1, **SMALL}).spec
+    assert spec.max_episode_steps == 5
+    batch = gymnasium.make_vec(spec, num_envs=2, max_episode_steps=3)
+    assert batch.spec.max_episode_steps == 3 and batch.unwrapped.episodes.limit == 3
+
+
+def test_last_infos_of_members_that_ended_have_numbers_for_their_reasons():
+    batch = make_batch(
+        overrides={"episode.duration": 0.02, **SMALL}, autoreset_mode=AutoresetMode.SAME_STEP
+    )
+    batch.reset(seed=0)
+    *_, infos = batch.step(np.zeros((3, 2)))
+    assert np.from_dlpack(infos["final_info"]["termination_reason"]).tolist() == [0, 0, 0]

@@ -166,3 +166,13 @@ def test_the_finest_tolerance_stops_at_round_off_and_says_so(name):
     met, left = run.residual[~stopped].max(), run.residual[stopped].max()
     assert met <= 1e-13, f"a residual of {met:.2g} was taken for 1e-13"
     assert left < 1e-10, f"round-off leaves {left:.2g}"
+
+
+@pytest.mark.parametrize("thickness", [0.08, 0.1, 0.15, 0.2])
+@pytest.mark.parametrize("bend", [0.02, 0.3])
+def test_thick_bodies_with_a_straight_part_are_resolved(thickness, bend):
+    """Panels on one line that is turned lie on either side of it by rounding, and do not cross."""
+    scene = load_scene("swimmer", {"beam.half_thickness": thickness, "fluid.cap_panels": 4})
+    for joint in range(8):
+        angles = [bend * (joint == k) for k in range(8)]
+        Simulator(scene.replace({"initial.joint_angles": angles, "initial.heading": 0.3})).energy()

@@ -160,15 +160,18 @@ def check_places(
         By option other places, such as folders that may hold anything.
     """
     places = {option: path for option, path in {**own, **(shared or {})}.items() if path}
+    read = [one for one in inputs if one and one not in (*scene_names(), *policy_names())]
+    read = [one for one in read if os.path.exists(one)]
+    for option, place in places.items():
+        for one in read:
+            if os.path.realpath(one) == os.path.realpath(place) or (
+                option in own and _is_within(one, place)
+            ):
+                raise SwimError(f"{option} would replace what is read ({one}); name another place")
     for option in [option for option in own if option in places]:
         for other, path in places.items():
             if other != option and _is_within(path, places[option]):
                 raise SwimError(f"{option} and {other} need different places, got {path} for both")
-        for read in inputs:
-            if read is None or read in (*scene_names(), *policy_names()):
-                continue
-            if os.path.exists(read) and _is_within(read, places[option]):
-                raise SwimError(f"{option} would replace what is read ({read}); name another place")
 
 
 def _is_within(path: str, place: str) -> bool:

@@ -58,14 +58,19 @@ def main(arguments: list[str] | None = None) -> int:
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
     for name, about in COMMANDS.items():
         commands.add_parser(name, help=about)
-    if given[:1] == ["--version"]:
-        print(f"swim-env {_version()}")
-        return 0
-    if not given or given[0] not in COMMANDS:
+    asked = given[:1] == ["--version"]
+    if not asked and (not given or given[0] not in COMMANDS):
         parser.parse_args(given)  # exits: help, version or a usage error
     from swim_agents.commands.command_line import run
 
+    if asked:
+        return run(_print_version, given[1:])
     return run(command(given[0], f"swim-env {given[0]}"), given[1:])
+
+
+def _print_version(_: list[str] | None) -> int:
+    print(f"swim-env {_version()}")
+    return 0
 
 
 def _version() -> str:

@@ -277,15 +277,12 @@ def _distance_to_panel(px: float, py: float, j: int, panels: Array) -> float:
 
 
 @kernel
-def _side_of_panel(px: float, py: float, j: int, panels: Array) -> float:
-    """Return the signed distance (m) of a point from the line through panel j."""
-    side: float = panels[CT, j] * (py - panels[Y, j]) - panels[ST, j] * (px - panels[X, j])
-    return side
-
-
-@kernel
 def _panel_gap(i: int, j: int, panels: Array) -> float:
-    """Return the distance (m) of two panels, zero when they cross."""
+    """Return the least distance (m) of an end of one panel from the other.
+
+    Where panels cross it is at most half the length of the shorter one, so crossing needs no test
+    of its own, which rounding would fail for panels on one line.
+    """
     ax = panels[X, i]
     ay = panels[Y, i]
     bx = ax + panels[CT, i] * panels[LENGTH, i]
@@ -294,11 +291,6 @@ def _panel_gap(i: int, j: int, panels: Array) -> float:
     cy = panels[Y, j]
     dx = cx + panels[CT, j] * panels[LENGTH, j]
     dy = cy + panels[ST, j] * panels[LENGTH, j]
-    if (
-        _side_of_panel(cx, cy, i, panels) * _side_of_panel(dx, dy, i, panels) < 0.0
-        and _side_of_panel(ax, ay, j, panels) * _side_of_panel(bx, by, j, panels) < 0.0
-    ):
-        return 0.0
     return min(
         min(_distance_to_panel(ax, ay, j, panels), _distance_to_panel(bx, by, j, panels)),
         min(_distance_to_panel(cx, cy, i, panels), _distance_to_panel(dx, dy, i, panels)),
@@ -316,7 +308,7 @@ def _pair_too_close(k: int, m: int, geometry: FluidGeometry, out: OutlineArrays)
             if out.element[j] != m:
                 continue
             limit = GAP_TO_PANEL * max(out.panels[LENGTH, i], out.panels[LENGTH, j])
-            if not _panel_gap(i, j, out.panels) >= limit:
+            if not _panel_gap(i, j, out.panels) > limit:
                 return True
     return False
 

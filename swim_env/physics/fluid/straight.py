@@ -9,7 +9,7 @@ from swim_env.errors import SwimError
 from swim_env.physics.fluid.layout import fluid_buffers, motion_count
 from swim_env.physics.fluid.outline import FluidGeometry
 from swim_env.physics.runtime.views import padded
-from swim_env.physics.status import FINE, TERMINATION_REASONS
+from swim_env.physics.status import FINE, TERMINATION_REASONS, describe
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,8 @@ class NearlyStraight:
         status = self._added_mass(joint_angles, self._fluid, self._buffers, out)
         if status != FINE:
             raise SwimError(
-                "panels give no added mass of the straight body, or of one that is hardly bent: "
-                f"{TERMINATION_REASONS[status]}"
+                f"panels give no added mass of the body with joint angles up to "
+                f"{float(np.abs(joint_angles).max(initial=0.0)):.2g} rad: "
+                f"{describe(TERMINATION_REASONS[status])}"
             )
         return out[: self._size, : self._size]

@@ -100,9 +100,11 @@ def energy_drift_of(state: Array, elements: int) -> float:
 def unexplained_share(counters: Array) -> float:
     """Return `energy_drift_of` from the counters of a state."""
     through = counters[LARGEST] + counters[LOST]
+    if counters[UNEXPLAINED] == 0.0:
+        return 0.0
     if through > 0.0:
         return float(counters[UNEXPLAINED] / through)
-    return 0.0
+    return np.inf
 
 
 def steps_column(elements: int) -> int:
