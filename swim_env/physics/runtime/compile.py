@@ -78,6 +78,10 @@ def vector_kernel(function: Function) -> Function:
     NaN and infinity keep their meaning: only contraction, reassociation, reciprocals and the
     sign of zero are given up.
     """
+    # A call, and looking into the arrays that it hands over, would take as long as a short row.
     return _compile(
-        function, fastmath={"contract", "reassoc", "arcp", "nsz"}, no_cpython_wrapper=True
+        function,
+        fastmath={"contract", "reassoc", "arcp", "nsz"},
+        no_cpython_wrapper=True,
+        forceinline=True,
     )
