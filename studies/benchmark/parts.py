@@ -81,7 +81,7 @@ def _repeat(
             # It remembers its pose and the joint angles of its added mass.
             body.mass.known[TOTAL] = 0
             body.mass.known[ADDED] = 0
-            prepare(q, p, beam, fluid, solver, body, buffers, newton, step.effort)
+            prepare(state, beam, fluid, solver, body, buffers, newton, step.effort)
         elif part == _WHOLE_STEP:
             evaluate_step(p, torques, z, h, beam, fluid, body, buffers)
         elif part == _JACOBIAN:

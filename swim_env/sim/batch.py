@@ -20,6 +20,7 @@ from swim_env.physics.solve.state import (
     Member,
     member_views,
     state_size,
+    state_views,
     steps_column,
     work_sizes,
 )
@@ -107,6 +108,7 @@ class Bodies:
         """
         state: Array = np.zeros(self.states.shape[1])
         state[: self.unknowns] = coordinates
+        state_views(state, self.scene.beam.elements)[0].inertia[:] = coordinates[3:]
         given = self.member(member)
         _, status = energy_and_velocity(state, np.empty(self.unknowns), *given)
         if not status and not np.isfinite(momentum_of_velocity(state, velocity, *given)):

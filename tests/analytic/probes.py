@@ -61,7 +61,7 @@ def _fluid_probe(
             for b in range(out.raw.shape[0]):
                 total = 0.0
                 for i in range(work.loads.shape[1]):
-                    total += work.loads[a, i] * work.strengths[i, b]
+                    total += work.adjoints[a, i] * work.motions[i, b]
                 out.raw[a, b] = -fluid.density * total
     return status
 
@@ -99,7 +99,10 @@ def _step_probe(
 ) -> int:
     m, _ = member_views(state, beam, fluid, floats, integers)
     body, work, newton = m.body, m.fluid_buffers, m.newton
-    status = prepare(q, p, beam, fluid, solver, body, work, newton, m.step.effort)
+    copy(q, m.state.q)
+    copy(p, m.state.p)
+    copy(q[3:], m.state.inertia)
+    status = prepare(m.state, beam, fluid, solver, body, work, newton, m.step.effort)
     if status != 0:
         return status
     pose_jacobian(h, beam, body.pose, body.mass, newton.jacobian)

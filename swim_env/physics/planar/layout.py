@@ -225,8 +225,9 @@ class Newton(NamedTuple):
         Minus the derivative of the residual (its factors), and the rows of its transpose.
     increment, trial : (N + 2,) arrays
         The increment z that is improved, and one that is tried.
-    start : (N + 2,) array
-        The increment that the method started from.
+    start, whole, held : (N + 2,) arrays
+        The increments that the method started from, that was last evaluated as a whole, and that
+        solves the adjoint with the added mass of its start.
     correction, next_correction : (N + 2,) arrays
         The correction of `increment`, and that of `trial` with the same matrix.
     shape : (N + 2,) array
@@ -243,6 +244,8 @@ class Newton(NamedTuple):
     increment: Array
     trial: Array
     start: Array
+    whole: Array
+    held: Array
     correction: Array
     next_correction: Array
     shape: Array
@@ -258,7 +261,7 @@ def newton_views(
     columns, end = matrix(buffer, padded(start), n + 1, padded(motions + 1))
     impulses_of, end = matrix(buffer, end, n, padded(motions))
     squares, end = matrix(buffer, end, 2 * n, n)
-    u, end = matrix(buffer, end, 6, n)
+    u, end = matrix(buffer, end, 8, n)
     motions_of, moved = columns[:n], columns[n]
     jacobian, transposed = squares[:n], squares[n:]
     views = Newton(
@@ -273,6 +276,8 @@ def newton_views(
         u[3],
         u[4],
         u[5],
+        u[6],
+        u[7],
         permutation,
     )
     return views, end

@@ -12,7 +12,7 @@ from swim_env.physics.solve.constants import unpack_constants
 from swim_env.physics.solve.forces import write_forces
 from swim_env.physics.solve.outer_step import outer_step
 from swim_env.physics.solve.prepare import energy_of_pose, prepare
-from swim_env.physics.solve.state import LARGEST, LOST, UNEXPLAINED, member_views
+from swim_env.physics.solve.state import member_views, unexplained_share
 from swim_env.physics.status import ENERGY_UNEXPLAINED, FINE, STATE_NOT_FINITE
 
 Array = NDArray[np.float64]
@@ -86,15 +86,12 @@ def advance(
                     if solver.forces:
                         write_forces(m.forces, row[2 * q.size :])
                 taken += 1
-                # Not more than it should be; infinity times no energy is not a number.
-                counters = m.state.counters
-                through = counters[LARGEST] + counters[LOST]
-                if counters[UNEXPLAINED] > solver.energy_tolerance * through:
+                if unexplained_share(m.state.counters) > solver.energy_tolerance:
                     status = ENERGY_UNEXPLAINED
         outcome[member, 0] = taken
         outcome[member, 1] = status
         # A state that is handed out has been prepared before, so this does not fail.
-        prepare(q, p, beam, fluid, solver, m.body, m.fluid_buffers, m.newton, m.step.effort)
+        prepare(m.state, beam, fluid, solver, m.body, m.fluid_buffers, m.newton, m.step.effort)
         copy(m.body.mass.velocity, velocities[member])
         velocities[member, 0] += fluid.stream_x
         velocities[member, 1] += fluid.stream_y
@@ -129,9 +126,7 @@ def energy_and_velocity(
     """
     beam, fluid, solver = unpack_constants(scalars, vectors)
     m, _ = member_views(state, beam, fluid, floats, integers)
-    status = prepare(
-        m.state.q, m.state.p, beam, fluid, solver, m.body, m.fluid_buffers, m.newton, m.step.effort
-    )
+    status = prepare(m.state, beam, fluid, solver, m.body, m.fluid_buffers, m.newton, m.step.effort)
     if status != FINE:
         return np.nan, status
     copy(m.body.mass.velocity, velocity)

@@ -56,6 +56,9 @@ _MOST_LAST = 3
 _SMALL_TURN = 0.1
 _FIRST_PASS = 1e-4
 _PASS_TOLERANCE = 0.1
+#: What the residual changes by, at most, as an element turns or shifts by a radian or its length
+#: from where that which is held belongs to.
+CHANGE_WITH_SHAPE = 1.0
 
 
 @kernel
@@ -157,7 +160,7 @@ def newton_in_passes(
     beam: BeamConstants,
     fluid: FluidConstants,
     solver: SolverConstants,
-    shape_known: bool,
+    guessed: bool,
 ) -> tuple[bool, float]:
     """Improve the increment in passes during which the shape force is held.
 
@@ -177,8 +180,9 @@ def newton_in_passes(
         Whether the step is that of the adjoint map, with the inertia of its end.
     beam, fluid, solver : BeamConstants, FluidConstants, SolverConstants
         The scene.
-    shape_known : bool
-        Whether `balance.shape` already holds a guess of the shape force.
+    guessed : bool
+        Whether what is held already has a guess: `balance.shape` of the shape force, or in the
+        adjoint `mass.added` of the added mass.
 
     Returns
     -------
@@ -189,7 +193,7 @@ def newton_in_passes(
     q, p = state.q, state.p
     balance = body.balance
     z = newton.increment
-    if shape_known:
+    if guessed:
         if adjoint:
             norm = evaluate_adjoint_step(p, torques, z, h, beam, fluid, body)
         else:
@@ -198,9 +202,10 @@ def newton_in_passes(
         norm = _evaluate(
             q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_buffers, step
         )
+        copy(z, newton.whole)
     if not norm < np.inf:
         return False, norm
-    if norm <= solver.tolerance and not shape_known:
+    if norm <= solver.tolerance and not guessed:
         return True, norm
     # The matrix of the pose has no drag in it.
     if fluid.drag > 0.0 or turns_beyond(z, _SMALL_TURN):
@@ -217,7 +222,8 @@ def newton_in_passes(
     # it goes all the way.
     held = fluid.varies
     enough = _FIRST_PASS * norm if held else 0.0
-    for _ in range(_MOST_PASSES):
+    accepted = False
+    for number in range(_MOST_PASSES):
         enough = max(enough, _PASS_TOLERANCE * solver.tolerance)
         size = np.inf
         for _ in range(_MOST_IN_PASS):
@@ -236,15 +242,35 @@ def newton_in_passes(
             step.tally[CORRECTIONS] += 1
             if norm <= enough:
                 break
-        if held:
+        met = norm <= solver.tolerance
+        if held and guessed and number == 0:
+            if adjoint:
+                copy(z, newton.held)
+                for i in range(z.size):
+                    z[i] += state.lag[i]
+        elif held:
+            for i in range(z.size):
+                newton.correction[i] = z[i] - newton.whole[i]
+            left = CHANGE_WITH_SHAPE * _correction_size(newton.correction, beam.element_length)
+            if met and left <= solver.tolerance:
+                accepted = True
+                norm = max(norm, left)
+        if held and not accepted:
             norm = _evaluate(
                 q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_buffers, step
             )
-        enough = 0.0
-        if norm <= solver.tolerance:
+            copy(z, newton.whole)
             # The adjoint's added mass is to stay that of the increment.
-            if held and not adjoint:
+            accepted = norm <= solver.tolerance
+            if accepted and not adjoint:
                 _correct_once_more(norm, p, torques, h, beam, fluid, body, newton)
+        elif not held:
+            accepted = met
+        enough = 0.0
+        if accepted:
+            if adjoint and guessed:
+                for i in range(z.size):
+                    state.lag[i] = z[i] - newton.held[i]
             return not turns_beyond(z, TRUSTED_TURN), norm
         if not held:
             break

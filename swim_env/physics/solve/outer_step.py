@@ -137,12 +137,10 @@ def _solve_part(
         if not tried:
             tried = True
             copy(increment, newton.start)
-            # The adjoint has nothing to guess from: its added mass is that of the end.
-            extrapolated = start == 0 and (not adjoint or not fluid.varies)
             at_round_off = False
-            solved, norm = newton_in_passes(
-                m, torques, h, adjoint, beam, fluid, solver, extrapolated
-            )
+            # The added mass that an adjoint starts with is that of its start.
+            guessed = adjoint or start == 0
+            solved, norm = newton_in_passes(m, torques, h, adjoint, beam, fluid, solver, guessed)
             if not solved:
                 copy(newton.start, increment)
         if not solved:
@@ -202,6 +200,7 @@ def _keep_part(state: State, step: OuterStep, forces: ForceWork, record: Array) 
     """Note where a part begins, so that it can be taken back after its first half."""
     copy(state.q, step.part_q)
     copy(state.p, step.part_p)
+    copy(state.inertia, step.part_inertia)
     copy(step.total, step.part_total)
     copy(record, step.part_record)
     for i in range(2):
@@ -214,6 +213,7 @@ def _take_back_part(state: State, step: OuterStep, forces: ForceWork, record: Ar
     """Go back to where the part began."""
     copy(step.part_q, state.q)
     copy(step.part_p, state.p)
+    copy(step.part_inertia, state.inertia)
     copy(step.part_total, step.total)
     copy(step.part_record, record)
     for i in range(2):
@@ -314,6 +314,7 @@ def outer_step(
     step.tally[:] = 0
     copy(state.q, step.q)
     copy(state.p, step.p)
+    copy(state.inertia, step.inertia)
     step.total[:] = 0.0
     if solver.forces:
         begin_forces(forces)
@@ -329,9 +330,7 @@ def outer_step(
         if not second:
             # A pose without mass is not handed out: the run ends at the one before. The next step
             # finds the mass of a good one ready.
-            status = prepare(
-                state.q, state.p, beam, fluid, solver, body, fluid_buffers, newton, step.effort
-            )
+            status = prepare(state, beam, fluid, solver, body, fluid_buffers, newton, step.effort)
             if status == FINE and pending > 0.0:
                 record[DISSIPATED] += _loss_of_halves(pending, step, mass.velocity)
                 pending = 0.0
@@ -378,6 +377,7 @@ def outer_step(
         if fluid.drag > 0.0 or fluid.stream_x != 0.0 or fluid.stream_y != 0.0:
             _drift(state, increment, h, fluid, pose, inc, drag, record)
         _move_on(state, increment, balance.change, balance.shape, step.total, part)
+        copy(mass.shape if adjoint and fluid.varies else state.q[3:], state.inertia)
         record[RESIDUAL_MET] = max(record[RESIDUAL_MET], norm)
         record[AT_ROUND_OFF] = max(record[AT_ROUND_OFF], 1.0 if at_round_off else 0.0)
         if solver.composed and not second:
@@ -396,6 +396,7 @@ def outer_step(
     if status != FINE:
         copy(step.q, state.q)
         copy(step.p, state.p)
+        copy(step.inertia, state.inertia)
         return status
     record[ENERGY] = energy_of_pose(state.p, beam, pose, mass)
     record[ITERATIONS] = step.tally[CORRECTIONS]

@@ -16,6 +16,7 @@ from swim_env.physics.planar.matrix import mass_matrix
 from swim_env.physics.runtime.compile import inlined, kernel
 from swim_env.physics.runtime.dense import cholesky, cholesky_solve, copy, dot
 from swim_env.physics.solve.constants import SolverConstants
+from swim_env.physics.solve.state import State
 from swim_env.physics.status import FINE, MASS_NOT_POSITIVE, SELF_CONTACT, STATE_NOT_FINITE
 
 Array = NDArray[np.float64]
@@ -57,8 +58,7 @@ def find_added_mass(
 
 @kernel
 def prepare(
-    q: Array,
-    p: Array,
+    state: State,
     beam: BeamConstants,
     fluid: FluidConstants,
     solver: SolverConstants,
@@ -72,6 +72,7 @@ def prepare(
     The work space remembers which angles its mass belongs to, and which momentum its velocity, so
     asking again costs nothing. Positions do not matter to it.
     """
+    q, p, inertia = state.q, state.p, state.inertia
     for i in range(q.size):
         if not (np.isfinite(q[i]) and np.isfinite(p[i])):
             return STATE_NOT_FINITE
@@ -79,6 +80,9 @@ def prepare(
     known = mass.known[TOTAL] == 1
     for i in range(2, q.size):
         known = known and mass.pose[i] == q[i]
+    if fluid.varies:
+        for j in range(inertia.size):
+            known = known and mass.shape[j] == inertia[j]
     same = known
     for i in range(q.size):
         same = same and mass.momentum[i] == p[i]
@@ -93,7 +97,7 @@ def prepare(
             dl = beam.element_length
             if touches_itself(beam.elements, pose.d3, radius, dl, balance.sums):
                 return SELF_CONTACT
-        status = find_added_mass(q[3:], fluid, solver, fluid_buffers, mass, effort)
+        status = find_added_mass(inertia, fluid, solver, fluid_buffers, mass, effort)
         if status != FINE:
             return status
         effort[0] += solver.matrix_cost

@@ -66,6 +66,12 @@ class State(NamedTuple):
         The shape forces that belong to them, N numbers each.
     past : (2, N + 2) array
         Mean momentum of every element in the last step, with half its drag; N numbers each.
+    lag : (N + 2,) array
+        By how much the increment of the last adjoint differed from the one with the added mass of
+        its start; what the next is expected to differ by.
+    inertia : (N - 1,) array
+        Joint angles of the shape whose added mass the state has: q's own or, after an adjoint,
+        one so near that the residual is met with it (rad).
     counters : (7,) array
         See the names of its entries.
     """
@@ -75,15 +81,22 @@ class State(NamedTuple):
     history: Array
     shape_history: Array
     past: Array
+    lag: Array
+    inertia: Array
     counters: Array
 
 
 @shared
 def state_views(buffer: Array, elements: int) -> tuple[State, int]:
     """Lay a `State` over a vector; returns it and the vector's length."""
-    rows, end = matrix(buffer, 0, 10, elements + 2)
+    rows, end = matrix(buffer, 0, 12, elements + 2)
     counters, end = vector(buffer, end, _COUNTERS)
-    return State(rows[0], rows[1], rows[2:5], rows[5:8], rows[8:10], counters), end
+    state = State(
+        *(rows[0], rows[1], rows[2:5], rows[5:8], rows[8:10], rows[10]),
+        rows[11, : elements - 1],
+        counters,
+    )
+    return state, end
 
 
 def state_size(elements: int) -> int:
@@ -123,10 +136,10 @@ class OuterStep(NamedTuple):
     ----------
     total : (N + 2,) array
         Increment since its beginning.
-    q, p : (N + 2,) arrays
-        Coordinates and momenta at its beginning.
-    part_q, part_p, part_total : (N + 2,) arrays
-        Coordinates, momenta and `total` at the beginning of the part.
+    q, p, inertia : (N + 2,), (N + 2,), (N - 1,) arrays
+        Of the state, at its beginning.
+    part_q, part_p, part_inertia, part_total : arrays
+        The same and `total` at the beginning of the part.
     part_record : (12,) array
         The record at the beginning of the part.
     losses : (3, N + 2) array
@@ -142,8 +155,10 @@ class OuterStep(NamedTuple):
     total: Array
     q: Array
     p: Array
+    inertia: Array
     part_q: Array
     part_p: Array
+    part_inertia: Array
     part_total: Array
     part_record: Array
     losses: Array
@@ -196,11 +211,24 @@ def member_views(
     known, tally, permutation = integers[:2], integers[2:5], integers[5 : n + 5]
     body, end = body_views(floats, 0, known, elements, motions)
     newton, end = newton_views(floats, end, permutation, elements, motions)
-    rows, end = matrix(floats, end, 9, n)
+    rows, end = matrix(floats, end, 11, n)
     record, end = vector(floats, end, _RECORD)
     effort, end = vector(floats, end, 1)
     step = OuterStep(
-        *(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5]), record, rows[6:9], effort, tally
+        *(
+            rows[0],
+            rows[1],
+            rows[2],
+            rows[9, : n - 3],
+            rows[3],
+            rows[4],
+            rows[10, : n - 3],
+            rows[5],
+        ),
+        record,
+        rows[6:9],
+        effort,
+        tally,
     )
     sums, end = matrix(floats, end, 10, elements)
     forces = ForceWork(sums[0:2], sums[2:4], sums[4:6], sums[6:8], sums[8:10])
