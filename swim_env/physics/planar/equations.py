@@ -304,7 +304,7 @@ def _balance(
     b.change[0] = 0.0
     b.change[1] = 0.0
     for i in range(2):
-        b.scale[i] = max(beam.smallest_momentum, abs(p[i]))
+        b.scale[i] = max(beam.smallest_momentum, size + abs(p[i]))
         b.size[i] = size + abs(p[i])
     for j in range(elements):
         turning = inertia_rate * inc.turn_sine[j]
@@ -319,8 +319,9 @@ def _balance(
             p[2 + j] - turning + munk - arm - b.elastic[j] + shape + 0.5 * b.torque[j]
         )
         forces = b.elastic_size[j] + abs(shape) + abs(munk) + b.torque_size[j]
-        b.scale[2 + j] = max(beam.smallest_spin, max(abs(p[2 + j]), forces))
-        b.size[2 + j] = abs(p[2 + j]) + abs(turning) + abs(arm) + forces + dl * size
+        impulses = abs(turning) + abs(arm) + forces
+        b.scale[2 + j] = max(beam.smallest_spin, max(abs(p[2 + j]), impulses))
+        b.size[2 + j] = abs(p[2 + j]) + impulses + dl * size
     if fluid.drag > 0.0:
         add_drag(z, h, beam, fluid.drag, pose, inc, b, drag)
     return residual_norm(b.residual, b.scale)

@@ -58,7 +58,7 @@ _FIRST_PASS = 1e-4
 _PASS_TOLERANCE = 0.1
 #: What the residual changes by, at most, as an element turns or shifts by a radian or its length
 #: from where that which is held belongs to.
-CHANGE_WITH_SHAPE = 1.0
+CHANGE_WITH_SHAPE = 0.25
 
 
 @kernel
