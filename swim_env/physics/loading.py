@@ -195,7 +195,7 @@ def _compile_pose() -> None:
     m = _views(one)
     scene = (one.beam, one.fluid, one.solver)
     work = (m.body, m.fluid_buffers, m.newton, m.step.effort)
-    _compile(prepare, m.state.q, m.state.p, *scene, *work)
+    _compile(prepare, m.state, *scene, *work)
 
 
 def _compile_motion() -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from swim_env import Scene, SimulationEndedError, Simulator, load_scene
+from swim_env.sim.batch import Bodies, minimal_start
 from tests.analytic.probes import StepProbe
 from tests.analytic.test_derivatives import (
     STEPS,
@@ -290,6 +291,33 @@ def test_what_the_stiffness_adds_is_the_derivative_of_the_strains_energy(
 
 
 # ---- Newton's method, cut steps, steps that fail -----------------------------------------------
+
+
+@each_scheme
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-8])
+@pytest.mark.parametrize("density", [10.0, 1000.0])
+def test_a_step_errs_by_less_than_its_tolerance(
+    scheme: str, tolerance: float, density: float
+) -> None:
+    # Also where the shape force, or the added mass of the end, was not evaluated once more.
+    changes = {
+        "integrator.scheme": scheme,
+        "integrator.tolerance": tolerance,
+        "fluid.density": density,
+    }
+    scene = load_scene("swimmer", changes)
+    bodies = Bodies(scene)
+    exact = Bodies(scene.replace({"integrator.tolerance": 1e-12}))
+    bodies.start(0, *minimal_start(scene, scene.initial))
+    torques = np.sign(held_torques(scene, 150, 3))
+    for torque in torques:
+        exact.states[:] = bodies.states
+        for one in (bodies, exact):
+            one.advance(torque[None, None], 1, one.new_record(1))
+        missed = (bodies.coordinates - exact.coordinates)[0]
+        turns = np.cumsum(missed[2:])
+        shift = missed[:2] / scene.beam.element_length
+        assert max(np.abs(turns).max(), np.abs(shift).max()) <= 0.1 * tolerance
 
 
 @each_scheme
