@@ -17,6 +17,7 @@ from swim_agents.learning.settings import (
     PPOSettings,
     SACSettings,
 )
+from swim_agents.learning.smoothing import WIDTH
 from swim_env.envs.task import TASKS, Task
 from swim_env.errors import SceneError, SettingsError, SwimError
 from swim_env.files.atomic import write_atomically
@@ -107,6 +108,9 @@ class TrainingConfig(Block):
     #: every `noise_hold` actions, instead of independent noise at every joint and action.
     state_dependent_noise: Annotated[bool, _is_a(bool, "true or false")] = True
     noise_hold: Annotated[int, integer(1, 1_000_000)] = 4
+    #: Standard deviation (BL) of the Gaussian weights with which the policy's actions, exploration
+    #: included, are averaged over neighbouring joints; None for no smoothing.
+    action_smoothing: Annotated[float | None, WIDTH] = None
     #: Of policy and critic.
     network: Annotated[Network, block(Network)] = field(default_factory=Network)
     #: With algorithm PPO, and with it alone.
@@ -193,7 +197,7 @@ class TrainingConfig(Block):
             value = getattr(self, spec.name)
             if spec.name == "scene":
                 data["scene"] = value.to_dict()
-            elif value is not None or spec.name in ("final_learning_rate", "reward_scale"):
+            elif value is not None or spec.name not in _BLOCKS:
                 data[spec.name] = dict(value) if isinstance(value, dict) else plain(value)
         return data
 

@@ -9,6 +9,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from swim_agents.learning.config import TrainingConfig
+from swim_agents.learning.smoothing import Smoothing
 from swim_agents.vec_env import SwimVecEnv
 from swim_env.envs.episodes import EnvSnapshot
 from swim_env.envs.vector import VECTOR_ENVIRONMENTS, SwimVectorEnv
@@ -38,7 +39,7 @@ def make_batch(
 
 
 class TrainingEnv(VecEnvWrapper):  # type: ignore[misc]
-    """A batch whose rewards are scaled for the learner, and whose state can be saved.
+    """A batch with rewards scaled and actions smoothed for the learner, whose state can be saved.
 
     Episode statistics in the infos are those of the unscaled rewards.
 
@@ -47,11 +48,16 @@ class TrainingEnv(VecEnvWrapper):  # type: ignore[misc]
     """
 
     def __init__(
-        self, venv: VecMonitor, reward_scale: float | None = None, discount: float = 0.99
+        self,
+        venv: VecMonitor,
+        reward_scale: float | None = None,
+        discount: float = 0.99,
+        action_smoothing: float | None = None,
     ) -> None:
         super().__init__(venv)
         self.reward_scale = reward_scale
         self.discount = discount
+        self.smoothing = Smoothing(venv.action_space.shape[0], action_smoothing)
         self._spread = RunningMeanStd(shape=())
         self._returns = np.zeros(self.num_envs)
 
@@ -66,6 +72,10 @@ class TrainingEnv(VecEnvWrapper):  # type: ignore[misc]
         observations: NDArray[np.float32] = self.venv.reset()
         self._returns[:] = 0.0
         return observations
+
+    def step_async(self, actions: NDArray[np.float32]) -> None:
+        """Keep actions, (M, N - 1), smoothed, for `step_wait`."""
+        self.venv.step_async(self.smoothing(actions))
 
     def step_wait(
         self,
@@ -115,4 +125,6 @@ def make_training_env(config: TrainingConfig, seed: int, threads: int | None = N
     """
     venv = SwimVecEnv(make_batch(config, config.members, threads))
     venv.seed(seed * config.members)
-    return TrainingEnv(VecMonitor(venv), config.reward_scale, config.discount)
+    return TrainingEnv(
+        VecMonitor(venv), config.reward_scale, config.discount, config.action_smoothing
+    )

@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from swim_agents.files import DAMAGED, as_json, read_json
 from swim_agents.learning.config import TrainingConfig
 from swim_agents.learning.settings import ALGORITHMS, Network
+from swim_agents.learning.smoothing import WIDTH, SmoothedPolicy, Smoothing
 from swim_env.envs.assessment import OBSERVATION_LAYOUT, observation_size
 from swim_env.envs.interface import action_space_of, observation_space_of
 from swim_env.envs.task import TASKS, Task
@@ -40,7 +41,7 @@ FORMAT_VERSION = 1
 #: What agent.json keeps of the configuration, beside the scene.
 _KEPT = (
     *("name", "description", "algorithm", "task"),
-    *("environment", "network", "state_dependent_noise"),
+    *("environment", "network", "state_dependent_noise", "action_smoothing"),
 )
 
 #: What must be the same in the scene that an agent plays: the body, its fluid, its joints.
@@ -188,6 +189,9 @@ def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
         layout = description["observation"]
         algorithm = one_of(ALGORITHMS)(description["algorithm"], "algorithm")
         gsde = bool(description["state_dependent_noise"])
+        width = description.get("action_smoothing")  # agents of earlier versions have none
+        if width is not None:
+            width = WIDTH(width, "action_smoothing")
         name = text(description["name"], "name")
         if not name.isprintable():
             raise SceneError("name must be text on one line")
@@ -214,7 +218,8 @@ def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
             f"the weights in model.zip are not those of the agent that agent.json describes "
             f"({where})"
         ) from None
-    return AgentPolicy(policy, description)
+    smoothing = Smoothing(scene.beam.elements - 1, width)
+    return AgentPolicy(SmoothedPolicy(policy, smoothing), description)
 
 
 def _description(path: Path) -> dict[str, Any]:

@@ -50,6 +50,7 @@ from swim_agents.learning.models import (
     torch_threads,
 )
 from swim_agents.learning.saved import save_agent
+from swim_agents.learning.smoothing import SmoothedPolicy
 from swim_agents.rollout import play_episodes
 from swim_env import __version__
 from swim_env.errors import SwimError
@@ -421,7 +422,7 @@ class _Run:
         numbers, others = torch.get_rng_state(), np.random.get_state()
         rollouts = play_episodes(
             self.evaluation_env,
-            self.model.policy,
+            SmoothedPolicy(self.model.policy, self.env.smoothing),
             range(first, first + config.evaluation.episodes),
         )
         torch.set_rng_state(numbers)

@@ -1,0 +1,65 @@
+"""Smoothing of actions along the body.
+
+Noise that is independent at every joint hardly moves the bending modes, the less so the more joints
+there are, so a learner that explores with it learns little. Smoothed, it bends the body, and so do
+the actions that are learned.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from swim_env.scene.checks import real
+
+Actions = NDArray[np.float32]
+
+#: Check of a width (BL).
+WIDTH = real(above=0.0, at_most=10.0)
+
+
+class Smoothing:
+    """A moving average of actions over neighbouring joints, with Gaussian weights.
+
+    Parameters
+    ----------
+    joints : int
+        Number N - 1 of joints, evenly spaced between the ends of the body.
+    width : float or None
+        Standard deviation of the weights (BL); None leaves actions as they are.
+    """
+
+    def __init__(self, joints: int, width: float | None) -> None:
+        self._weights: Actions | None = None
+        if width is not None:
+            place = np.arange(joints) / (joints + 1)
+            weights = np.exp(-0.5 * ((place[:, None] - place) / width) ** 2)
+            self._weights = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
+
+    def __call__(self, actions: Actions) -> Actions:
+        """Return smoothed actions, (N - 1,) or (M, N - 1), which stay between -1 and 1."""
+        if self._weights is None:
+            return actions
+        smooth: Actions = np.clip(actions @ self._weights.T, -1.0, 1.0)
+        return smooth
+
+
+class SmoothedPolicy:
+    """A policy whose actions are smoothed, with the same `predict` call."""
+
+    def __init__(self, policy: Any, smoothing: Smoothing) -> None:
+        self._policy, self._smoothing = policy, smoothing
+        self.observation_space = policy.observation_space
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Actions, Any]:
+        """Return smoothed actions, (N - 1,) or (M, N - 1), and no state."""
+        actions, _ = self._policy.predict(observation, deterministic=deterministic)
+        return self._smoothing(actions), None
