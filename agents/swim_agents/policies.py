@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from swim_agents.baselines import (
     POLICY_NAMES,
     Policy,
     RandomPolicy,
+    WavePolicy,
     ZeroPolicy,
     paper_wave,
     tuned_wave,
@@ -28,7 +30,11 @@ PRETRAINED_FOLDER = next(
     _HERE / "pretrained",
 )
 
-_BASELINES = {"paper_wave": paper_wave, "tuned_wave": tuned_wave, "zero": ZeroPolicy}
+_BASELINES: dict[str, Callable[[Scene], WavePolicy | ZeroPolicy]] = {
+    "paper_wave": paper_wave,
+    "tuned_wave": tuned_wave,
+    "zero": ZeroPolicy,
+}
 
 
 def pretrained_names() -> tuple[str, ...]:
@@ -62,7 +68,8 @@ def load_policy(
     ----------
     policy : str or os.PathLike
         ``paper_wave``: the scene's prescribed wave, no torque where it has none. ``tuned_wave``:
-        the wave that was found to swim farthest on scene swimmer. ``zero``: no torque. ``random``:
+        the wave that was found to swim farthest on scene swimmer, for this body, fluid and damping
+        alone. ``zero``: no torque. ``random``:
         uniform torques. A trained agent that ships, see `pretrained_names`. Or a path: an agent's
         folder, the folder of a training run (its best agent), or a model file (.zip) of
         stable-baselines3.
@@ -80,7 +87,7 @@ def load_policy(
     Raises
     ------
     OptionError
-        If there is no such policy.
+        If there is no such policy, or the tuned wave was tuned to another body.
     AgentError
         If a saved agent cannot be read, or was trained on another body or for another task.
     SceneError
@@ -92,7 +99,9 @@ def load_policy(
     if name == "random":
         return RandomPolicy(found, seed)
     if name in _BASELINES:
-        return _BASELINES[name](found)
+        baseline = _BASELINES[name](found)
+        baseline.check(found, task)
+        return baseline
     if name in pretrained_names():
         return _load_agent(PRETRAINED_FOLDER / name, own, task)
     path = Path(name)

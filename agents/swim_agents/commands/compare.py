@@ -9,9 +9,11 @@ from swim_agents.commands import command_line as cli
 from swim_agents.commands.playing import record
 from swim_agents.comparison.contest import (
     FIRST_SEED,
+    REFERENCES,
     checked_seeds,
     entries_of,
     hold_contest,
+    references_on,
     steps_to_play,
 )
 from swim_agents.comparison.report import CONTEST_FILES, as_text, write_contest
@@ -34,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=["ppo_forward", "sac_forward"],
         help=f"names ({', '.join(policy_names())}) or paths: an agent's folder, a training run, "
         "several runs (a folder with seed_0, seed_1 ...), a model file; ppo_forward sac_forward "
-        "unless given. paper_wave and tuned_wave always take part",
+        "unless given. paper_wave always takes part, and tuned_wave on the body it was tuned on",
     )
     cli.add_scene_arguments(parser, default="swimmer")
     cli.add_options(parser, "task", "duration", "noise", "record")
@@ -78,6 +80,8 @@ def main(options: argparse.Namespace) -> int:
         require_matplotlib()
         check_folder(options.output, CONTEST_FILES)
     entries = entries_of(options.policies, scene, options.task, options.trust)
+    for left_out in set(REFERENCES) - set(references_on(scene)):
+        print(f"without {left_out}, which was tuned to another body or fluid", file=sys.stderr)
     file = None if options.record is None else recording_file(options.record, name)
     load_assessment()
     total = steps_to_play(scene, len(entries), len(seeds))
