@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from swim_agents.baselines import (
@@ -18,10 +18,17 @@ from swim_agents.baselines import (
 from swim_env.envs.interface import SceneLike
 from swim_env.errors import OptionError
 from swim_env.files.names import file_name
-from swim_env.scene import Scene, load_scene
+from swim_env.scene import Scene, load_scene, scene_label
 from swim_env.scene.checks import nearest
 
-__all__ = ["PRETRAINED_FOLDER", "load_policy", "policy_label", "policy_names", "pretrained_names"]
+__all__ = [
+    "PRETRAINED_FOLDER",
+    "load_policy",
+    "policy_label",
+    "policy_names",
+    "pretrained_names",
+    "run_label",
+]
 
 _HERE = Path(__file__).parent
 #: The trained agents that ship, a folder each: inside the package in a wheel, else beside it.
@@ -53,6 +60,33 @@ def policy_label(policy: str) -> str:
         return policy
     path = Path(policy).resolve()
     return file_name(path.name, str(path))
+
+
+def run_label(
+    scene: Scene, labels: Sequence[str], task: str = "forward", seed: int = 0, **settings: object
+) -> str:
+    """Return what files of a run are called, so that unlike runs have unlike names.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is played, with the duration of its episode.
+    labels : sequence of str
+        What drives the bodies, as `policy_label` has it.
+    task, seed
+        Named where they are not ``forward`` and 0.
+    settings : object
+        All else that may differ; with any that is not None a digest of them is added.
+    """
+    parts = [scene_label(scene), *([] if task == "forward" else [task]), *labels]
+    if seed:
+        parts.append(f"seed_{seed}")
+    found = {name: value for name, value in settings.items() if value is not None}
+    if parts[0] == scene.name:  # else the digest of the scene knows
+        duration = scene.episode.duration
+        if load_scene(scene.name).episode.duration != duration:
+            found["duration"] = duration
+    return file_name("-".join(parts), repr(sorted(found.items())) if found else "")
 
 
 def load_policy(

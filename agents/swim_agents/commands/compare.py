@@ -17,13 +17,12 @@ from swim_agents.comparison.contest import (
     steps_to_play,
 )
 from swim_agents.comparison.report import CONTEST_FILES, as_text, write_contest
-from swim_agents.policies import policy_names
+from swim_agents.policies import policy_label, policy_names, run_label
 from swim_env.envs.assessment import load_assessment
 from swim_env.envs.task import check_task
 from swim_env.files.folders import check_folder
 from swim_env.plots import require_matplotlib
 from swim_env.recording import recording_file
-from swim_env.scene import scene_label
 from swim_env.sim.replay import steps_of
 
 
@@ -72,7 +71,6 @@ def main(options: argparse.Namespace) -> int:
         {"--record": options.record},
     )
     scene = cli.scene_of(options)
-    name = f"{scene_label(scene)}-{options.task}"
     scene = cli.played_scene(scene, options.duration)
     scene.actions_per_episode  # noqa: B018  refuses a duration before anything is played
     steps_of(scene)
@@ -82,7 +80,12 @@ def main(options: argparse.Namespace) -> int:
     entries = entries_of(options.policies, scene, options.task, options.trust)
     for left_out in set(REFERENCES) - set(references_on(scene)):
         print(f"without {left_out}, which was tuned to another body or fluid", file=sys.stderr)
-    file = None if options.record is None else recording_file(options.record, name)
+    file = None
+    if options.record is not None:
+        labels = [policy_label(one) for one in dict.fromkeys(options.policies)]
+        noise = None if options.noise == 1.0 else options.noise
+        label = run_label(scene, labels, options.task, seeds[0], noise=noise, contest=True)
+        file = recording_file(options.record, label)
     load_assessment()
     total = steps_to_play(scene, len(entries), len(seeds))
     with cli.progress_bar(total, "s", "simulated") as progress:

@@ -212,8 +212,9 @@ def hold_contest(
         ``ratio_to_tuned_wave`` of the medians with the same from the finer computation under
         ``fine_ratio_to_...`` (None without that wave), ``success_rate``,
         ``verified_success_rate`` (reached, verified, and in the finer computation at most TOLERANCE
-        of the target's radius outside of it) and the ``training``; ``net_displacement`` and ``ratios`` again by entry; in ``groups`` the spread
-        over training seeds; version, machine, commit.
+        of the target's radius outside of it) and the ``training``; ``net_displacement`` and
+        ``ratios`` again by entry; in ``groups`` the spread over training seeds; version, machine,
+        commit.
 
     Raises
     ------
