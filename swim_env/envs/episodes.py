@@ -58,6 +58,20 @@ class Reasons(np.ndarray[Any, Any]):
         return found.__dlpack__(**options)
 
 
+class LastObservations(np.ndarray[Any, Any]):
+    """Last observations of a batch (M,) as Gymnasium has them, None of members that play on.
+
+    Libraries without objects get float32 (M, n) by ``__dlpack__``, zeros for None.
+    """
+
+    def __dlpack__(self, **options: Any) -> Any:
+        there = [one is not None for one in self.tolist()]
+        known = np.stack(self[there].tolist())
+        found = np.zeros((len(there), *known.shape[1:]), dtype=known.dtype)
+        found[there] = known
+        return found.__dlpack__(**options)
+
+
 _REASONS = np.array(list(TERMINATION_CODES.values()), dtype=object).view(Reasons)
 assert list(TERMINATION_CODES) == list(range(len(_REASONS)))
 

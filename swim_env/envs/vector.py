@@ -15,7 +15,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from swim_env.envs.episodes import Reasons, whole_number
+from swim_env.envs.episodes import LastObservations, Reasons, whole_number
 from swim_env.envs.interface import (
     Observation,
     Overrides,
@@ -243,6 +243,7 @@ class SwimVectorEnv(
             observations, _, _, _, infos = episodes.results()
             reasons = last["final_info"]["termination_reason"]
             last["final_info"]["termination_reason"] = reasons.view(Reasons)
+            last["final_obs"] = last["final_obs"].view(LastObservations)
             infos.update(last)
         self._show()
         return observations, rewards, terminated, truncated, infos

@@ -5,6 +5,7 @@ Bad actions are in tests/stability/test_bad_actions.py.
 
 import copy
 import hashlib
+import inspect
 import math
 import pickle
 import sys
@@ -437,6 +438,65 @@ def test_reasons_have_numbers_which_libraries_without_text_get(monkeypatch):
             assert tensors[name].tolist() == codes.tolist()
         reasons |= set(texts)
     assert len(reasons) > 1
+
+
+class NumbersOnly(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """The wrapper that docs/environments.md shows."""
+
+    def reset(self, **arguments):
+        observation, info = self.env.reset(**arguments)
+        info.pop("termination_reason")
+        return observation, info
+
+    def step(self, action):
+        *result, info = self.env.step(action)
+        info.pop("termination_reason")
+        return *result, info
+
+
+@pytest.mark.parametrize("kind", ["ours", "sync"])
+def test_episodes_end_and_begin_behind_a_conversion_to_tensors(monkeypatch, kind):
+    torch = pytest.importorskip("torch")
+    monkeypatch.setitem(sys.modules, "array_api_compat", scipy._lib.array_api_compat)
+    from gymnasium.wrappers.vector import NumpyToTorch
+
+    text = (ROOT / "docs" / "environments.md").read_text(encoding="utf-8")
+    assert inspect.getsource(NumbersOnly).split('"""')[2].strip() in text
+    if kind == "ours":
+        modes = list(AutoresetMode)[:2]
+        batches = [make_batch(FORWARD, 3, overrides=SHORT, autoreset_mode=mode) for mode in modes]
+    else:
+        wrapped = {"vectorization_mode": "sync", "wrappers": [NumbersOnly]}
+        batches = [gymnasium.make_vec(FORWARD, 3, **wrapped, overrides=SHORT)]
+    for envs in batches:
+        converted = NumpyToTorch(envs)
+        first, _ = converted.reset(seed=0)
+        seen: set[str] = set()
+        for _ in range(12):
+            observations, _, _, truncated, infos = converted.step(torch.zeros(3, 2))
+            assert observations.shape == first.shape and torch.is_tensor(truncated)
+            seen |= infos.keys()
+            if "final_obs" in infos:
+                assert infos["final_obs"].shape == first.shape
+                assert infos["_final_obs"].all() and infos["final_obs"].any()
+        same_step = envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+        assert ("final_obs" in seen) == same_step and "termination_code" in seen
+        converted.close()
+
+
+def test_last_observations_of_members_that_play_on_are_zeros_for_other_libraries():
+    batch = make_batch(overrides=LIVELY, autoreset_mode=AutoresetMode.SAME_STEP)
+    batch.reset(seed=0)
+    for action in actions_for(batch, 150):
+        *_, infos = batch.step(action)
+        last = infos.get("final_obs")
+        if last is not None and not infos["_final_obs"].all():
+            break
+    assert last.dtype == object
+    numbers = np.from_dlpack(last)
+    assert numbers.dtype == np.float32
+    for found, one in zip(numbers, last, strict=True):
+        assert_same(found, np.zeros_like(found) if one is None else one)
 
 
 def test_integral_floats_are_integers_wherever_one_is_taken():
