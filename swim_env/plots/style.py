@@ -7,7 +7,6 @@ lightness as well.
 
 from __future__ import annotations
 
-import importlib.util
 import os
 from collections.abc import Iterable, Mapping
 from typing import IO, TYPE_CHECKING, Any
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swim_env.colours import TORQUE_STOPS
-from swim_env.errors import SwimError
+from swim_env.errors import SwimError, require_packages
 from swim_env.files.atomic import write_atomically
 from swim_env.sim.trajectory import Trajectory
 
@@ -85,10 +84,7 @@ def diverging_map() -> LinearSegmentedColormap:
 
 def require_matplotlib() -> None:
     """Check that matplotlib is installed; else the SwimError says how to get it."""
-    if importlib.util.find_spec("matplotlib") is None:
-        raise SwimError(
-            "pictures need matplotlib: install the extra 'view' (pip install 'swim-env[view]')"
-        )
+    require_packages("pictures need", {"matplotlib": "matplotlib"}, "view")
 
 
 def new_figure(width: float, height: float) -> Figure:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import importlib.util
 import json
 import os
 import re
@@ -15,7 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from swim_env.errors import OptionError, SwimError
+from swim_env.errors import OptionError, SwimError, require_packages
 from swim_env.files.atomic import write_atomically
 from swim_env.files.names import file_name, shown_name
 from swim_env.files.provenance import where_and_when
@@ -60,11 +59,8 @@ class WrittenRecording:
 
 def require_rerun() -> None:
     """Check that rerun and Pillow are installed; else the SwimError says how to get them."""
-    for module, name in (("rerun", "rerun"), ("PIL", "Pillow")):
-        if importlib.util.find_spec(module) is None:
-            raise SwimError(
-                f"recordings need {name}: install the extra 'view' (pip install 'swim-env[view]')"
-            )
+    packages = {"rerun": "rerun", "PIL": "Pillow", "pyarrow": "pyarrow"}
+    require_packages("recordings need", packages, "view")
 
 
 def has_flow(scene: Scene) -> bool:
