@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swim_env.analysis.energy import elastic_energy, split_energy, summed
+from swim_env.physics.invariants import energy_through
 from swim_env.plots import style
 from swim_env.sim.trajectory import Trajectory
 
@@ -101,7 +102,7 @@ def _draw_spent(axes: Axes, run: Trajectory) -> None:
 
 def _draw_drift(axes: Axes, run: Trajectory) -> None:
     """Draw what nothing explains: between its least and its largest in short pieces of time."""
-    through = float(run.energy.max() + np.maximum(run.dissipated, 0.0).sum()) or 1.0
+    through = energy_through(run.energy, run.dissipated) or 1.0
     left = run.unexplained_energy
     begins = _thinned(0, run.steps, _PIECES)[:-1]
     low, high = (100.0 / through * end.reduceat(left, begins) for end in (np.minimum, np.maximum))
