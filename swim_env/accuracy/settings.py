@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
@@ -72,8 +73,8 @@ class Settings:
         return cls(**{spec.name: data[spec.name] for spec in fields(cls)})
 
 
-#: The coarsest step of the measured front (s), a frame of its scenes.
-_COARSEST = 0.02
+#: The coarsest step of the measured front (s), and how many there are in a period of its drives.
+_COARSEST, _IN_PERIOD = 0.02, 50
 #: Most of them in a run on which settings are compared: errors of a steady gait do not grow.
 _MOST_COMPARED = 1000
 
@@ -81,10 +82,13 @@ _MOST_COMPARED = 1000
 def pace_of(scene: Scene) -> float:
     """Return what stands for a second of the front, which was measured at a drive of 1 Hz.
 
-    The coarsest step is the scene's `frame_interval`: the same settings then do the same for a body
-    of any size.
+    The coarsest step is about a fiftieth of the drive's period, and whole ones make the control
+    interval: the same settings then do the same for a body of any size. Without a drive it is the
+    control interval.
     """
-    return scene.frame_interval / _COARSEST
+    interval = scene.episode.control_interval
+    frequency = abs(scene.actuation.frequency) / math.tau if scene.actuation else 0.0
+    return interval / max(1, round(_IN_PERIOD * frequency * interval)) / _COARSEST
 
 
 def duration_for(scene: Scene, wanted: float) -> float:

@@ -40,6 +40,8 @@ WIDTH, SMALL, SMALLER = 8.0, 8, 7
 #: Widths of lines (points).
 THIN, LINE, THICK = 0.6, 1.3, 2.2
 _DOTS_PER_INCH = 150
+#: Frames of a moving picture that a still one shows of a run's end.
+_FRAMES_SHOWN = 50
 
 #: A colour for each policy, the same in every picture.
 _POLICY_COLOURS = {
@@ -102,6 +104,11 @@ def require_steps(trajectories: Mapping[str, Trajectory]) -> None:
     """Check that there is a trajectory and that all have steps; else it is a SwimError."""
     if not trajectories or any(run.steps < 1 for run in trajectories.values()):
         raise SwimError("there is nothing to draw: no trajectory, or one without steps")
+
+
+def shown_seconds(run: Trajectory, seconds: float | None) -> float:
+    """Return how much of a run's end is shown (s), a second on the shipped scenes unless given."""
+    return _FRAMES_SHOWN * run.scene.frame_interval if seconds is None else seconds
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:

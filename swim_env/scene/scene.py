@@ -48,7 +48,8 @@ _OPTIONAL = ("fluid", *EFFECT_BLOCKS, "actuation")
 _BARE = tuple(name for name, cls in _BLOCKS.items() if not fields(cls))
 _NOTHING: Any = object()
 
-_FRAMES_IN_PERIOD = 50
+#: Frames of moving pictures in a period of a fast drive, about.
+_FRAMES_IN_PERIOD = 10
 
 #: Largest number of time steps in a control interval, which are recorded one by one, and of actions
 #: in an episode.
@@ -174,8 +175,8 @@ class Scene:
     def frame_interval(self) -> float:
         """Time from one frame of a moving picture to the next [s], which follows the body's own.
 
-        It is the control interval, or a whole part of it that makes about 50 frames in a period of
-        the drive.
+        It is the control interval, or a whole part of it that makes about 10 frames in a period of
+        a fast drive.
         """
         interval = self.episode.control_interval
         frequency = abs(self.actuation.frequency) / math.tau if self.actuation else 0.0

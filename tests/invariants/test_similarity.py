@@ -8,6 +8,8 @@ from swim_agents.tuning import bounds_on
 from swim_env import OptionError, Scene, SwimTargetEnv, load_scene, scene_names
 from swim_env.accuracy import choose
 from swim_env.analysis.continuous import integrate
+from swim_env.plots import draw_energy
+from swim_env.plots.heat_maps import tail
 from swim_env.recording import Swimmer, read_recording, write_recording
 from swim_env.recording.swimmer import frames_of
 from swim_env.scene import SCHEME_NAMES
@@ -139,6 +141,9 @@ def test_frames_and_the_search_for_waves_follow_the_bodys_own_time(units, tmp_pa
     runs = [rollout(scene, _torques() * scene.torque_limit) for scene in scenes]
     chosen = [frames_of(run, None).tolist() for run in runs]
     assert chosen[0] == chosen[1] == list(range(0, 201, 4))
+    assert [len(tail(run.torques, run, None)) for run in runs] == [200, 200]
+    first, _ = draw_energy({"a": runs[0]}).axes[:2], draw_energy({"a": runs[1]})
+    assert "last 1 s" in first[0].get_title(loc="left")
     files = []
     for number, run in enumerate(runs):
         files.append(write_recording(tmp_path / f"{number}.rrd", [Swimmer("x", run)]))
@@ -159,7 +164,8 @@ def test_shipped_scenes_have_fifty_frames_a_second_and_waves_of_a_quarter_to_twe
 
 def test_fast_drives_have_as_many_frames_in_a_period_whatever_the_control_interval() -> None:
     fast = load_scene("swimmer", {"actuation.frequency": 2000.0 * np.pi})
-    assert fast.frame_interval == pytest.approx(1e-3 / 50, rel=1e-12)
+    assert fast.frame_interval == pytest.approx(1e-3 / 10, rel=1e-12)
+    assert load_scene("swimmer", {"actuation.frequency": 30.0}).frame_interval == 0.02
     brief = rollout(load_scene("swimmer", {"integrator.time_step": 1e-10}), np.zeros((2, 8)))
     with refuses(OptionError, "recordings count nanoseconds", "at most 1e9 frames in a second"):
         frames_of(brief, 1e10)

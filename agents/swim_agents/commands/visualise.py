@@ -75,7 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         metavar="HZ",
         help="frames of everything else; one in every control interval (50 a second on the shipped "
-        "scenes), and about 50 in a period of the prescribed torque unless given",
+        "scenes), or about 10 in a period of a prescribed torque that is faster, unless given",
     )
     parser.add_argument("--view", action="store_true", help="open rerun's viewer with it")
     parser.add_argument(
