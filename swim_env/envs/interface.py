@@ -218,8 +218,9 @@ class SharedInterface:
             not reset before.
         """
         self.episodes.restore(snapshot, self._generators())
-        if self._spec is not None:
+        if self._spec is not None and self._spec.max_episode_steps != self.episodes.limit:
             self._spec.max_episode_steps = self.episodes.limit
+            self._spec.kwargs.pop("max_episode_steps", None)
         self._forget_frames()
         observations: Observation = self._own(self.episodes.observations.copy())
         return observations

@@ -364,9 +364,12 @@ def test_an_episode_of_a_snapshot_ends_when_the_original_does(build):
     assert ends == [[False, False, False, True]] * 2
     batch = make_batch(overrides=SHORT, max_episode_steps=50)
     batch.reset(seed=0)
-    single = SwimEnv(overrides=SHORT)
+    single = gymnasium.make_vec(FORWARD, 1, overrides=SHORT)
+    single.reset()
     single.restore(batch.snapshot().member(1))
-    assert single.episodes.limit == 50
+    assert single.episodes.limit == single.spec.max_episode_steps == 50
+    longer = gymnasium.make_vec(single.spec, overrides={**SHORT, "episode.duration": 0.2})
+    assert longer.episodes.limit == 50
 
 
 def test_a_limit_of_its_own_and_of_its_spec_count_for_an_environment_without_wrappers():
