@@ -16,21 +16,18 @@ AGENT_FIELDS = (
     *(f"beam.{spec.name}" for spec in fields(Beam)),
     "fluid.model",
     "fluid.density",
+    "fluid.added_mass_per_length",
     "axial_added_mass",
+    "cross_flow_drag",
+    "stream",
     "torque_limit",
     "actuation.active_until",
     "episode.control_interval",
 )
 
-#: What a wave that sees nothing was tuned to: also all else that moves the body. It has its own
-#: torques and takes no share of a limit.
-TUNED_FIELDS = (
-    *(name for name in AGENT_FIELDS if name != "torque_limit"),
-    "fluid.added_mass_per_length",
-    "damping",
-    "cross_flow_drag",
-    "stream",
-)
+#: What a wave that sees nothing was tuned to: also the damping. It has its own torques and takes no
+#: share of a limit.
+TUNED_FIELDS = (*(name for name in AGENT_FIELDS if name != "torque_limit"), "damping")
 
 
 def first_difference(own: Scene, scene: Scene, paths: Sequence[str]) -> tuple[str, Any, Any, int]:

@@ -385,6 +385,8 @@ def test_weights_that_are_none_are_refused(copied):
         (["fluid.density=20.0"], "fluid.density", "20.0", "10.0"),
         (["fluid.model=none"], "fluid.model", "none", "panels"),
         (["axial_added_mass=true"], "axial_added_mass", "{}", "None"),
+        (["cross_flow_drag={}"], "cross_flow_drag", "{'coefficient': 1.0}", "None"),
+        (["stream.velocity=[0.1, 0.0]"], "stream", "{'velocity': [0.1, 0.0]}", "None"),
         # The first difference is named and the others are counted.
         (["fluid.density=20", "beam.elements=8"], "beam.elements", "8", "9 in training (and 1"),
     ],

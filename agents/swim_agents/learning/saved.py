@@ -99,8 +99,8 @@ class AgentPolicy:
     def check(self, scene: Scene, task: str | None = None) -> None:
         """Refuse a scene or a task that the agent was not trained for (AgentError).
 
-        The body, its fluid, the torque limit and the control interval must be the same. The time
-        step, the panels, damping, the start and its noise may differ.
+        The body, its fluid with drag and stream, the torque limit and the control interval must be
+        the same. The time step, the panels, damping, the start and its noise may differ.
         """
         trained = self.description["task"]
         if task is not None and task != trained:
