@@ -1,7 +1,9 @@
-"""Exceptions of the package."""
+"""Exceptions of the package, and the one line that says what is not installed."""
 
 from __future__ import annotations
 
+import importlib
+from collections.abc import Mapping
 from typing import Self
 
 
@@ -84,3 +86,26 @@ class OptionError(SwimError, ValueError):
 
 class TrajectoryError(SwimError, ValueError):
     """A trajectory file cannot be written or read."""
+
+
+def require_packages(wish: str, packages: Mapping[str, str], extra: str) -> None:
+    """Check that optional packages can be imported; else a SwimError says how to get them.
+
+    Parameters
+    ----------
+    wish : str
+        What needs them: ``recordings need``.
+    packages : mapping
+        The packages' names by what is imported.
+    extra : str
+        The extra of this package that has them.
+    """
+    for module, name in packages.items():
+        try:
+            importlib.import_module(module)
+        except ImportError as error:
+            missing = getattr(error, "name", None)
+            why = f"; {error}" if missing and missing.partition(".")[0] != module else ""
+            raise SwimError(
+                f"{wish} {name}: install the extra '{extra}' (pip install 'swim-env[{extra}]'{why})"
+            ) from None

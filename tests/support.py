@@ -20,7 +20,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from numpy.typing import NDArray
 
 from swim_env import Scene, Simulator, SwimEnv, SwimVectorEnv, Trajectory
-from swim_env.envs.episodes import Reasons
+from swim_env.envs.episodes import LastObservations, Reasons
 
 Array = NDArray[np.float64]
 
@@ -115,8 +115,9 @@ def assert_same(left: Any, right: Any, where: str = "", *, leave_out: Sequence[s
     objects. Arrays and numbers must agree in type and bits: NaN is the same as NaN, and -0.0 is
     not the same as 0.0.
     """
-    # Reasons are the array of texts that Gymnasium makes of them, but for PyTorch.
-    left, right = (np.asarray(one) if type(one) is Reasons else one for one in (left, right))
+    # These are the arrays of objects that Gymnasium makes of them, but for PyTorch.
+    own = (Reasons, LastObservations)
+    left, right = (np.asarray(one) if type(one) in own else one for one in (left, right))
     assert type(left) is type(right), f"{where}: {type(left)} and {type(right)}"
     if isinstance(left, np.ndarray):
         assert left.dtype == right.dtype, f"{where}: {left.dtype} and {right.dtype}"

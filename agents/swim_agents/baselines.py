@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from swim_agents.fit import TUNED_FIELDS, first_difference
 from swim_agents.tuned_wave import load_tuned_wave, wave_on
 from swim_env.envs.assessment import observation_size
 from swim_env.errors import OptionError
@@ -135,13 +136,30 @@ class WavePolicy(_Baseline):
     wave : Actuation
         The wave. Where its torques are beyond the scene's limit, they are cut off, and what is
         played is no longer a cosine.
+    tuned_on : Scene, optional
+        The scene that the wave was tuned on. `check` then refuses another body, fluid or damping;
+        any other wave may play any body of this length and number of elements.
     """
 
     _fields = ("beam.elements", "beam.length", "torque_limit", "episode.control_interval")
 
-    def __init__(self, scene: Scene, wave: Actuation) -> None:
+    def __init__(self, scene: Scene, wave: Actuation, tuned_on: Scene | None = None) -> None:
         super().__init__(scene)
         self.wave = wave
+        self.tuned_on = tuned_on
+
+    def check(self, scene: Scene, task: str | None = None) -> None:
+        """Refuse a scene for which these actions, or a tuned wave, would mean something else."""
+        super().check(scene, task)
+        tuned_on = scene if self.tuned_on is None else self.tuned_on
+        field, before, now, count = first_difference(tuned_on, scene, TUNED_FIELDS)
+        if field:
+            more = f" (and {count - 1} more)" if count > 1 else ""
+            raise OptionError(
+                f"the wave was tuned on scene {tuned_on.name} and cannot play scene {scene.name}: "
+                f"{field} is {now}, it was {before} in tuning{more}; `swim-env tune` finds the "
+                "scene's own"
+            )
 
     def _actions(self, clock: NDArray[np.int64]) -> Array:
         times = clock * self.scene.episode.control_interval
@@ -197,6 +215,9 @@ def paper_wave(scene: Scene) -> WavePolicy:
 
 
 def tuned_wave(scene: Scene) -> WavePolicy:
-    """Return the wave that swims farthest on scene swimmer, see `swim_agents.tuning`."""
-    found = load_tuned_wave()["wave"]
-    return WavePolicy(scene, wave_on(scene, **found))
+    """Return the wave that swims farthest on scene swimmer, see `swim_agents.tuning`.
+
+    On a scene with another body, fluid or damping its `check` refuses to play.
+    """
+    record = load_tuned_wave()
+    return WavePolicy(scene, wave_on(scene, **record["wave"]), record["scene_fields"])

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from swim_agents.baselines import (
     POLICY_NAMES,
     Policy,
     RandomPolicy,
+    WavePolicy,
     ZeroPolicy,
     paper_wave,
     tuned_wave,
@@ -16,10 +18,17 @@ from swim_agents.baselines import (
 from swim_env.envs.interface import SceneLike
 from swim_env.errors import OptionError
 from swim_env.files.names import file_name
-from swim_env.scene import Scene, load_scene
+from swim_env.scene import Scene, load_scene, scene_label
 from swim_env.scene.checks import nearest
 
-__all__ = ["PRETRAINED_FOLDER", "load_policy", "policy_label", "policy_names", "pretrained_names"]
+__all__ = [
+    "PRETRAINED_FOLDER",
+    "load_policy",
+    "policy_label",
+    "policy_names",
+    "pretrained_names",
+    "run_label",
+]
 
 _HERE = Path(__file__).parent
 #: The trained agents that ship, a folder each: inside the package in a wheel, else beside it.
@@ -28,7 +37,11 @@ PRETRAINED_FOLDER = next(
     _HERE / "pretrained",
 )
 
-_BASELINES = {"paper_wave": paper_wave, "tuned_wave": tuned_wave, "zero": ZeroPolicy}
+_BASELINES: dict[str, Callable[[Scene], WavePolicy | ZeroPolicy]] = {
+    "paper_wave": paper_wave,
+    "tuned_wave": tuned_wave,
+    "zero": ZeroPolicy,
+}
 
 
 def pretrained_names() -> tuple[str, ...]:
@@ -49,6 +62,33 @@ def policy_label(policy: str) -> str:
     return file_name(path.name, str(path))
 
 
+def run_label(
+    scene: Scene, labels: Sequence[str], task: str = "forward", seed: int = 0, **settings: object
+) -> str:
+    """Return what files of a run are called, so that unlike runs have unlike names.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is played, with the duration of its episode.
+    labels : sequence of str
+        What drives the bodies, as `policy_label` has it.
+    task, seed
+        Named where they are not ``forward`` and 0.
+    settings : object
+        All else that may differ; with any that is not None a digest of them is added.
+    """
+    parts = [scene_label(scene), *([] if task == "forward" else [task]), *labels]
+    if seed:
+        parts.append(f"seed_{seed}")
+    found = {name: value for name, value in settings.items() if value is not None}
+    if parts[0] == scene.name:  # else the digest of the scene knows
+        duration = scene.episode.duration
+        if load_scene(scene.name).episode.duration != duration:
+            found["duration"] = duration
+    return file_name("-".join(parts), repr(sorted(found.items())) if found else "")
+
+
 def load_policy(
     policy: str | os.PathLike[str],
     scene: SceneLike | None = None,
@@ -62,7 +102,8 @@ def load_policy(
     ----------
     policy : str or os.PathLike
         ``paper_wave``: the scene's prescribed wave, no torque where it has none. ``tuned_wave``:
-        the wave that was found to swim farthest on scene swimmer. ``zero``: no torque. ``random``:
+        the wave that was found to swim farthest on scene swimmer, for this body, fluid and damping
+        alone. ``zero``: no torque. ``random``:
         uniform torques. A trained agent that ships, see `pretrained_names`. Or a path: an agent's
         folder, the folder of a training run (its best agent), or a model file (.zip) of
         stable-baselines3.
@@ -80,7 +121,7 @@ def load_policy(
     Raises
     ------
     OptionError
-        If there is no such policy.
+        If there is no such policy, or the tuned wave was tuned to another body.
     AgentError
         If a saved agent cannot be read, or was trained on another body or for another task.
     SceneError
@@ -92,7 +133,9 @@ def load_policy(
     if name == "random":
         return RandomPolicy(found, seed)
     if name in _BASELINES:
-        return _BASELINES[name](found)
+        baseline = _BASELINES[name](found)
+        baseline.check(found, task)
+        return baseline
     if name in pretrained_names():
         return _load_agent(PRETRAINED_FOLDER / name, own, task)
     path = Path(name)

@@ -15,14 +15,13 @@ from typing import Any
 import gymnasium
 
 from swim_agents.files import check_file, writing
-from swim_agents.policies import load_policy, policy_label
+from swim_agents.policies import load_policy, policy_label, run_label
 from swim_agents.rollout import Rollout, play_episode
 from swim_env.envs.registration import FORWARD_ID, TARGET_ID
 from swim_env.envs.task import NOISE, SEED, check_task
-from swim_env.errors import SwimError
+from swim_env.errors import SwimError, require_packages
 from swim_env.files.atomic import write_atomically
-from swim_env.files.names import file_name
-from swim_env.scene import Scene, scene_label
+from swim_env.scene import Scene
 from swim_env.scene.checks import checked_option
 from swim_env.sim.trajectory import Trajectory
 
@@ -76,7 +75,9 @@ def replay_episode(
     chosen = load_policy(policy, scene, seed, task)
     video = None
     if video_folder is not None:
-        name = file_name(f"{scene_label(scene)}-{task}-{policy_label(policy)}-{seed}")
+        name = run_label(
+            scene, [policy_label(policy)], task, seed, noise=None if noise == 1.0 else noise
+        )
         video = Path(video_folder) / f"{name}.mp4"
         with writing("the video", video.parent, verb="make the folder for"):
             video.parent.mkdir(parents=True, exist_ok=True)
@@ -120,17 +121,13 @@ def replay_episode(
 
 def _recorded(env: gymnasium.Env[Any, Any], folder: str) -> gymnasium.Env[Any, Any]:
     """Return the environment in Gymnasium's wrapper that records videos."""
+    require_packages("videos need", {"moviepy": "MoviePy"}, "view")
     with warnings.catch_warnings():
         # The folder is there already, and empty.
         warnings.filterwarnings("ignore", message=".*Overwriting existing videos.*")
-        try:
-            return gymnasium.wrappers.RecordVideo(
-                env, folder, episode_trigger=lambda episode: True, disable_logger=True
-            )
-        except gymnasium.error.DependencyNotInstalled as error:
-            raise SwimError(
-                f"videos need the extra 'view' (pip install 'swim-env[view]'): {error}"
-            ) from None
+        return gymnasium.wrappers.RecordVideo(
+            env, folder, episode_trigger=lambda episode: True, disable_logger=True
+        )
 
 
 def _keep(scratch: str, video: Path) -> None:

@@ -210,7 +210,8 @@ def play_episode(
         Called with 1 after every action.
     any_scene : bool
         Whether to play a policy on a scene that it was not made for. Otherwise its `check`, where
-        it has one, refuses another body, torque limit or control interval.
+        it has one, refuses another body, torque limit or control interval, and for a tuned wave
+        another fluid or damping.
     """
     swimmer = env.unwrapped
     if not isinstance(swimmer, SwimEnv):

@@ -22,16 +22,21 @@ WAVE_FIELDS = ("amplitude", "frequency", "wave_number", "phase")
 
 @cache
 def load_tuned_wave() -> dict[str, Any]:
-    """Return the stored record; ``wave`` holds WAVE_FIELDS in the units of an `Actuation`."""
+    """Return the stored record.
+
+    Its ``wave`` holds WAVE_FIELDS in the units of an `Actuation`, ``scene_fields`` the `Scene` that
+    it was tuned on.
+    """
     try:
         data = json.loads(TUNED_WAVE_FILE.read_text(encoding="utf-8"))
         wave = {name: float(data["wave"][name]) for name in WAVE_FIELDS}
+        scene = Scene.from_dict(data["scene_fields"])
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise SwimError(
             f"cannot read the tuned wave ({TUNED_WAVE_FILE.name}): {error!r}; "
             "`swim-env tune` makes it again"
         ) from None
-    return {**data, "wave": wave}
+    return {**data, "wave": wave, "scene_fields": scene}
 
 
 def wave_on(

@@ -2,9 +2,10 @@
 
 The search runs in the environment itself, with torques held over the control interval and no
 start noise. A grid over frequency and wave number, wide enough for the first two bending
-resonances and both directions of travel, shows where the good waves are; from there differential
-evolution varies amplitude, frequency, wave number and phase. A wave counts only if verification
-of `swim_agents.verification` confirms it, so candidates are checked from the best one down.
+resonances of scene swimmer and both directions of travel, shows where the good waves are; from
+there differential evolution varies amplitude, frequency, wave number and phase. A wave counts only
+if verification of `swim_agents.verification` confirms it, so candidates are checked from the best
+one down.
 """
 
 from __future__ import annotations
@@ -25,19 +26,26 @@ from swim_env.envs.vector import SwimVectorEnv
 from swim_env.files.provenance import where_and_when
 from swim_env.scene import Actuation, Scene
 
-__all__ = ["check_candidates", "net_displacements", "search_wave"]
+__all__ = ["bounds_on", "check_candidates", "net_displacements", "search_wave"]
 
 Array = NDArray[np.float64]
 
-#: Bounds of the search: share of the torque limit, Hz, rad per body length, rad.
-BOUNDS = {
-    "amplitude": (0.1, 1.0),
-    "frequency_hz": (0.25, 20.0),
-    "wave_number": (-4.0 * math.pi, 4.0 * math.pi),
-    "phase": (0.0, 2.0 * math.pi),
-}
+#: Periods of the search in a control interval: 0.25 to 20 Hz at 0.02 s.
+_PERIODS_IN_ACTION = (0.005, 0.4)
 _CANDIDATE = ("share", "frequency_hz", "wave_number", "phase")
 _BATCH = 32
+
+
+def bounds_on(scene: Scene) -> dict[str, tuple[float, float]]:
+    """Return the bounds of the search: share of the torque limit, Hz, rad per body length, rad."""
+    interval = scene.episode.control_interval
+    low, high = (periods / interval for periods in _PERIODS_IN_ACTION)
+    return {
+        "amplitude": (0.1, 1.0),
+        "frequency_hz": (low, high),
+        "wave_number": (-4.0 * math.pi, 4.0 * math.pi),
+        "phase": (0.0, 2.0 * math.pi),
+    }
 
 
 def net_displacements(
@@ -102,7 +110,8 @@ def search_wave(
     """
     from scipy.optimize import differential_evolution
 
-    low, high = np.array(list(BOUNDS.values())).T
+    bounds = bounds_on(scene)
+    low, high = np.array(list(bounds.values())).T
     hertz = np.linspace(high[1] / frequencies, high[1], frequencies)
     kappa = np.linspace(low[2], high[2], wave_numbers)
     grid: list[tuple[float, ...]] = [(1.0, float(f), float(k), 0.0) for f in hertz for k in kappa]
@@ -137,7 +146,7 @@ def search_wave(
     )
     ranked = sorted(seen, key=lambda point: -seen[point])
     return {
-        "bounds": {name: list(bounds) for name, bounds in BOUNDS.items()},
+        "bounds": {name: list(pair) for name, pair in bounds.items()},
         "grid": {
             "frequency_hz": hertz.tolist(),
             "wave_number": kappa.tolist(),

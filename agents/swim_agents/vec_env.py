@@ -190,8 +190,8 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
         """Call ``snapshot``, ``render`` or ``recorded`` of members, all unless given.
 
         ``snapshot`` returns a member's state as `SwimEnv.snapshot` does: a `SwimEnv` of the same
-        scene can `restore` it and then does bit for bit what the member would, with its own number
-        of actions in an episode. ``render`` returns a member's frame.
+        scene can `restore` it and then does bit for bit what the member would. ``render``
+        returns a member's frame.
         """
         members = self._members(indices)
         if method_name not in MEMBER_METHODS:

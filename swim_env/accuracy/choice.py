@@ -100,12 +100,9 @@ def choose(
     if not keep_elements:
         refuse_lists(scene, "be chosen; keep it (keep_elements), or give a law in s/l")
     duration = duration_for(scene, wanted)
-    candidates = _candidates(scene, keep_elements)
+    candidates, problem = _candidates(scene, keep_elements)
     if not candidates:
-        raise SwimError(
-            f"no settings of the measured front fit scene {scene.name}: none of their time steps "
-            f"divides episode.control_interval, {scene.episode.control_interval:g} s"
-        )
+        raise SwimError(f"no settings of the measured front fit scene {scene.name}: {problem}")
     reference = reference_of(scene, duration, PILOT, keep_elements, progress)
     # Where both plans are one, a second reference would be the first.
     finer = plan_for(scene, FINE) != plan_for(scene, PILOT)
@@ -151,8 +148,12 @@ def with_chosen_settings(
     return choice.scene.replace("description", said)
 
 
-def _candidates(scene: Scene, keep_elements: bool) -> list[tuple[Settings, float]]:
-    """Return the settings that may be tried on a scene and their costs, the cheapest first."""
+def _candidates(scene: Scene, keep_elements: bool) -> tuple[list[tuple[Settings, float]], str]:
+    """Return the settings that may be tried on a scene and their costs, the cheapest first.
+
+    And why the last one that may not cannot be used.
+    """
+    problem = "it has none"
     found: dict[Settings, float] = {}
     pace = pace_of(scene)
     for one in load_front():
@@ -170,11 +171,12 @@ def _candidates(scene: Scene, keep_elements: bool) -> list[tuple[Settings, float
             settings = replace(settings, fluid_model=NO_FLUID, panels_per_element=4, cap_panels=1)
         try:
             settings.apply(scene).steps_per_action  # noqa: B018
-        except SceneError:
-            # Another model than an effect needs, or steps that do not fit the control interval.
+        except SceneError as error:
+            # Another model than an effect needs, or too many steps in a control interval.
+            problem = error.problem
             continue
         found.setdefault(settings, cost)
-    return sorted(found.items(), key=lambda pair: pair[1])
+    return sorted(found.items(), key=lambda pair: pair[1]), problem
 
 
 def _words(settings: Settings, kept: bool) -> str:

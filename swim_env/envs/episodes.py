@@ -58,6 +58,20 @@ class Reasons(np.ndarray[Any, Any]):
         return found.__dlpack__(**options)
 
 
+class LastObservations(np.ndarray[Any, Any]):
+    """Last observations of a batch (M,) as Gymnasium has them, None of members that play on.
+
+    Libraries without objects get float32 (M, n) by ``__dlpack__``, zeros for None.
+    """
+
+    def __dlpack__(self, **options: Any) -> Any:
+        there = [one is not None for one in self.tolist()]
+        known = np.stack(self[there].tolist())
+        found = np.zeros((len(there), *known.shape[1:]), dtype=known.dtype)
+        found[there] = known
+        return found.__dlpack__(**options)
+
+
 _REASONS = np.array(list(TERMINATION_CODES.values()), dtype=object).view(Reasons)
 assert list(TERMINATION_CODES) == list(range(len(_REASONS)))
 
@@ -89,12 +103,15 @@ class EnvSnapshot:
         States of the members' random number generators.
     is_reset : bool
         Whether an episode had begun.
+    limit : int or None
+        Actions until the time is up; None to keep those of the environment that restores it.
     """
 
     task: tuple[object, ...]
     arrays: dict[str, NDArray[Any]]
     randoms: list[dict[str, Any]]
     is_reset: bool = True
+    limit: int | None = None
 
     def member(self, index: int) -> EnvSnapshot:
         """Return the snapshot of one member, which a single environment can restore.
@@ -109,6 +126,7 @@ class EnvSnapshot:
             self.task,
             {name: array[index : index + 1].copy() for name, array in self.arrays.items()},
             [deepcopy(self.randoms[index])],
+            limit=self.limit,
         )
 
 
@@ -142,6 +160,8 @@ class Episodes:
     ----------
     limit : int
         Actions until the time is up.
+    limit_is_the_scenes : bool
+        Whether they are those of the scene's duration.
     observations : (M, n) array of float32
         What each member observes now.
     actions : (M, N - 1) array
@@ -207,6 +227,7 @@ class Episodes:
         None means those of the scene's duration, -1 as many as can be counted, as for
         `gymnasium.make`. Another number below 1 is an OptionError.
         """
+        self.limit_is_the_scenes = max_episode_steps is None
         if max_episode_steps is None:
             self.limit = self.task.scene.actions_per_episode
         elif whole(max_episode_steps) == -1:
@@ -392,6 +413,7 @@ class Episodes:
             {name: array.copy() for name, array in self._arrays().items()},
             [deepcopy(dict(random.bit_generator.state)) for random in randoms],
             self.is_reset,
+            self.limit,
         )
 
     def restore(self, snapshot: EnvSnapshot, randoms: list[np.random.Generator]) -> None:
@@ -419,6 +441,8 @@ class Episodes:
                 )
         for name, array in arrays.items():
             array[:] = snapshot.arrays[name]
+        if snapshot.limit not in (None, self.limit):
+            self.set_limit(snapshot.limit)
         for member in self.all_members:
             self.bodies.begin_recording(int(member))
         self.someone_ended = bool(self.counters[:, END_CODE:].any())

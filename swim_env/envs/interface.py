@@ -51,17 +51,18 @@ def observation_space_of(task: Task) -> gymnasium.spaces.Box:
     return gymnasium.spaces.Box(low, high, dtype=np.float32)
 
 
-def checked_render_mode(mode: str | None) -> str | None:
+def checked_render_mode(mode: object) -> str | None:
     """Return a render mode that can be used.
 
     A mode that there is not is an OptionError, and Pillow that frames lack a SwimError.
     """
     if mode is None:
         return None
-    if mode not in RENDER_MODES:
+    if not isinstance(mode, str) or mode not in RENDER_MODES:
         hint = nearest(str(mode), RENDER_MODES)
+        shown = got(mode) if isinstance(mode, np.ndarray) else repr(mode)
         raise OptionError(
-            f"unknown render_mode {mode!r}{hint}; modes: {', '.join(RENDER_MODES)}, or None"
+            f"unknown render_mode {shown}{hint}; modes: {', '.join(RENDER_MODES)}, or None"
         )
     if mode == "rgb_array":
         importlib.import_module("swim_env.envs.render.drawing")
@@ -136,22 +137,30 @@ class SharedInterface:
     def spec(self) -> EnvSpec | None:
         """What Gymnasium made the environment of, as plain values; None without Gymnasium.
 
-        Its ``max_episode_steps`` is the number of actions that an episode has. One that is set
-        with such a number changes the episodes to it.
+        Its ``max_episode_steps`` is the number of actions that an episode has; where that is the
+        scene's own, ``kwargs`` has None for it. One that is set with such a number changes the
+        episodes to it.
         """
         return self._spec
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
         if spec is not None:
+            if not isinstance(spec, EnvSpec):
+                raise OptionError(f"spec must be an EnvSpec of Gymnasium or None, got {got(spec)}")
             # What `make_vec` was given goes to the environment alone, beside a spec's own number.
-            given = spec.kwargs.get("max_episode_steps")
-            limit = given or spec.max_episode_steps or _limit_of_make()
+            limit = spec.kwargs.get("max_episode_steps")
+            of_another_scene = limit is None and "max_episode_steps" in spec.kwargs
+            if not limit and not of_another_scene:
+                limit = spec.max_episode_steps
+            limit = limit or _limit_of_make(self.episodes, of_another_scene)
             if limit is not None:
                 self.episodes.set_limit(limit)
             spec = copy.copy(spec)
             spec.max_episode_steps = self.episodes.limit
             spec.kwargs = _plain_arguments(spec.kwargs, self.scene)
+            if self.episodes.limit_is_the_scenes:
+                spec.kwargs["max_episode_steps"] = None
         self._spec = spec
 
     def render(self) -> Any:
@@ -209,6 +218,9 @@ class SharedInterface:
             not reset before.
         """
         self.episodes.restore(snapshot, self._generators())
+        if self._spec is not None and self._spec.max_episode_steps != self.episodes.limit:
+            self._spec.max_episode_steps = self.episodes.limit
+            self._spec.kwargs.pop("max_episode_steps", None)
         self._forget_frames()
         observations: Observation = self._own(self.episodes.observations.copy())
         return observations
@@ -239,18 +251,30 @@ class SharedInterface:
             self._viewer = None
 
 
-def _limit_of_make() -> int | None:
+def _limit_of_make(episodes: Episodes, of_another_scene: bool) -> int | None:
     """Return the limit that `gymnasium.make` has for the environment whose spec it is setting.
 
     It keeps the limit to itself and puts a `TimeLimit` around the environment, which can end an
-    episode sooner than the environment does, but not later.
+    episode sooner than the environment does, but not later. What a spec tells of the scene that it
+    was made for is refused if it is not so of the present one.
     """
     frame = sys._getframe(2)
     if frame.f_code is not gymnasium.envs.registration.make.__code__:
         return None
     given: int | None = frame.f_locals.get("max_episode_steps")
     registered = frame.f_locals.get("env_spec")
-    return registered.max_episode_steps if given is None and registered is not None else given
+    if given is not None or registered is None:
+        return given
+    told: int | None = registered.max_episode_steps
+    if not of_another_scene:
+        return told
+    if told not in (None, episodes.limit):
+        raise OptionError(
+            f"the spec has {told} actions in an episode, the number of the scene it was made for, "
+            f"and scene {episodes.task.scene.name} has {episodes.limit} now: make it with "
+            f"max_episode_steps={episodes.limit} (or the number that you want) as well"
+        )
+    return None
 
 
 def _plain_arguments(arguments: Mapping[str, Any], scene: Scene) -> dict[str, Any]:

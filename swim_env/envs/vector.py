@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
+from types import NoneType
 from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from swim_env.envs.episodes import Reasons, whole_number
+from swim_env.envs.episodes import LastObservations, Reasons, whole_number
 from swim_env.envs.interface import (
     Observation,
     Overrides,
@@ -36,7 +38,7 @@ from swim_env.envs.task import (
 from swim_env.errors import OptionError, SwimError
 from swim_env.physics.runtime.threads import usable_threads
 from swim_env.scene import load_scene
-from swim_env.scene.checks import got, whole
+from swim_env.scene.checks import got, listed, scalar, whole
 from swim_env.sim.trajectory import Trajectory
 
 #: What all members share, what of it can be set, and methods of each that move nothing.
@@ -241,6 +243,7 @@ class SwimVectorEnv(
             observations, _, _, _, infos = episodes.results()
             reasons = last["final_info"]["termination_reason"]
             last["final_info"]["termination_reason"] = reasons.view(Reasons)
+            last["final_obs"] = last["final_obs"].view(LastObservations)
             infos.update(last)
         self._show()
         return observations, rewards, terminated, truncated, infos
@@ -275,7 +278,7 @@ class SwimVectorEnv(
                 value = {key: item for key, item in value.items() if key != "autoreset_mode"}
             return (value,) * self.num_envs
         if name == "np_random":
-            return tuple(self._generators())
+            return tuple(self._generators("random numbers need"))
         bodies, episodes = self.episodes.bodies, self.episodes
         own = {
             "coordinates": bodies.coordinates,
@@ -308,12 +311,17 @@ class SwimVectorEnv(
             raise AttributeError(
                 f"{name} of a batch cannot be set; what can is {' and '.join(SETTABLE)}"
             )
-        given = list(values) if isinstance(values, (list, tuple)) else [values] * self.num_envs
+        items = listed(values)
+        given = [values] * self.num_envs if items is None else items
+        if name == "render_mode":
+            given = [checked_render_mode(scalar(one)) for one in given]
+        elif any(not isinstance(one, (EnvSpec, NoneType)) for one in given):
+            raise OptionError("spec must be an EnvSpec of Gymnasium or None")
         if len(given) != self.num_envs or any(one != given[0] for one in given):
             raise OptionError(
                 f"all members share {name}: it must be one value or {self.num_envs} equal ones"
             )
-        setattr(self, name, checked_render_mode(given[0]) if name == "render_mode" else given[0])
+        setattr(self, name, given[0])
 
     def close_extras(self, **kwargs: Any) -> None:
         """Close the window, if there is one."""
@@ -361,7 +369,7 @@ class SwimVectorEnv(
             return [None] * self.num_envs
         if isinstance(seed, np.ndarray) and seed.ndim:
             seed = seed.tolist()
-        if isinstance(seed, (list, tuple)):
+        if isinstance(seed, Sequence) and not isinstance(seed, (str, bytes)):
             seeds = list(seed)
             if len(seeds) != self.num_envs:
                 raise OptionError(
@@ -374,10 +382,10 @@ class SwimVectorEnv(
         seeds = [checked_seed(one, f"seed of member {i}: ") for i, one in enumerate(seeds)]
         return [None if one is None else seeding.np_random(one)[0] for one in seeds]
 
-    def _generators(self) -> list[np.random.Generator]:
+    def _generators(self, wish: str = "snapshots need") -> list[np.random.Generator]:
         randoms = [random for random in self._randoms if random is not None]
         if len(randoms) < self.num_envs:
-            raise SwimError("snapshots need an episode: call reset first")
+            raise SwimError(f"{wish} an episode: call reset first")
         return randoms
 
 

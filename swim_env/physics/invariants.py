@@ -66,16 +66,24 @@ def unexplained_energy(energy: Array, work: Array, dissipated: Array) -> Array:
     return balance
 
 
+def energy_through(energy: Array, dissipated: Array) -> float:
+    """Return the energy that went through a run, max_n H_n + dissipated (J).
+
+    A composed step that does not resolve its motion may book a negative loss, which counts as none.
+    Parameters as `unexplained_energy`.
+    """
+    return float(np.max(energy) + np.sum(np.maximum(dissipated, 0.0)))
+
+
 def energy_drift(energy: Array, work: Array, dissipated: Array) -> float:
-    """Return the largest unexplained energy as a share of that which the run was given.
+    """Return the largest unexplained energy as a share of that which went through the run.
 
     That is max_n |H_n - H_0 - work + dissipated| / (max_n H + dissipated): for a steady gait both
-    grow alike, so the share does not depend on how long it is watched. A composed step that does
-    not resolve its motion may book a negative loss, which counts as none. Parameters as
+    grow alike, so the share does not depend on how long it is watched. Parameters as
     `unexplained_energy`; 0 where there is no energy.
     """
     left = float(np.max(np.abs(unexplained_energy(energy, work, dissipated))))
-    through = float(np.max(energy) + np.sum(np.maximum(dissipated, 0.0)))
+    through = energy_through(energy, dissipated)
     if left == 0.0:
         return 0.0
     return left / through if through > 0.0 and math.isfinite(left / through) else math.inf

@@ -1,7 +1,8 @@
 """Still pictures of runs.
 
 Everywhere `trajectories` are runs by the names of their policies, and `seconds` is the time that is
-shown, the last of each run (s). Where nothing can be drawn, that is a SwimError.
+shown, the last of each run (s): 50 of its scene's `frame_interval` unless given. Where nothing can
+be drawn, that is a SwimError.
 """
 
 from swim_env.plots.energy import draw_energy

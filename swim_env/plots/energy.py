@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swim_env.analysis.energy import elastic_energy, split_energy, summed
+from swim_env.physics.invariants import energy_through
 from swim_env.plots import style
 from swim_env.sim.trajectory import Trajectory
 
@@ -25,7 +26,7 @@ _MOST, _PIECES = 800, 250
 def draw_energy(
     trajectories: Mapping[str, Trajectory],
     velocities: Mapping[str, ArrayLike] | None = None,
-    seconds: float = 1.0,
+    seconds: float | None = None,
 ) -> Figure:
     """Draw the energy budgets of runs, a column for each.
 
@@ -45,11 +46,12 @@ def draw_energy(
     axes = figure.subplots(3, len(trajectories), height_ratios=(1.2, 1.2, 0.8), squeeze=False)
     for column, (name, run) in enumerate(trajectories.items()):
         parts, spent, drift = axes[:, column]
-        _draw_parts(parts, run, (velocities or {}).get(name), seconds)
+        shown = style.shown_seconds(run, seconds)
+        _draw_parts(parts, run, (velocities or {}).get(name), shown)
         _draw_spent(spent, run)
         _draw_drift(drift, run)
         for place, label, title in (
-            (parts, "energy (J)", f"energy in its parts, last {seconds:g} s"),
+            (parts, "energy (J)", f"energy in its parts, last {shown:g} s"),
             (spent, "energy (J)", "since the start"),
             (drift, "share of what\nwent through (%)", "H - H(0) - work + dissipated"),
         ):
@@ -61,7 +63,7 @@ def draw_energy(
 
 def _draw_parts(axes: Axes, run: Trajectory, velocity: ArrayLike | None, seconds: float) -> None:
     """Draw the parts on top of each other, and the energy as a line above them."""
-    first = max(0, run.steps - round(seconds / run.scene.integrator.time_step))
+    first = max(0, run.steps - max(1, round(seconds / run.scene.integrator.time_step)))
     instants = _thinned(first, run.steps)
     time, total = run.time[instants], run.energy[instants]
     if velocity is None:
@@ -101,7 +103,7 @@ def _draw_spent(axes: Axes, run: Trajectory) -> None:
 
 def _draw_drift(axes: Axes, run: Trajectory) -> None:
     """Draw what nothing explains: between its least and its largest in short pieces of time."""
-    through = float(run.energy.max() + np.maximum(run.dissipated, 0.0).sum()) or 1.0
+    through = energy_through(run.energy, run.dissipated) or 1.0
     left = run.unexplained_energy
     begins = _thinned(0, run.steps, _PIECES)[:-1]
     low, high = (100.0 / through * end.reduceat(left, begins) for end in (np.minimum, np.maximum))

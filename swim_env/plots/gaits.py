@@ -145,7 +145,7 @@ def _draw_shapes(axes: Axes, run: Trajectory, name: str, last: bool) -> None:
 
 
 def draw_gaits(
-    trajectories: Mapping[str, Trajectory], gaits: Mapping[str, Any], seconds: float = 1.0
+    trajectories: Mapping[str, Trajectory], gaits: Mapping[str, Any], seconds: float | None = None
 ) -> Figure:
     """Draw torques and bending along the body over time, and the phase along the body.
 

@@ -34,7 +34,7 @@ def curvature(trajectory: Trajectory) -> Array:
     return bends
 
 
-def draw_kymographs(trajectories: Mapping[str, Trajectory], seconds: float = 1.0) -> Figure:
+def draw_kymographs(trajectories: Mapping[str, Trajectory], seconds: float | None = None) -> Figure:
     """Draw the curvature along the body over time, a panel for each policy, on one scale.
 
     Stripes that lean are waves that travel along the body, upright ones are standing waves.
@@ -43,7 +43,7 @@ def draw_kymographs(trajectories: Mapping[str, Trajectory], seconds: float = 1.0
     return _draw_maps(trajectories, maps, seconds, "curvature (1/m)", "1/m")
 
 
-def draw_torques(trajectories: Mapping[str, Trajectory], seconds: float = 1.0) -> Figure:
+def draw_torques(trajectories: Mapping[str, Trajectory], seconds: float | None = None) -> Figure:
     """Draw the torques of the joints over time, as `draw_kymographs` draws the curvature."""
     maps = {name: run.torques for name, run in trajectories.items()}
     return _draw_maps(trajectories, maps, seconds, "joint torque (N m)", "N m")
@@ -52,7 +52,7 @@ def draw_torques(trajectories: Mapping[str, Trajectory], seconds: float = 1.0) -
 def _draw_maps(
     trajectories: Mapping[str, Trajectory],
     maps: Mapping[str, Array],
-    seconds: float,
+    seconds: float | None,
     label: str,
     unit: str,
 ) -> Figure:
@@ -98,9 +98,10 @@ def draw_map(axes: Axes, run: Trajectory, values: Array, limit: float) -> AxesIm
     )
 
 
-def tail(values: Array, run: Trajectory, seconds: float) -> Array:
+def tail(values: Array, run: Trajectory, seconds: float | None) -> Array:
     """Return the rows of the last seconds of values (T, ...) of a run's steps, at least one."""
-    return values[-max(1, round(seconds / run.scene.integrator.time_step)) :]
+    shown = style.shown_seconds(run, seconds)
+    return values[-max(1, round(shown / run.scene.integrator.time_step)) :]
 
 
 def draw_wave_search(record: dict[str, Any]) -> Figure:

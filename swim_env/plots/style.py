@@ -7,7 +7,6 @@ lightness as well.
 
 from __future__ import annotations
 
-import importlib.util
 import os
 from collections.abc import Iterable, Mapping
 from typing import IO, TYPE_CHECKING, Any
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swim_env.colours import TORQUE_STOPS
-from swim_env.errors import SwimError
+from swim_env.errors import SwimError, require_packages
 from swim_env.files.atomic import write_atomically
 from swim_env.sim.trajectory import Trajectory
 
@@ -41,6 +40,8 @@ WIDTH, SMALL, SMALLER = 8.0, 8, 7
 #: Widths of lines (points).
 THIN, LINE, THICK = 0.6, 1.3, 2.2
 _DOTS_PER_INCH = 150
+#: Frames of a moving picture that a still one shows of a run's end.
+_FRAMES_SHOWN = 50
 
 #: A colour for each policy, the same in every picture.
 _POLICY_COLOURS = {
@@ -85,10 +86,7 @@ def diverging_map() -> LinearSegmentedColormap:
 
 def require_matplotlib() -> None:
     """Check that matplotlib is installed; else the SwimError says how to get it."""
-    if importlib.util.find_spec("matplotlib") is None:
-        raise SwimError(
-            "pictures need matplotlib: install the extra 'view' (pip install 'swim-env[view]')"
-        )
+    require_packages("pictures need", {"matplotlib": "matplotlib"}, "view")
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -106,6 +104,11 @@ def require_steps(trajectories: Mapping[str, Trajectory]) -> None:
     """Check that there is a trajectory and that all have steps; else it is a SwimError."""
     if not trajectories or any(run.steps < 1 for run in trajectories.values()):
         raise SwimError("there is nothing to draw: no trajectory, or one without steps")
+
+
+def shown_seconds(run: Trajectory, seconds: float | None) -> float:
+    """Return how much of a run's end is shown (s), a second on the shipped scenes unless given."""
+    return _FRAMES_SHOWN * run.scene.frame_interval if seconds is None else seconds
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:

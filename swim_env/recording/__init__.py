@@ -6,9 +6,8 @@ from swim_env.recording.show import check_picture, open_viewer, take_picture, ty
 from swim_env.recording.swimmer import Swimmer
 from swim_env.recording.wrappers import RecordEpisodes, RecordVectorEpisodes
 from swim_env.recording.writer import (
+    AUTO,
     COLOURS,
-    FLOW_RATE,
-    FRAME_RATE,
     WrittenRecording,
     has_flow,
     recording_file,
@@ -17,9 +16,8 @@ from swim_env.recording.writer import (
 )
 
 __all__ = [
+    "AUTO",
     "COLOURS",
-    "FLOW_RATE",
-    "FRAME_RATE",
     "SCHEMA_VERSION",
     "ReadRecording",
     "RecordEpisodes",

@@ -91,11 +91,12 @@ class Lane:
 
 
 def lanes_of(
-    swimmers: Sequence[Swimmer], waters: Sequence[Water], rate: float, colour: str
+    swimmers: Sequence[Swimmer], waters: Sequence[Water], rate: float | None, colour: str
 ) -> list[Lane]:
     """Give every swimmer its lane, one below the other where they start.
 
-    `waters` are the flows that are shown; the rate is that of the frames (1/s).
+    `waters` are the flows that are shown; the rate is that of the frames (1/s), the scene's unless
+    given.
     """
     # One legend serves all lanes, so they share their scales.
     limit = max([swimmer.scene.torque_limit for swimmer in swimmers])
@@ -145,7 +146,7 @@ def lanes_of(
             pressure=pressure,
             arrow_seconds=None if speed is None else reach / speed,
         )
-        energies = frames_of(runs[number], _ENERGIES_IN_FRAME * rate)
+        energies = frames_of(runs[number], rate, _ENERGIES_IN_FRAME)
         lanes.append(Lane(swimmer, frames[number], energies, shapes[number], nodes[number], layout))
     return lanes
 

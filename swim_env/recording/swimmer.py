@@ -193,15 +193,25 @@ def checked_rate(rate: object, name: str) -> float:
     return checked_option(real(above=0.0), rate, name)
 
 
-def frames_of(trajectory: Trajectory, rate: float) -> Indices:
+def frames_of(trajectory: Trajectory, rate: float | None, times: float = 1.0) -> Indices:
     """Return the instants (F,) of a run that come closest to a number of frames a simulated second.
 
-    Every so many instants from the first, and the last one. A rate that is not above 0 and a run
-    without a step are OptionErrors.
+    Every so many instants from the first, and the last one; `times` as many as the rate says, that
+    of the scene's `frame_interval` unless it is given. A rate that is not above 0 and a run without
+    a step are OptionErrors.
     """
-    checked_rate(rate, "the number of frames in a second")
+    if rate is None:
+        rate = 1.0 / trajectory.scene.frame_interval
+    rate = times * checked_rate(rate, "the number of frames in a second")
     if trajectory.steps < 1:
         raise OptionError("a recording takes a run of at least one step")
-    every = max(1, round(1.0 / (rate * trajectory.scene.integrator.time_step)))
+    step = trajectory.scene.integrator.time_step
+    every = max(1, round(1.0 / (rate * step)))
+    if every * step < 1e-9:
+        raise OptionError(
+            "recordings count nanoseconds, so their frames must be at least that far apart, and "
+            f"steps of scene {trajectory.scene.name} are {step:g} s: give at most 1e9 frames in a "
+            "second"
+        )
     chosen = np.arange(0, trajectory.steps + 1, every)
     return chosen if chosen[-1] == trajectory.steps else np.append(chosen, trajectory.steps)

@@ -73,12 +73,12 @@ class Tape:
         folder: str | os.PathLike[str],
         prefixes: Collection[str],
         flow_rate: float | None,
-        frame_rate: float,
+        frame_rate: float | None,
         split_energy: bool,
     ) -> None:
         self._episodes = episodes
         self._refuse_other_owner()
-        self._frame_rate = checked_rate(frame_rate, "frame_rate")
+        self._frame_rate = None if frame_rate is None else checked_rate(frame_rate, "frame_rate")
         self._flow_rate = None if flow_rate is None else checked_rate(flow_rate, "flow_rate")
         self._split_energy = split_energy
         self._folder = recording_file(Path(folder) / "any.rrd", "any").parent

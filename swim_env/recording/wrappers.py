@@ -15,7 +15,7 @@ from swim_env.envs.single import SwimEnv
 from swim_env.envs.vector import SwimVectorEnv
 from swim_env.errors import OptionError
 from swim_env.recording.tape import Tape
-from swim_env.recording.writer import FRAME_RATE, WrittenRecording
+from swim_env.recording.writer import WrittenRecording
 from swim_env.scene.checks import got, whole
 
 __all__ = ["RecordEpisodes", "RecordVectorEpisodes"]
@@ -85,8 +85,8 @@ class RecordEpisodes(
     flow_rate : float, optional
         Frames of the flow in a simulated second, computed when the file is written; none unless
         given.
-    frame_rate : float
-        Frames of everything else.
+    frame_rate : float, optional
+        Frames of everything else, one in each of the scene's `frame_interval` unless given.
     split_energy : bool
         Whether to split the kinetic energy between body and fluid. The torques are played again for
         it when the file is written, which takes as long as the episode's physics.
@@ -106,7 +106,7 @@ class RecordEpisodes(
         episode_trigger: Trigger | None = None,
         name_prefix: str = "swimmer",
         flow_rate: float | None = None,
-        frame_rate: float = FRAME_RATE,
+        frame_rate: float | None = None,
         split_energy: bool = False,
     ) -> None:
         swimmer = self._own(env, SwimEnv, VectorEnv, "RecordVectorEpisodes records a batch")
@@ -181,7 +181,7 @@ class RecordVectorEpisodes(_Recorded, gymnasium.vector.VectorWrapper):
         episode_trigger: Trigger | None = None,
         name_prefix: str = "swimmer",
         flow_rate: float | None = None,
-        frame_rate: float = FRAME_RATE,
+        frame_rate: float | None = None,
         split_energy: bool = False,
     ) -> None:
         batch = self._own(

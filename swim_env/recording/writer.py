@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import importlib.util
 import json
 import os
 import re
@@ -15,12 +14,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from swim_env.errors import OptionError, SwimError
+from swim_env.errors import OptionError, SwimError, require_packages
 from swim_env.files.atomic import write_atomically
 from swim_env.files.names import file_name, shown_name
 from swim_env.files.provenance import where_and_when
 from swim_env.recording.schema import APPLICATION, PROPERTY, SCHEMA_VERSION, WORLD
-from swim_env.recording.swimmer import Swimmer, frames_of
+from swim_env.recording.swimmer import Swimmer, checked_rate, frames_of
 from swim_env.scene import Scene
 
 # What needs Pillow is imported where it is used: without it, `require_rerun` says what to do.
@@ -28,8 +27,8 @@ if TYPE_CHECKING:
     from swim_env.recording.layout import Lane, Layout
     from swim_env.recording.water import Water
 
-#: Frames in a simulated second: of the body and all series, and of the flow.
-FRAME_RATE, FLOW_RATE = 50.0, 25.0
+#: The rate of the flow's frames that follows the body: one for two of the body's own.
+AUTO = "auto"
 
 #: What a body's colours may show: joint torques or elastic bending moments.
 COLOURS = ("torque", "moment")
@@ -60,11 +59,8 @@ class WrittenRecording:
 
 def require_rerun() -> None:
     """Check that rerun and Pillow are installed; else the SwimError says how to get them."""
-    for module, name in (("rerun", "rerun"), ("PIL", "Pillow")):
-        if importlib.util.find_spec(module) is None:
-            raise SwimError(
-                f"recordings need {name}: install the extra 'view' (pip install 'swim-env[view]')"
-            )
+    packages = {"rerun": "rerun", "PIL": "Pillow", "pyarrow": "pyarrow"}
+    require_packages("recordings need", packages, "view")
 
 
 def has_flow(scene: Scene) -> bool:
@@ -76,8 +72,8 @@ def write_recording(
     path: str | os.PathLike[str],
     swimmers: Sequence[Swimmer],
     *,
-    flow_rate: float | None = FLOW_RATE,
-    frame_rate: float = FRAME_RATE,
+    flow_rate: float | str | None = AUTO,
+    frame_rate: float | None = None,
     colour: str = "torque",
     about: dict[str, Any] | None = None,
     title: str | None = None,
@@ -91,10 +87,12 @@ def write_recording(
         The file, by custom ``.rrd``; its folder must exist.
     swimmers : sequence of Swimmer
         The runs, side by side on one time line; names that are equal get numbers.
-    flow_rate : float, optional
-        Frames of the flow in a simulated second; None for no flow. Scenes without fluid have none.
-    frame_rate : float
-        Frames of everything else; of the energy there are twice as many.
+    flow_rate : float or "auto", optional
+        Frames of the flow in a simulated second, half as many as of the body unless given; None for
+        no flow. Scenes without fluid have none.
+    frame_rate : float, optional
+        Frames of everything else, one in each of the scene's `frame_interval` unless given (50 a
+        second on the shipped scenes); of the energy there are twice as many.
     colour : str
         What the bodies' colours show: ``torque`` or ``moment``, the elastic bending moment.
     about : dict, optional
@@ -123,6 +121,8 @@ def write_recording(
     for swimmer in swimmers:
         swimmer.check()
         frames_of(swimmer.trajectory, frame_rate)
+    if flow_rate not in (None, AUTO):
+        checked_rate(flow_rate, "flow_rate")
     begin = time.perf_counter()
     reach = REACH_OF_TWO if len(swimmers) == 2 else REACH
     waters: list[Water | None] = []
@@ -130,7 +130,8 @@ def write_recording(
         if flow_rate is None or not has_flow(swimmer.scene) or swimmer.trajectory.steps < 2:
             waters.append(None)
         else:
-            waters.append(compute_water(swimmer, flow_rate, reach, progress))
+            rate = 0.5 / swimmer.scene.frame_interval if flow_rate == AUTO else float(flow_rate)
+            waters.append(compute_water(swimmer, rate, reach, progress))
     known = [water for water in waters if water is not None]
     flow_seconds = float(sum([water.seconds for water in known]))
     lanes = lanes_of(swimmers, known, frame_rate, colour)

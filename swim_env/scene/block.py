@@ -15,7 +15,7 @@ from types import NoneType
 from typing import Annotated, Any, ClassVar, TypeVar, get_args, get_origin, get_type_hints
 
 from swim_env.errors import SceneError
-from swim_env.scene.checks import Check, check_fields
+from swim_env.scene.checks import Check, check_fields, scalar
 
 _Block = TypeVar("_Block", bound="Block")
 
@@ -46,7 +46,7 @@ class Block:
         prefix = f"{self._path}." if self._path else ""
         # mypy takes the class for an instance of it.
         for name, check, optional in _checks(type(self)):  # type: ignore[arg-type]
-            value = getattr(self, name)
+            value = scalar(getattr(self, name))
             if value is not None or not optional:
                 self._store(**{name: check(value, prefix + name)})
 

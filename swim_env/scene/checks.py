@@ -51,6 +51,11 @@ def nearest(name: str, allowed: Iterable[str]) -> str:
     return f" (nearest: {close[0]})" if close else ""
 
 
+def scalar(value: object) -> object:
+    """Return what an array without axes holds, anything else as it is."""
+    return value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
+
+
 def is_number(value: object) -> bool:
     """Whether `value` is a real number; a bool is not."""
     return isinstance(value, numbers.Real) and not isinstance(value, (bool, np.bool_))
@@ -58,6 +63,7 @@ def is_number(value: object) -> bool:
 
 def whole(value: object) -> int | None:
     """Return a whole number as an int, also one that is written as a float; else None."""
+    value = scalar(value)
     if isinstance(value, (bool, np.bool_)):
         return None
     if isinstance(value, (float, np.floating)):
@@ -79,6 +85,7 @@ def real(
     of, after = (f" in {unit}", f" {unit}") if unit else ("", "")
 
     def check(value: object, field: str) -> float:
+        value = scalar(value)
         if not is_number(value):
             raise SceneError(f"{field} must be a number{of}, got {got(value)}")
         try:

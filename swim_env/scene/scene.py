@@ -5,6 +5,7 @@ Other rooms take a `Scene` and never read files of their own.
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -46,6 +47,9 @@ _OPTIONAL = ("fluid", *EFFECT_BLOCKS, "actuation")
 #: Blocks without fields, which are there or not.
 _BARE = tuple(name for name, cls in _BLOCKS.items() if not fields(cls))
 _NOTHING: Any = object()
+
+#: Frames of moving pictures in a period of a fast drive, about.
+_FRAMES_IN_PERIOD = 10
 
 #: Largest number of time steps in a control interval, which are recorded one by one, and of actions
 #: in an episode.
@@ -166,6 +170,17 @@ class Scene:
                 f"{self.episode.control_interval!r} s, which is {ratio:.6g} steps"
             )
         return steps
+
+    @property
+    def frame_interval(self) -> float:
+        """Time from one frame of a moving picture to the next [s], which follows the body's own.
+
+        It is the control interval, or a whole part of it that makes about 10 frames in a period of
+        a fast drive.
+        """
+        interval = self.episode.control_interval
+        frequency = abs(self.actuation.frequency) / math.tau if self.actuation else 0.0
+        return interval / max(1, round(_FRAMES_IN_PERIOD * frequency * interval))
 
     @property
     def torque_limit(self) -> float:

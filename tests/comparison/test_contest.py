@@ -21,6 +21,7 @@ from swim_agents.comparison.contest import (
     steps_to_play,
 )
 from swim_agents.comparison.performance import measure_performance
+from swim_agents.comparison.report import as_text, write_contest
 from swim_agents.learning.saved import AgentError
 from swim_agents.rollout import play_episodes
 
@@ -253,7 +254,7 @@ def test_without_noise_all_starts_are_the_same():
     scene = short("actuation=null")
     record = hold_contest(scene, entries_of([], scene), [0], noise=0.0, threads=1).record
     assert record["net_displacement"]["paper_wave"] == [0.0]
-    assert [record["ratios"][name]["paper_wave"] for name in REFERENCES] == [None, None]
+    assert [record["ratios"][name]["paper_wave"] for name in record["policies"]] == [None]
 
 
 def test_targets_are_the_same_for_all_and_the_share_of_those_reached_is_counted():
@@ -416,3 +417,19 @@ def test_a_policy_of_another_scene_is_refused_before_any_is_played():
     target = Entry("agent", "agent", load_policy("ppo_target", scene), {})
     with refuses(AgentError, "agent ppo_target was trained for task target, not for forward"):
         hold_contest(scene, [*entries, target][:3] + [target], SEEDS, threads=1)
+
+
+def test_on_another_body_the_tuned_wave_is_no_reference(tmp_path):
+    scene = short().replace("beam.bending_stiffness", 2.0)
+    entries = entries_of(["zero"], scene)
+    assert [entry.name for entry in entries] == ["paper_wave", "zero"]
+    contest = hold_contest(scene, entries, [0], threads=1)
+    record = plain(contest)
+    assert record["tuned_on"] is None and "tuned" not in as_text(record).partition("\n")[0]
+    assert all(one["tuned_wave"] is None for one in record["ratios"].values())
+    assert record["policies"]["paper_wave"]["fine_ratio_to_tuned_wave"] is None
+    write_contest(contest, tmp_path / "out")
+    with refuses(OptionError, "the wave was tuned on scene swimmer"):
+        entries_of(["tuned_wave"], scene)
+    with refuses(OptionError, "every contest needs paper_wave, paper_wave is missing"):
+        hold_contest(scene, entries[1:], [0])

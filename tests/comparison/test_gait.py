@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from swim_agents.comparison.gait import (
     WaveFit,
+    _lowest_frequency,
     analyse_gait,
     dominant_frequency,
     fit_wave,
@@ -130,6 +131,27 @@ def test_the_fit_stays_at_frequencies_of_a_gait_where_the_signals_hardly_change(
         assert found.frequency == 0.0 or found.frequency >= TURN * 0.2 * (1.0 - 1e-9)
         assert found.amplitude <= 3.0 * np.abs(signals).max()
     assert fit_wave(times, np.zeros((100, 8)), JOINTS) == WaveFit(0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(("count", "lowest"), [(8, 0.2), (100, 0.2), (250, 0.2), (1000, 0.05)])
+def test_frequencies_of_a_gait_begin_in_the_bodys_own_time(count, lowest):
+    for pace in (1e-5, 1.0, 1e3):
+        found = _lowest_frequency(pace * INTERVAL, count)
+        assert found * pace == pytest.approx(lowest, rel=1e-9)
+
+
+@pytest.mark.parametrize("pace", [1e-5, 1e3])
+def test_a_gait_of_a_body_of_another_size_is_the_same_in_its_own_time(pace):
+    times = clock(750)
+    bending = wave(times, JOINTS, TURN * 0.3, 3.0) + 0.3 * wave(times, JOINTS, TURN * 0.15, 1.0)
+    torques = wave(times, JOINTS, TURN * 0.3, 4.0, 1.0) + 0.5
+    here, there = (analyse_gait(at, bending, torques, JOINTS) for at in (times, pace * times))
+    assert there.frequency * pace == pytest.approx(here.frequency, rel=1e-9)
+    assert there.torque_frequency * pace == pytest.approx(here.torque_frequency, rel=1e-9)
+    assert there.wave.frequency * pace == pytest.approx(here.wave.frequency, rel=1e-6)
+    for name in ("wave_number", "travelling_share", "phase_lags"):
+        assert getattr(there, name) == pytest.approx(getattr(here, name), rel=1e-6, abs=1e-9)
+    assert there.wave.explained == pytest.approx(here.wave.explained, rel=1e-6)
 
 
 # ---- fits of a wave: the search is global ------------------------------------------------------

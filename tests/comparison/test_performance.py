@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from swim_agents import Rollout, load_policy, play_episode, verify_rollout
+from swim_agents.baselines import tuned_wave
 from swim_agents.comparison.gait import analyse_gait
 from swim_agents.comparison.performance import Performance, measure_performance
 from swim_agents.tuned_wave import load_tuned_wave
@@ -42,8 +43,10 @@ def played(
 ) -> Played:
     made = SwimTargetEnv if task == "target" else SwimEnv
     env = made("swimmer", [*BODIES[body], *extra.split()])
-    policy = load_policy(name, env.scene, seed=5)
-    return measured(play_episode(env, policy, seed=3, options={"noise": noise}))
+    tuned = name == "tuned_wave"
+    policy = tuned_wave(env.scene) if tuned else load_policy(name, env.scene, seed=5)
+    options = {"noise": noise}
+    return measured(play_episode(env, policy, seed=3, options=options, any_scene=tuned))
 
 
 each_policy = pytest.mark.parametrize("name", POLICIES)

@@ -10,6 +10,7 @@ from swim_agents import (
     POLICY_NAMES,
     Rollout,
     WavePolicy,
+    baselines,
     load_policy,
     play_episode,
     play_episodes,
@@ -370,6 +371,45 @@ def test_a_policy_of_another_scene_is_refused_where_it_plays(name: str, field: s
     if field != "beam.elements":
         rollout = play_episode(SwimEnv(other), policy, any_scene=True)
         assert len(rollout.torques) == round(0.08 / other.episode.control_interval)
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"beam.bending_stiffness": 2.0}, "beam.bending_stiffness is 2.0, it was 5.0 in tuning;"),
+        ({"beam.line_density": 1.0}, "beam.line_density is 1.0"),
+        ({"fluid.density": 20.0}, "fluid.density is 20.0"),
+        ({"fluid.model": "strip"}, "fluid.model is strip"),
+        ({"fluid": None}, "fluid.model is None, it was panels in tuning (and 1 more)"),
+        ({"damping.retardation_time": 0.1}, "damping is {'retardation_time': 0.1}"),
+        ({"cross_flow_drag.coefficient": 1.0}, "cross_flow_drag is"),
+        ({"stream.velocity": [0.1, 0.0]}, "stream is"),
+    ],
+)
+def test_the_tuned_wave_is_refused_where_it_was_not_tuned_and_other_waves_play(changes, complaint):
+    other = load_scene("swimmer", {"episode.duration": 0.04, **changes})
+    tuned = baselines.tuned_wave(other)
+    policies: list[Any] = [load_policy("paper_wave", other), WavePolicy(other, tuned.wave)]
+    for play in (
+        lambda: load_policy("tuned_wave", other),
+        lambda: play_episode(SwimEnv(other), tuned),
+        lambda: play_episode(SwimEnv(other), load_policy("tuned_wave")),
+        lambda: play_episodes(SwimVectorEnv(1, other), tuned, [0]),
+    ):
+        with refuses(OptionError, "the wave was tuned on scene swimmer and cannot play", complaint):
+            play()
+    for policy in policies:
+        play_episode(SwimEnv(other), policy)
+    trusted = play_episode(SwimEnv(other), tuned, seed=0, any_scene=True)
+    by_hand = play_episode(SwimEnv(other), policies[1], seed=0)
+    assert trusted.torques.any() and (trusted.torques == by_hand.torques).all()
+
+
+def test_the_tuned_wave_plays_its_body_with_another_step_panels_and_start():
+    finer = {"integrator.time_step": 0.0025, "fluid.panels_per_element": 6}
+    changes = {**finer, "episode.duration": 0.04, "initial.heading": 1.0, "name": "other"}
+    scene = load_scene("swimmer", changes)
+    assert play_episode(SwimEnv(scene), load_policy("tuned_wave", scene)).torques.any()
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ Bad actions are in tests/stability/test_bad_actions.py.
 
 import copy
 import hashlib
+import inspect
 import math
 import pickle
 import sys
@@ -325,6 +326,52 @@ def test_max_episode_steps_is_met_exactly_and_told(task, mode, given, limit):
     env.close()
 
 
+@pytest.mark.parametrize("as_text", [False, True])
+def test_a_spec_that_is_made_again_for_another_scene_has_that_ones_limit(as_text):
+    def kept(spec: EnvSpec) -> EnvSpec:
+        return EnvSpec.from_json(spec.to_json()) if as_text else spec
+
+    longer = {**SHORT, "episode.duration": 0.2}
+    env = gymnasium.make(FORWARD, overrides=SHORT)
+    assert env.spec.max_episode_steps == 5
+    for spec in (env.spec, gymnasium.make_vec(FORWARD, 2, overrides=SHORT).spec):
+        again = gymnasium.make_vec(kept(spec), 2, "vector_entry_point", overrides=longer)
+        assert again.episodes.limit == again.spec.max_episode_steps == 10
+    # Gymnasium puts a wrapper with the spec's own number around a single environment.
+    for duration, limit in ((0.2, 10), (0.06, 3)):
+        changed = {**SHORT, "episode.duration": duration}
+        with refuses(OptionError, "the spec has 5 actions", f"max_episode_steps={limit}"):
+            gymnasium.make(kept(env.spec), overrides=changed)
+        again = gymnasium.make(kept(env.spec), overrides=changed, max_episode_steps=limit)
+        assert again.unwrapped.episodes.limit == again.spec.max_episode_steps == limit
+    same = gymnasium.make(kept(env.spec), overrides={**SHORT, "beam.length": 2.0})
+    assert same.spec.max_episode_steps == 5
+    # A number of the user's own stays.
+    mine = gymnasium.make(FORWARD, overrides=SHORT, max_episode_steps=7).spec
+    assert gymnasium.make(kept(mine), overrides=longer).unwrapped.episodes.limit == 7
+    assert gymnasium.make_vec(kept(mine), 2, overrides=longer).episodes.limit == 7
+
+
+@each_kind
+def test_an_episode_of_a_snapshot_ends_when_the_original_does(build):
+    original, other = build(overrides=SHORT), build(overrides=SHORT, max_episode_steps=50)
+    for env in (original, other):
+        env.reset(seed=0)
+    action = actions_for(original, 1)[0]
+    original.step(action)
+    other.restore(pickle.loads(pickle.dumps(original.snapshot())))
+    ends = [[bool(np.all(env.step(action)[3])) for _ in range(4)] for env in (original, other)]
+    assert ends == [[False, False, False, True]] * 2
+    batch = make_batch(overrides=SHORT, max_episode_steps=50)
+    batch.reset(seed=0)
+    single = gymnasium.make_vec(FORWARD, 1, overrides=SHORT)
+    single.reset()
+    single.restore(batch.snapshot().member(1))
+    assert single.episodes.limit == single.spec.max_episode_steps == 50
+    longer = gymnasium.make_vec(single.spec, overrides={**SHORT, "episode.duration": 0.2})
+    assert longer.episodes.limit == 50
+
+
 def test_a_limit_of_its_own_and_of_its_spec_count_for_an_environment_without_wrappers():
     env = SwimEnv(overrides=SHORT, max_episode_steps=7)
     assert env.episodes.limit == 7 and env.spec is None
@@ -396,6 +443,65 @@ def test_reasons_have_numbers_which_libraries_without_text_get(monkeypatch):
     assert len(reasons) > 1
 
 
+class NumbersOnly(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """The wrapper that docs/environments.md shows."""
+
+    def reset(self, **arguments):
+        observation, info = self.env.reset(**arguments)
+        info.pop("termination_reason")
+        return observation, info
+
+    def step(self, action):
+        *result, info = self.env.step(action)
+        info.pop("termination_reason")
+        return *result, info
+
+
+@pytest.mark.parametrize("kind", ["ours", "sync"])
+def test_episodes_end_and_begin_behind_a_conversion_to_tensors(monkeypatch, kind):
+    torch = pytest.importorskip("torch")
+    monkeypatch.setitem(sys.modules, "array_api_compat", scipy._lib.array_api_compat)
+    from gymnasium.wrappers.vector import NumpyToTorch
+
+    text = (ROOT / "docs" / "environments.md").read_text(encoding="utf-8")
+    assert inspect.getsource(NumbersOnly).split('"""')[2].strip() in text
+    if kind == "ours":
+        modes = list(AutoresetMode)[:2]
+        batches = [make_batch(FORWARD, 3, overrides=SHORT, autoreset_mode=mode) for mode in modes]
+    else:
+        wrapped = {"vectorization_mode": "sync", "wrappers": [NumbersOnly]}
+        batches = [gymnasium.make_vec(FORWARD, 3, **wrapped, overrides=SHORT)]
+    for envs in batches:
+        converted = NumpyToTorch(envs)
+        first, _ = converted.reset(seed=0)
+        seen: set[str] = set()
+        for _ in range(12):
+            observations, _, _, truncated, infos = converted.step(torch.zeros(3, 2))
+            assert observations.shape == first.shape and torch.is_tensor(truncated)
+            seen |= infos.keys()
+            if "final_obs" in infos:
+                assert infos["final_obs"].shape == first.shape
+                assert infos["_final_obs"].all() and infos["final_obs"].any()
+        same_step = envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+        assert ("final_obs" in seen) == same_step and "termination_code" in seen
+        converted.close()
+
+
+def test_last_observations_of_members_that_play_on_are_zeros_for_other_libraries():
+    batch = make_batch(overrides=LIVELY, autoreset_mode=AutoresetMode.SAME_STEP)
+    batch.reset(seed=0)
+    for action in actions_for(batch, 150):
+        *_, infos = batch.step(action)
+        last = infos.get("final_obs")
+        if last is not None and not infos["_final_obs"].all():
+            break
+    assert last.dtype == object
+    numbers = np.from_dlpack(last)
+    assert numbers.dtype == np.float32
+    for found, one in zip(numbers, last, strict=True):
+        assert_same(found, np.zeros_like(found) if one is None else one)
+
+
 def test_integral_floats_are_integers_wherever_one_is_taken():
     for four in (4, 4.0, np.float64(4), np.float32(4), np.int8(4), np.array(4)):
         scene = load_scene("swimmer", {"beam.elements": four, "fluid.panels_per_element": four})
@@ -406,6 +512,13 @@ def test_integral_floats_are_integers_wherever_one_is_taken():
         env = SwimEnv(scene, num_threads=four, max_episode_steps=four)
         assert_same(envs.reset(seed=four)[0][0], env.reset(seed=4)[0])
         assert_same(envs.reset(seed=[4, 1.0, four, None])[0][2], env.reset(seed=four)[0])
+    for seeds in (range(4), (0, 1, 2, 3), np.arange(4)):
+        assert_same(envs.reset(seed=seeds)[0], envs.reset(seed=0)[0])
+    for number in (0.25, np.float32(0.25), np.array(0.25)):
+        assert load_scene("swimmer", {"beam.length": number}).beam.length == 0.25
+        assert load_scene("swimmer", {"beam.bending_stiffness": number}).beam.bending_stiffness
+        assert SwimEnv(overrides=SHORT, effort_weight=number).task.effort_weight == 0.25
+        env.reset(seed=0, options={"noise": number, "heading": number})
 
 
 @pytest.mark.parametrize("task", TASKS, ids=("forward", "target"))
@@ -433,6 +546,18 @@ def test_attributes_of_members_are_those_of_gymnasiums_own_batch(task):
     for name, value in (("render_mode", ["human", None, None]), ("render_mode", [None] * 2)):
         with refuses(OptionError, "all members share render_mode"):
             ours.set_attr(name, value)
+    ours.set_attr("render_mode", np.array(["rgb_array"] * 3))
+    assert ours.render_mode == "rgb_array"
+    for value in (np.zeros(3), np.zeros((3, 2)), 5, np.array(5.0), ["human", 5, None]):
+        with refuses(OptionError, "unknown render_mode"):
+            ours.set_attr("render_mode", value)
+    for value in (5, "x", np.zeros(3), [None, 5, None]):
+        with refuses(OptionError, "spec must be an EnvSpec of Gymnasium or None"):
+            ours.set_attr("spec", value)
+        with refuses(OptionError, "spec must be an EnvSpec of Gymnasium or None"):
+            SwimEnv(overrides=SHORT).spec = value
+    with refuses(SwimError, "random numbers need an episode: call reset first"):
+        make_batch(task, 3, overrides=SHORT).get_attr("np_random")
     for name in ("scene", "goal", "episodes", "step"):
         with refuses(AttributeError, f"{name} of a batch cannot be set"):
             ours.set_attr(name, None)

@@ -693,8 +693,15 @@ def test_a_missing_empty_or_coarse_front_is_refused(use_front):
     with refuses(SwimError, "swimmer to within 0.1: the best of 2 is off by "):
         short().for_accuracy(0.1)
     path = use_front()
-    with refuses(SwimError, "no settings of the measured front fit scene swimmer"):
+    with refuses(SwimError, "no settings of the measured front fit scene swimmer: it has none"):
         short().for_accuracy(0.1)
     path.unlink()
     with refuses(SwimError, "cannot read the measured front: No such file", "front.json)"):
         short().for_accuracy(0.1)
+
+
+def test_a_scene_that_no_settings_fit_is_told_why():
+    seldom = load_scene("swimmer", {"episode.control_interval": 5e3, "episode.duration": 1e4})
+    why = "episode.control_interval must be at most 100,000 steps of integrator.time_step"
+    with refuses(SwimError, "no settings of the measured front fit scene swimmer: ", why):
+        seldom.for_accuracy(0.1)

@@ -1,6 +1,7 @@
 """Still pictures: their numbers are the trajectory's, everything has a unit, nothing overlaps."""
 
 import itertools
+import sys
 from collections.abc import Callable
 from typing import Any
 from unittest import mock
@@ -30,6 +31,7 @@ from swim_env.plots import (
 )
 from swim_env.plots.heat_maps import curvature
 from swim_env.plots.style import diverging_map, policy_looks
+from tests.support import refuses
 
 Array = NDArray[np.float64]
 
@@ -359,6 +361,13 @@ PICTURES: dict[str, Callable[[dict[str, Trajectory]], Figure]] = {
     "scores": lambda runs: draw_scores(SCORES),
     "search": lambda runs: draw_wave_search(SEARCH),
 }
+
+
+@pytest.mark.parametrize("name", PICTURES)
+def test_without_matplotlib_a_picture_says_what_to_install(name, runs, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with refuses(SwimError, "pictures need matplotlib: install the extra 'view'"):
+        PICTURES[name](runs)
 
 
 @pytest.mark.parametrize("name", PICTURES)

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from swim_agents.policies import run_label
 
 from swim_env import Simulator, SwimError, load_scene
 from swim_env.recording import open_viewer, read_recording, take_picture
@@ -41,7 +42,7 @@ def test_agent_beside_the_wave(command, tmp_path):
 def test_prescribed_torque_and_saved_trajectory(command, tmp_path):
     """By default the scene's own torque, without rewards; a saved run gives the same numbers."""
     assert command("visualise", "--scene", "paper_i", "--duration", "0.5", "--no-flow").code == 0
-    file = tmp_path / "results" / "recordings" / "paper_i-prescribed.rrd"
+    (file,) = (tmp_path / "results" / "recordings").glob("paper_i-prescribed-*.rrd")
     one = read_recording(file).swimmers["prescribed"]
     simulator = Simulator("paper_i")
     played = simulator.rollout(simulator.prescribed_torques(50))
@@ -120,13 +121,48 @@ def test_replay_records(command, tmp_path):
     """--record writes a file beside the figures, into a folder or under its name."""
     brief = ("replay", "--scene", "swimmer", "--duration", "0.2", "--json", "--record")
     figures = command(*brief, tmp_path).figures()
-    file, named = tmp_path / "swimmer.rrd", tmp_path / "episode.rrd"
+    named = tmp_path / "episode.rrd"
+    (file,) = tmp_path.glob("swimmer-prescribed-*.rrd")
     assert figures["recording"]["file"] == str(file)
     place = read_recording(file).swimmers["prescribed"].path
     assert place[-1] - place[0] == pytest.approx(figures["displacement"], abs=1e-6)
     figures = command(*brief, named, "--env", "--policy", "random").figures()
     assert figures["recording"]["file"] == str(named)
     assert read_recording(named).swimmers["random"].series["reward"].shape == (10, 1)
+
+
+@pytest.mark.parametrize(
+    "usual", ["visualise --output", "replay --env --record", "compare --record"], ids=str.split
+)
+def test_unlike_runs_are_kept_apart_in_one_folder_and_a_repetition_replaces(
+    command, tmp_path, usual
+):
+    script, *rest = usual.split()
+    policies = "--policies zero" if script == "compare" else "--policy zero"
+    seed = "--seeds" if script == "compare" else "--seed"
+    changes = [
+        "", policies.replace("zero", "random"), f"{seed} 3", "--noise 0", "--task target",
+        "--set beam.elements=8", "--duration 0.06",
+    ]  # fmt: skip
+    if script == "visualise":
+        changes += ["--flow-rate 20", "--frame-rate 25", "--colour moment", "--compare-with random"]
+    usually = {"--scene": "swimmer", "--duration": "0.04", policies.split()[0]: "zero", seed: "1"}
+    folder = tmp_path / "folder"
+    for repetition in range(2):
+        for count, change in enumerate(changes, 1):
+            option, _, value = change.partition(" ")
+            given = {**usually, **({option: value} if option else {})}
+            options = [word for pair in given.items() for word in pair]
+            assert command(script, *options, *rest, folder).code == 0
+            assert len(list(folder.iterdir())) == (len(changes) if repetition else count), change
+
+
+def test_a_run_as_usual_has_a_plain_name(tmp_path):
+    scene = load_scene("swimmer")
+    assert run_label(scene, ["ppo_forward"]) == "swimmer-ppo_forward"
+    assert run_label(scene, ["zero", "random"], "target", 7) == "swimmer-target-zero-random-seed_7"
+    assert run_label(scene, ["zero"], noise=None) == "swimmer-zero"
+    assert run_label(scene, ["zero"], noise=0.0) != run_label(scene, ["zero"], noise=0.5)
 
 
 def test_compare_records(command, tmp_path):

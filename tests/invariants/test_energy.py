@@ -8,7 +8,7 @@ import pytest
 import scipy.linalg
 
 from swim_env import Scene, Simulator, Trajectory, load_scene
-from swim_env.physics.invariants import energy_drift
+from swim_env.physics.invariants import energy_drift, energy_through
 from tests.analytic.probes import mass_of
 from tests.invariants.runs import (
     MODELS,
@@ -296,3 +296,11 @@ def test_losses_of_composed_steps_are_those_of_the_energy(drag: Changes | None) 
         )
     assert shares[1] < 1e-3, f"{shares[1]:.2g} of the energy is unexplained"
     assert orders(shares)[-1] > 1.8, f"{shares}"
+
+
+def test_the_drift_is_a_share_of_the_largest_energy_and_of_what_was_lost():
+    energy, work = np.array([1.0, 4.0, 2.0]), np.array([3.5, 0.5])
+    lost = np.array([-0.25, 2.0])  # a negative loss counts as none in what went through
+    assert energy_through(energy, lost) == 6.0
+    # 4 - 1 - 3.5 - 0.25 and 2 - 1 - 4 + 1.75
+    assert energy_drift(energy, work, lost) == pytest.approx(1.25 / 6.0, rel=1e-15)

@@ -2,12 +2,18 @@
 
 import numpy as np
 import pytest
+from swim_agents.tuned_wave import load_tuned_wave
+from swim_agents.tuning import bounds_on
 
-from swim_env import Scene, SwimTargetEnv, load_scene
+from swim_env import OptionError, Scene, SwimTargetEnv, load_scene, scene_names
 from swim_env.accuracy import choose
 from swim_env.analysis.continuous import integrate
+from swim_env.plots import draw_energy
+from swim_env.plots.heat_maps import tail
+from swim_env.recording import Swimmer, read_recording, write_recording
+from swim_env.recording.swimmer import frames_of
 from swim_env.scene import SCHEME_NAMES
-from tests.support import Array, rollout
+from tests.support import Array, refuses, rollout
 
 #: Lengths, densities and times, from a micrometre to a kilometre, as multiples of those of a scene.
 UNITS = [(1e-6, 1e-9, 1.0), (1e-6, 1e9, 1e-6), (1e3, 1e9, 1e3), (1e3, 1e-9, 1e-3), (70.0, 1.0, 1.0)]
@@ -125,3 +131,41 @@ def test_solvers_in_continuous_time_take_the_same_steps(units) -> None:
     assert other.path / units[0] == pytest.approx(one.path, rel=1e-8)
     # Rounding decides some of their steps.
     assert other.evaluations == pytest.approx(one.evaluations, rel=0.05)
+
+
+@each_unit
+def test_frames_and_the_search_for_waves_follow_the_bodys_own_time(units, tmp_path) -> None:
+    scenes = BASE, in_units(BASE, units)
+    time = units[2]
+    assert scenes[1].frame_interval == pytest.approx(scenes[0].frame_interval * time, rel=1e-12)
+    runs = [rollout(scene, _torques() * scene.torque_limit) for scene in scenes]
+    chosen = [frames_of(run, None).tolist() for run in runs]
+    assert chosen[0] == chosen[1] == list(range(0, 201, 4))
+    assert [len(tail(run.torques, run, None)) for run in runs] == [200, 200]
+    first, _ = draw_energy({"a": runs[0]}).axes[:2], draw_energy({"a": runs[1]})
+    assert "last 1 s" in first[0].get_title(loc="left")
+    files = []
+    for number, run in enumerate(runs):
+        files.append(write_recording(tmp_path / f"{number}.rrd", [Swimmer("x", run)]))
+    assert [(one.frames, one.flow_frames) for one in files] == [(51, 26)] * 2
+    read = read_recording(tmp_path / "1.rrd").swimmers["x"]
+    assert read.time == pytest.approx(runs[1].time[::4], rel=1e-6, abs=1e-9)
+    here, there = (np.array(bounds_on(scene)["frequency_hz"]) for scene in scenes)
+    assert there * time == pytest.approx(here, rel=1e-12)
+
+
+def test_shipped_scenes_have_fifty_frames_a_second_and_waves_of_a_quarter_to_twenty_hertz() -> None:
+    for name in scene_names():
+        assert load_scene(name).frame_interval == 0.02
+    assert bounds_on(load_scene("swimmer"))["frequency_hz"] == (0.25, 20.0)
+    searched = load_tuned_wave()["search"]["bounds"]
+    assert {name: list(pair) for name, pair in bounds_on(load_scene("swimmer")).items()} == searched
+
+
+def test_fast_drives_have_as_many_frames_in_a_period_whatever_the_control_interval() -> None:
+    fast = load_scene("swimmer", {"actuation.frequency": 2000.0 * np.pi})
+    assert fast.frame_interval == pytest.approx(1e-3 / 10, rel=1e-12)
+    assert load_scene("swimmer", {"actuation.frequency": 30.0}).frame_interval == 0.02
+    brief = rollout(load_scene("swimmer", {"integrator.time_step": 1e-10}), np.zeros((2, 8)))
+    with refuses(OptionError, "recordings count nanoseconds", "at most 1e9 frames in a second"):
+        frames_of(brief, 1e10)

@@ -37,7 +37,7 @@ from tests.learning.small_runs import (
     small_config,
     untrained,
 )
-from tests.support import call_script, refuses, run_python
+from tests.support import assert_one_line, call_script, refuses, run_python
 
 #: A function that returns a model of a kind and the folder it was saved to.
 Saved = Callable[[str], tuple[Any, Path]]
@@ -194,6 +194,44 @@ def test_what_is_missing_is_said_for_what_is_done(lacking, arguments, message, s
     assert ("training" in message) == ("training" in done.err)
 
 
+#: Runs a command where a package cannot be found; the package is the first argument.
+RUN_WITHOUT = """
+import sys
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] == lacking:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+lacking = sys.argv.pop(1)
+sys.meta_path.insert(0, Finder())
+from swim_agents.commands.main import main
+sys.exit(main())
+"""
+NEEDS = (
+    ("matplotlib", "view", "replay --scene paper_iv --output x"),
+    ("matplotlib", "view", "compare --policies zero --output x"),
+    ("matplotlib", "view", "tune --output x --plot y.png"),
+    ("rerun", "view", "replay --scene paper_iv --record x"),
+    ("rerun", "view", "compare --policies zero --record x"),
+    ("rerun", "view", "train demo --record x"),
+    ("pyarrow", "view", "visualise --scene paper_iv"),
+    ("PIL", "view", "visualise --scene paper_iv --no-flow --picture x.png"),
+    ("PIL", "view", "replay --scene paper_iv --env --record-video x"),
+    ("moviepy", "view", "replay --scene paper_iv --env --record-video x"),
+    ("tensorboard", "train", "train demo"),
+)
+
+
+@pytest.mark.parametrize(("lacking", "extra", "arguments"), NEEDS)
+def test_a_command_says_which_extra_it_lacks_before_it_plays(lacking, extra, arguments, tmp_path):
+    done = run_python("-c", RUN_WITHOUT, lacking, *arguments.split(), cwd=tmp_path)
+    assert done.code == 2 and done.out == ""
+    line = done.err.rstrip("\n")
+    assert_one_line(
+        line, "error: ", f"install the extra '{extra}' (pip install 'swim-env[{extra}]'"
+    )
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
 def test_the_description_says_what_the_agent_is(saved):
     _, folder = saved("target")
     config = small_config("target")
@@ -347,6 +385,8 @@ def test_weights_that_are_none_are_refused(copied):
         (["fluid.density=20.0"], "fluid.density", "20.0", "10.0"),
         (["fluid.model=none"], "fluid.model", "none", "panels"),
         (["axial_added_mass=true"], "axial_added_mass", "{}", "None"),
+        (["cross_flow_drag={}"], "cross_flow_drag", "{'coefficient': 1.0}", "None"),
+        (["stream.velocity=[0.1, 0.0]"], "stream", "{'velocity': [0.1, 0.0]}", "None"),
         # The first difference is named and the others are counted.
         (["fluid.density=20", "beam.elements=8"], "beam.elements", "8", "9 in training (and 1"),
     ],

@@ -408,7 +408,7 @@ def test_bad_environments(tmp_path):
     ("options", "part"),
     [
         ({"frame_rate": 0.0}, "frame_rate must be above 0, got 0"),
-        ({"frame_rate": None}, "frame_rate must be a number, got null"),
+        ({"frame_rate": True}, "frame_rate must be a number, got true"),
         ({"frame_rate": "50"}, "frame_rate must be"),
         ({"flow_rate": float("nan")}, "flow_rate must be a finite number, got nan"),
         ({"flow_rate": True}, "flow_rate must be"),

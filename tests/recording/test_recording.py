@@ -2,6 +2,7 @@
 
 import math
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,10 @@ from swim_env.recording import (
     SCHEMA_VERSION,
     RecordingError,
     Swimmer,
+    open_viewer,
     read_recording,
     recording_file,
+    take_picture,
     write_recording,
 )
 from swim_env.recording.reader import ReadRecording
@@ -26,7 +29,7 @@ from swim_env.recording.show import rerun_command
 from swim_env.recording.swimmer import frames_of
 from swim_env.recording.water import picture_of, pressure_of
 from swim_env.recording.writer import _fixed_parts
-from tests.support import full_disk, run_python
+from tests.support import full_disk, refuses
 
 #: Three tenths of a second of the prescribed wave, with flow, written by schema 1; without its
 #: blueprint and legend, which are not read.
@@ -330,19 +333,20 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path, swimmer, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["before.rrd"]
 
 
-def test_without_rerun_and_pillow(tmp_path):
-    """Everything can be imported; what needs them says how to get them, in one line."""
-    code = (
-        "import sys\n"
-        "sys.modules.update(PIL=None, rerun=None)\n"
-        "from swim_env.recording import recording_file\n"
-        "import importlib.util\n"
-        "importlib.util.find_spec = lambda name: None\n"
-        "recording_file('x', 'y')\n"
-    )
-    done = run_python("-c", code, cwd=tmp_path)
-    assert done.code == 1
-    assert "SwimError: recordings need rerun: install the extra 'view'" in done.err
+@pytest.mark.parametrize(
+    ("module", "name"), [("rerun", "rerun"), ("PIL", "Pillow"), ("pyarrow", "pyarrow")]
+)
+def test_without_what_recordings_need_they_say_how_to_get_it(module, name, run, monkeypatch):
+    monkeypatch.setitem(sys.modules, module, None)
+    for use in (
+        lambda: recording_file("x", "y"),
+        lambda: write_recording("x.rrd", [Swimmer("x", run)]),
+        lambda: read_recording(STORED),
+        lambda: open_viewer(STORED),
+        lambda: take_picture(STORED, "x.png", 0.1),
+    ):
+        with refuses(SwimError, f"recordings need {name}: install the extra 'view'"):
+            use()
 
 
 def test_rewards_fit_the_run(run, write):

@@ -9,19 +9,20 @@ from swim_agents.commands import command_line as cli
 from swim_agents.commands.playing import record
 from swim_agents.comparison.contest import (
     FIRST_SEED,
+    REFERENCES,
     checked_seeds,
     entries_of,
     hold_contest,
+    references_on,
     steps_to_play,
 )
 from swim_agents.comparison.report import CONTEST_FILES, as_text, write_contest
-from swim_agents.policies import policy_names
+from swim_agents.policies import policy_label, policy_names, run_label
 from swim_env.envs.assessment import load_assessment
 from swim_env.envs.task import check_task
 from swim_env.files.folders import check_folder
 from swim_env.plots import require_matplotlib
 from swim_env.recording import recording_file
-from swim_env.scene import scene_label
 from swim_env.sim.replay import steps_of
 
 
@@ -34,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=["ppo_forward", "sac_forward"],
         help=f"names ({', '.join(policy_names())}) or paths: an agent's folder, a training run, "
         "several runs (a folder with seed_0, seed_1 ...), a model file; ppo_forward sac_forward "
-        "unless given. paper_wave and tuned_wave always take part",
+        "unless given. paper_wave always takes part, and tuned_wave on the body it was tuned on",
     )
     cli.add_scene_arguments(parser, default="swimmer")
     cli.add_options(parser, "task", "duration", "noise", "record")
@@ -70,7 +71,6 @@ def main(options: argparse.Namespace) -> int:
         {"--record": options.record},
     )
     scene = cli.scene_of(options)
-    name = f"{scene_label(scene)}-{options.task}"
     scene = cli.played_scene(scene, options.duration)
     scene.actions_per_episode  # noqa: B018  refuses a duration before anything is played
     steps_of(scene)
@@ -78,7 +78,14 @@ def main(options: argparse.Namespace) -> int:
         require_matplotlib()
         check_folder(options.output, CONTEST_FILES)
     entries = entries_of(options.policies, scene, options.task, options.trust)
-    file = None if options.record is None else recording_file(options.record, name)
+    for left_out in set(REFERENCES) - set(references_on(scene)):
+        print(f"without {left_out}, which was tuned to another body or fluid", file=sys.stderr)
+    file = None
+    if options.record is not None:
+        labels = [policy_label(one) for one in dict.fromkeys(options.policies)]
+        noise = None if options.noise == 1.0 else options.noise
+        label = run_label(scene, labels, options.task, seeds[0], noise=noise, contest=True)
+        file = recording_file(options.record, label)
     load_assessment()
     total = steps_to_play(scene, len(entries), len(seeds))
     with cli.progress_bar(total, "s", "simulated") as progress:

@@ -7,8 +7,14 @@ import sys
 from typing import Any
 
 from swim_agents.commands import command_line as cli
-from swim_agents.commands.playing import play_policy, play_prescribed, record, report_early_end
-from swim_agents.policies import load_policy, policy_names
+from swim_agents.commands.playing import (
+    PRESCRIBED,
+    play_policy,
+    play_prescribed,
+    record,
+    report_early_end,
+)
+from swim_agents.policies import load_policy, policy_label, policy_names, run_label
 from swim_agents.tables import text_table
 from swim_env.envs.assessment import load_assessment
 from swim_env.envs.task import check_task
@@ -18,7 +24,7 @@ from swim_env.physics.loading import load_kernels
 from swim_env.plots import require_matplotlib
 from swim_env.plots.results import RESULT_FILES, write_results
 from swim_env.recording import recording_file
-from swim_env.scene import load_scene, scene_label
+from swim_env.scene import load_scene
 from swim_env.sim.replay import steps_of
 
 
@@ -72,7 +78,15 @@ def main(options: argparse.Namespace) -> int:
         load_policy(policy, scene, options.seed, task)
     file = None
     if options.record is not None:
-        file = recording_file(options.record, scene_label(scene))
+        label = run_label(
+            cli.played_scene(scene, options.duration),
+            [policy_label(policy) if options.env else PRESCRIBED],
+            task,
+            options.seed or 0,
+            noise=None if options.noise == 1.0 else options.noise,
+            accuracy=options.accuracy,
+        )
+        file = recording_file(options.record, label)
     scene = cli.scene_of(options)  # now that nothing is wrong, as choosing settings takes a while
     if options.env:
         load_assessment()

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from swim_agents.commands import command_line as cli
 from swim_agents.commands import playing
-from swim_agents.policies import load_policy, policy_label, policy_names
+from swim_agents.policies import load_policy, policy_label, policy_names, run_label
 from swim_agents.tables import text_table
 from swim_env import recording
 from swim_env.analysis.energy import velocity_of_start
@@ -19,8 +19,8 @@ from swim_env.envs.assessment import load_assessment
 from swim_env.envs.task import check_task
 from swim_env.errors import SwimError
 from swim_env.files.names import file_name
-from swim_env.recording import FLOW_RATE, FRAME_RATE, Swimmer, WrittenRecording
-from swim_env.scene import Scene, scene_label
+from swim_env.recording import Swimmer, WrittenRecording
+from swim_env.scene import Scene
 from swim_env.sim.replay import steps_of
 from swim_env.sim.trajectory import Trajectory
 
@@ -68,14 +68,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--flow-rate",
         type=float,
         metavar="HZ",
-        help=f"frames of the fluid in a simulated second; {FLOW_RATE:g} unless given",
+        help="frames of the fluid in a simulated second; half as many as of the body unless given",
     )
     parser.add_argument(
         "--frame-rate",
         type=float,
-        default=FRAME_RATE,
         metavar="HZ",
-        help=f"frames of everything else; {FRAME_RATE:g} unless given",
+        help="frames of everything else; one in every control interval (50 a second on the shipped "
+        "scenes), or about 10 in a period of a prescribed torque that is faster, unless given",
     )
     parser.add_argument("--view", action="store_true", help="open rerun's viewer with it")
     parser.add_argument(
@@ -94,7 +94,7 @@ def main(options: argparse.Namespace) -> int:
     file, swimmers = _swimmers(options)
     for swimmer in swimmers:
         playing.report_early_end(swimmer, swimmer.name)
-    flow_rate = None if options.no_flow else options.flow_rate or FLOW_RATE
+    flow_rate = None if options.no_flow else options.flow_rate or recording.AUTO
     written = playing.record(
         file, swimmers, flow_rate=flow_rate, frame_rate=options.frame_rate, colour=options.colour
     )
@@ -125,9 +125,9 @@ def _check(options: argparse.Namespace) -> None:
         cli.refuse(options, ("flow_rate",), "has no meaning with --no-flow")
     for name in ("flow_rate", "frame_rate"):
         rate = getattr(options, name)
-        if rate is not None and not 0.0 < rate <= 1e4:
+        if rate is not None and not 0.0 < rate < math.inf:
             raise SwimError(
-                f"--{name.replace('_', '-')} must be above 0 and at most 10000, got {rate:g}"
+                f"--{name.replace('_', '-')} must be above 0, a finite number, got {rate:g}"
             )
     if options.picture is None:
         cli.refuse(options, ("at",), "needs --picture")
@@ -159,6 +159,13 @@ def _check_scene(options: argparse.Namespace, scene: Scene, end: float) -> None:
 def _swimmers(options: argparse.Namespace) -> tuple[Path, list[Swimmer]]:
     """Play; return where the recording goes, and the swimmers in it."""
     place = options.output or "results/recordings"
+    looks = {
+        "colour": None if options.colour == "torque" else options.colour,
+        "flow_rate": 0.0 if options.no_flow else options.flow_rate,
+        "frame_rate": options.frame_rate,
+        "noise": options.noise,
+    }
+    task, seed = options.task or "forward", options.seed or 0
     others = [] if options.compare_with is None else [options.compare_with]
     if options.trajectory is not None:
         saved = Trajectory.load(options.trajectory)
@@ -166,8 +173,9 @@ def _swimmers(options: argparse.Namespace) -> tuple[Path, list[Swimmer]]:
         _check_scene(options, scene, float(saved.time[-1]))
         name = Path(options.trajectory).stem
         _load(options, scene, others)
-        label = file_name(name, os.path.abspath(options.trajectory))
-        file = recording.recording_file(place, f"{scene_label(saved.scene)}-{label}")
+        labels = [file_name(name, os.path.abspath(options.trajectory)), *map(policy_label, others)]
+        label = run_label(saved.scene, labels, task, seed, **looks)
+        file = recording.recording_file(place, label)
         start = velocity_of_start(saved) if saved.steps else None
         kept = Swimmer(name, saved, start_velocity=start)
         return file, [kept, *_play(options, scene, others)]
@@ -176,10 +184,10 @@ def _swimmers(options: argparse.Namespace) -> tuple[Path, list[Swimmer]]:
     steps = steps_of(scene, options.duration)
     _check_scene(options, scene, steps * scene.integrator.time_step)
     policies = [*options.policy, *others]
-    names = [scene_label(scene), *([policy_label(one) for one in policies] or [playing.PRESCRIBED])]
     scene = cli.played_scene(scene, options.duration)
     _load(options, scene, policies)
-    file = recording.recording_file(place, "-".join(names))
+    labels = [*([] if options.policy else [playing.PRESCRIBED]), *map(policy_label, policies)]
+    file = recording.recording_file(place, run_label(scene, labels, task, seed, **looks))
     load_assessment()
     swimmers = [] if options.policy else [playing.play_prescribed(scene, options.duration)[0]]
     return file, [*swimmers, *_play(options, scene, policies)]

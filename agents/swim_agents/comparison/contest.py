@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from swim_agents.baselines import Policy
+from swim_agents.baselines import Policy, tuned_wave
 from swim_agents.comparison.gait import Gait
 from swim_agents.comparison.performance import Performance, measure_performance
 from swim_agents.policies import load_policy, policy_names
@@ -33,7 +33,7 @@ from swim_env.scene import Scene
 from swim_env.scene.checks import checked_option
 from swim_env.sim.trajectory import Trajectory
 
-#: The policies that every score is compared with.
+#: The policies that every score is compared with; the tuned wave on the body it was tuned on.
 REFERENCES = ("paper_wave", "tuned_wave")
 
 #: Scores are taken from starts with this seed and those after it: trainings draw theirs from below
@@ -108,16 +108,25 @@ class Contest:
         ]
 
 
+def references_on(scene: Scene) -> list[str]:
+    """Return the REFERENCES that can play a scene."""
+    try:
+        tuned_wave(scene).check(scene)
+    except OptionError:
+        return [name for name in REFERENCES if name != "tuned_wave"]
+    return list(REFERENCES)
+
+
 def entries_of(
     names: Sequence[str], scene: Scene, task: str = "forward", trust: bool = False
 ) -> list[Entry]:
-    """Load the policies of a contest, with the REFERENCES in front.
+    """Load the policies of a contest, with the `references_on` the scene in front.
 
     Arguments and errors are those of `load_policy`. A folder with runs ``seed_0``, ``seed_1`` ...
     stands for all of them, which then form one group.
     """
     found: list[Entry] = []
-    for name in dict.fromkeys([*REFERENCES, *names]):
+    for name in dict.fromkeys([*references_on(scene), *names]):
         runs: list[Path | None] = []
         if name not in policy_names():
             runs += [path for path in Path(name).glob("seed_*") if (path / "agent").is_dir()]
@@ -178,7 +187,7 @@ def hold_contest(
     scene : Scene
         The scene; its episode gives the duration.
     entries : sequence of Entry
-        The policies; in the forward task the REFERENCES must be among them.
+        The policies; in the forward task the `references_on` the scene must be among them.
     seeds : sequence of int
         Of the starts and, in the target task, of the targets; all different.
     task : str
@@ -201,10 +210,11 @@ def hold_contest(
         ``policies`` for each entry lists over seeds (``net_displacement``, ``fine_displacement``,
         ``verified`` and the other figures), medians under ``median``, ``ratio_to_paper_wave`` and
         ``ratio_to_tuned_wave`` of the medians with the same from the finer computation under
-        ``fine_ratio_to_...``, ``success_rate``, ``verified_success_rate`` (reached, verified, and
-        in the finer computation at most TOLERANCE of the target's radius outside of it) and the
-        ``training``; ``net_displacement`` and ``ratios`` again by entry; in ``groups`` the spread
-        over training seeds; version, machine, commit.
+        ``fine_ratio_to_...`` (None without that wave), ``success_rate``,
+        ``verified_success_rate`` (reached, verified, and in the finer computation at most TOLERANCE
+        of the target's radius outside of it) and the ``training``; ``net_displacement`` and
+        ``ratios`` again by entry; in ``groups`` the spread over training seeds; version, machine,
+        commit.
 
     Raises
     ------
@@ -221,11 +231,10 @@ def hold_contest(
     names = [entry.name for entry in entries]
     if len(set(names)) < len(names):
         raise OptionError(f"entries must have different names, got {', '.join(names)}")
-    missing = [name for name in REFERENCES if name not in names]
+    needed = references_on(scene)
+    missing = [name for name in needed if name not in names]
     if missing and task == "forward":
-        raise OptionError(
-            f"every contest needs {' and '.join(REFERENCES)}, {missing[0]} is missing"
-        )
+        raise OptionError(f"every contest needs {' and '.join(needed)}, {missing[0]} is missing")
     workers = threads or usable_threads()
     performances: dict[str, list[Performance]] = {}
     kept: dict[str, list[Rollout]] = {}
@@ -292,7 +301,8 @@ def _record(
         prefix = "" if kind == "net_displacement" else "fine_"
         for reference in REFERENCES:
             # Waves aim at no target: being so many times as near to it as they are means nothing.
-            base = policies[reference]["median"][kind] if task == "forward" else None
+            there = task == "forward" and reference in policies
+            base = policies[reference]["median"][kind] if there else None
             for one in policies.values():
                 one[f"{prefix}ratio_to_{reference}"] = _ratio(one["median"][kind], base)
     return {
@@ -300,8 +310,8 @@ def _record(
         "task": task,
         "duration": scene.episode.duration,
         **settings,
-        # Where the tuned wave comes from, whatever scene it plays here.
-        "tuned_on": str(load_tuned_wave()["scene"]),
+        # Where the tuned wave comes from, if it takes part.
+        "tuned_on": str(load_tuned_wave()["scene"]) if "tuned_wave" in policies else None,
         "seeds": list(seeds),
         "tolerance": TOLERANCE,
         "net_displacement": {name: one["net_displacement"] for name, one in policies.items()},

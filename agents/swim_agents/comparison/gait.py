@@ -18,8 +18,9 @@ from swim_env.errors import OptionError
 
 Array = NDArray[np.float64]
 
-#: Frequencies (Hz) that a gait is looked for in begin here, or at one period in the record.
-_LOWEST_HZ = 0.2
+#: Frequencies that a gait is looked for in begin at one period in so many instants (0.2 Hz at
+#: 50 instants a second), or at one in the record. The little less takes in a line that is there.
+_LONGEST_PERIOD = 250.0 * (1.0 + 1e-10)
 #: Wave numbers (rad per body length) that a fit tries, and grid points per frequency's resolution.
 _LARGEST_WAVE_NUMBER, _FINER = 8.0 * math.pi, 4
 #: Peaks of that grid from which a local search starts.
@@ -126,7 +127,7 @@ def dominant_frequency(times: ArrayLike, signals: ArrayLike) -> float:
     size = 8 * len(values)
     power = (np.abs(np.fft.rfft(values * window, size, axis=0)) ** 2).sum(axis=1)
     lines = np.fft.rfftfreq(size, interval)
-    power[lines < min(_LOWEST_HZ, 1.0 / (interval * len(values)))] = 0.0
+    power[lines < _lowest_frequency(interval, len(values))] = 0.0
     best = int(power.argmax())
     if 0 < best < len(power) - 1 and power[best - 1] > 0.0:
         # A parabola through the logarithms: exact for a Gaussian, near enough for this window.
@@ -198,7 +199,7 @@ def fit_wave(times: ArrayLike, signals: ArrayLike, places: ArrayLike) -> WaveFit
     spacing = float(np.abs(np.diff(at)).min()) if len(at) > 1 else math.inf
     most = min(_LARGEST_WAVE_NUMBER, math.pi / spacing)
     numbers = np.linspace(-most, most, 129)
-    lowest = 2.0 * math.pi * min(_LOWEST_HZ, 1.0 / (interval * len(values)))
+    lowest = 2.0 * math.pi * _lowest_frequency(interval, len(values))
     highest = math.pi / interval
     # Sum over joints of the spectrum, each turned back by the wave's phase at its place.
     power = np.abs(spectrum @ np.exp(1j * np.outer(at, numbers))) ** 2
@@ -293,6 +294,11 @@ def _checked(
     if not (steps[0] > 0.0 and np.allclose(steps, steps[0], rtol=1e-6, atol=0.0)):
         raise OptionError("times must be equidistant and rising")
     return moments, values, at
+
+
+def _lowest_frequency(interval: float, count: int) -> float:
+    """Return where the frequencies (Hz) of a gait begin in a record of so many instants."""
+    return 1.0 / (interval * max(_LONGEST_PERIOD, count))
 
 
 def _swing(values: Array) -> Array:

@@ -13,7 +13,6 @@ import io
 import os
 import zipfile
 from collections.abc import Mapping
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swim_agents.files import DAMAGED, as_json, read_json
+from swim_agents.fit import AGENT_FIELDS, first_difference
 from swim_agents.learning.config import TrainingConfig
 from swim_agents.learning.settings import ALGORITHMS, Network
 from swim_agents.learning.smoothing import WIDTH, SmoothedPolicy, Smoothing
@@ -31,8 +31,8 @@ from swim_env.envs.task import TASKS, Task
 from swim_env.errors import OptionError, SceneError, SettingsError, SwimError
 from swim_env.files.folders import write_folder
 from swim_env.files.names import shown_name
-from swim_env.scene import Beam, Scene
-from swim_env.scene.block import build_block, plain
+from swim_env.scene import Scene
+from swim_env.scene.block import build_block
 from swim_env.scene.checks import one_of, text
 
 #: What an agent's folder holds, and what a training run may put beside it.
@@ -42,17 +42,6 @@ FORMAT_VERSION = 1
 _KEPT = (
     *("name", "description", "algorithm", "task"),
     *("environment", "network", "state_dependent_noise", "action_smoothing"),
-)
-
-#: What must be the same in the scene that an agent plays: the body, its fluid, its joints.
-_SAME = (
-    *(f"beam.{spec.name}" for spec in fields(Beam)),
-    "fluid.model",
-    "fluid.density",
-    "axial_added_mass",
-    "torque_limit",
-    "actuation.active_until",
-    "episode.control_interval",
 )
 
 
@@ -111,29 +100,20 @@ class AgentPolicy:
     def check(self, scene: Scene, task: str | None = None) -> None:
         """Refuse a scene or a task that the agent was not trained for (AgentError).
 
-        The body, its fluid, the torque limit and the control interval must be the same. The time
-        step, the panels, damping, the start and its noise may differ.
+        The body, its fluid with drag and stream, the torque limit and the control interval must be
+        the same. The time step, the panels, damping, the start and its noise may differ.
         """
         trained = self.description["task"]
         if task is not None and task != trained:
             raise AgentError(f"agent {self.name} was trained for task {trained}, not for {task}")
         own = self.scene
-        found = [path for path in _SAME if _value(own, path) != _value(scene, path)]
-        if found:
-            here, there = _value(own, found[0]), _value(scene, found[0])
-            more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        field, before, now, count = first_difference(own, scene, AGENT_FIELDS)
+        if field:
+            more = f" (and {count - 1} more)" if count > 1 else ""
             raise AgentError(
                 f"agent {self.name} was trained on scene {own.name} and cannot play scene "
-                f"{scene.name}: {found[0]} is {there}, it was {here} in training{more}"
+                f"{scene.name}: {field} is {now}, it was {before} in training{more}"
             )
-
-
-def _value(scene: Scene, path: str) -> Any:
-    """Return a field by its path, as a file would have it; None inside an absent block."""
-    value: Any = scene
-    for name in path.split("."):
-        value = getattr(value, name, None)
-    return plain(value)
 
 
 # ---- writing and reading -----------------------------------------------------------------------

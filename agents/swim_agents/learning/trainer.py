@@ -53,7 +53,7 @@ from swim_agents.learning.saved import save_agent
 from swim_agents.learning.smoothing import SmoothedPolicy
 from swim_agents.rollout import play_episodes
 from swim_env import __version__
-from swim_env.errors import SwimError
+from swim_env.errors import SwimError, require_packages
 from swim_env.files.atomic import write_atomically
 from swim_env.files.provenance import where_and_when
 from swim_env.recording import recording_file, write_recording
@@ -207,6 +207,7 @@ def check_run(
 
 def _checked_start(config: TrainingConfig, seed: Any, device: str) -> tuple[int, str]:
     """Return the seed as a plain number, and the device that PyTorch is to use."""
+    require_packages("training needs", {"tensorboard": "tensorboard"}, "train")
     most = config.evaluation.seed // config.members
     whole = isinstance(seed, numbers.Integral) and not isinstance(seed, bool)
     if not whole or not 0 <= int(seed) < most:
