@@ -31,7 +31,7 @@ from swim_agents.verification import (
 )
 from swim_env import __version__
 from swim_env.envs.task import NOISE, TARGET_RADIUS, TASKS, check_task
-from swim_env.envs.vector import VECTOR_ENVIRONMENTS
+from swim_env.envs.vector import VECTOR_ENVIRONMENTS, SwimVectorEnv
 from swim_env.errors import OptionError
 from swim_env.files.names import shown_name
 from swim_env.files.provenance import where_and_when
@@ -252,47 +252,48 @@ def hold_contest(
     kept: dict[str, list[Rollout]] = {}
     trajectories: dict[str, list[Trajectory]] = {}
     fine = fine_scene(scene)
-    lock = threading.Lock()
-    radius = 0.0
+    lock, stopped = threading.Lock(), threading.Event()
 
     def report(seconds: float) -> None:
+        if stopped.is_set():
+            raise KeyboardInterrupt
         if progress is not None:
             with lock:
                 progress(seconds)
 
-    def play(policy: Policy, played: Scene) -> list[Rollout]:
-        nonlocal radius
-        env = VECTOR_ENVIRONMENTS[task](
+    def make(played: Scene) -> SwimVectorEnv:
+        return VECTOR_ENVIRONMENTS[task](
             count,
             played,
             autoreset_mode=AutoresetMode.NEXT_STEP,
             num_threads=workers,
             **(environment or {}),
         )
-        radius = env.task.radius
-        interval = played.episode.control_interval
-        with closing(env):
-            return play_episodes(
-                env,
-                policy,
-                seeds,
-                {"noise": noise},
-                progress=lambda actions: report(actions * interval * count),
-            )
+
+    def play(env: SwimVectorEnv, policy: Policy) -> list[Rollout]:
+        seconds = scene.episode.control_interval * count
+        start = {"noise": noise}
+        return play_episodes(env, policy, seeds, start, progress=lambda n: report(n * seconds))
 
     def assess(rollout: Rollout, closed_loop: Rollout) -> tuple[Performance, Trajectory]:
         trajectory = rollout.simulate()
         verification = verify_rollout(rollout, closed_loop, progress=report)
         return measure_performance(rollout, trajectory, verification), trajectory
 
-    for entry in entries:
-        rollouts, closed_loops = (play(entry.policy, played) for played in (scene, fine))
-        # The kernels release the interpreter's lock.
-        with ThreadPoolExecutor(workers) as pool:
-            assessed = list(pool.map(assess, rollouts, closed_loops))
-        performances[entry.name] = [performance for performance, _ in assessed]
-        kept[entry.name] = rollouts[:keep]
-        trajectories[entry.name] = [trajectory for _, trajectory in assessed[:keep]]
+    with closing(make(scene)) as env, closing(make(fine)) as finer:
+        radius = env.task.radius
+        for entry in entries:
+            rollouts, closed_loops = (play(one, entry.policy) for one in (env, finer))
+            # The kernels release the interpreter's lock.
+            with ThreadPoolExecutor(workers) as pool:
+                try:
+                    assessed = list(pool.map(assess, rollouts, closed_loops))
+                except BaseException:
+                    stopped.set()  # what still plays would hold up the end
+                    raise
+            performances[entry.name] = [performance for performance, _ in assessed]
+            kept[entry.name] = rollouts[:keep]
+            trajectories[entry.name] = [trajectory for _, trajectory in assessed[:keep]]
     settings = {"noise": noise, "environment": dict(environment or {})}
     if task == "target":
         settings["target_radius"] = radius
