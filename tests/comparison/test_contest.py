@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import signal
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -318,7 +320,7 @@ class _Steered:
     def predict(self, observation: Any, *_: Any, **__: Any) -> tuple[Any, None]:
         seen = np.asarray(observation)
         bending = 0.2 * np.roll(seen[..., :8], 1, axis=-1)
-        return np.clip(bending + 0.3 + seen[..., 16:17], -1.0, 1.0), None
+        return np.clip(bending + 0.3 * seen[..., 16:17], -1.0, 1.0), None
 
 
 @pytest.mark.parametrize("task", ["forward", "target"])
@@ -339,17 +341,18 @@ def test_a_policy_with_feedback_plays_in_the_finer_scene_itself(task):
 
 
 def test_what_is_interrupted_while_it_is_checked_ends_at_once():
-    scene, after = load_scene("swimmer", ["episode.duration=4.0"]), list[float]()
-    played = 2 * 4.0
+    scene, seconds = load_scene("swimmer", ["episode.duration=8.0"]), list[float]()
+    played = 2 * 2 * 8.0 + 1e-9  # two starts, twice each
 
-    def interrupt(seconds: float) -> None:
-        after.append(seconds)
-        if sum(after) > played + 1e-9:
-            raise KeyboardInterrupt
+    def interrupt(passed: float) -> None:
+        before = sum(seconds)
+        seconds.append(passed)
+        if before <= played < sum(seconds):
+            signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)  # Ctrl-C
 
     with pytest.raises(KeyboardInterrupt):
-        hold_contest(scene, entries_of([], scene), [0], threads=1, progress=interrupt)
-    assert sum(after) < played + 4.0
+        hold_contest(scene, entries_of([], scene), [0, 1], threads=2, progress=interrupt)
+    assert sum(seconds) < played + 8.0
 
 
 # ---- bad input ---------------------------------------------------------------------------------
