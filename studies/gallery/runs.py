@@ -79,8 +79,8 @@ QUICK = Plan(duration=1.2, paper_duration=4.0, strengths=(0.5, 1.0))
 class Episode(NamedTuple):
     """A policy's episode, and the same motion with energy and work.
 
-    Its net displacement computed finer (BL), see `swim_agents.verify_rollout`, and whether the two
-    agree, are None if unchecked.
+    The net displacement of its torques computed finer (BL), and whether it is verified, see
+    `swim_agents.verify_rollout`, are None if unchecked.
     """
 
     rollout: Rollout
