@@ -215,12 +215,11 @@ def hold_contest(
     -------
     Contest
         Its record holds ``scene``, ``task``, ``seeds``, ``duration``, ``tolerance``,
-        ``source_tolerance``; in
-        ``policies`` for each entry lists over seeds (``net_displacement``, ``fine_displacement`` of
-        the torques and ``closed_displacement`` of the policy in the finer scene, ``verified`` and
-        the other figures of a `Performance`), medians under ``median``, the changes that are
-        largest over the seeds under ``largest_change``, ``ratio_to_paper_wave`` and
-        ``ratio_to_tuned_wave`` of the medians with the same in the finer scene under
+        ``source_tolerance``; in ``policies`` for each entry lists over seeds (``net_displacement``,
+        ``fine_displacement`` of the torques and ``closed_displacement`` of the policy in the finer
+        scene, ``verified`` and the other figures of a `Performance`), medians under ``median``, the
+        changes that are largest over the seeds under ``largest_change``, ``ratio_to_paper_wave``
+        and ``ratio_to_tuned_wave`` of the medians with the same in the finer scene under
         ``fine_ratio_to_...`` and ``closed_ratio_to_...``, ``success_rate``,
         ``verified_success_rate`` (what the policy also reaches in the finer scene),
         ``replayed_success_rate`` (what its torques reach there, up to TOLERANCE of the target's
