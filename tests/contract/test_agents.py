@@ -322,7 +322,7 @@ def test_a_policy_with_feedback_plays_in_the_finer_scene_itself(env):
     checked = verify_rollout(rollout, closed_loop)
     # Once more by hand, action by action.
     start, other = env.reset(seed=3)[0], fine.reset(seed=3)[0]
-    # The kinetic energy is another one in other panels, what is observed is not.
+    # What is observed depends neither on the time step nor on the panels.
     assert (start == other).all() and env.observation_space == fine.observation_space
     for _ in range(env.scene.actions_per_episode):
         other, *_, info = fine.step(_Steered().predict(other)[0])
