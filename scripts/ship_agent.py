@@ -44,7 +44,9 @@ def _parser() -> argparse.ArgumentParser:
 
 def _line(name: str, scores: dict[str, Any]) -> str:
     middle = scores["median"]
-    text = f"{name}: {middle['net_displacement']:.3f} BL (finer {middle['fine_displacement']:.3f})"
+    text = (
+        f"{name}: {middle['net_displacement']:.3f} BL (finer {middle['closed_displacement']:.3f})"
+    )
     text += f", {sum(scores['verified'])} of {len(scores['verified'])} starts verified"
     if scores["success_rate"] is None:
         return text

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from swim_agents.baselines import POLICY_NAMES, Policy, RandomPolicy, WavePolicy, ZeroPolicy
     from swim_agents.policies import load_policy, policy_names
     from swim_agents.rollout import Rollout, play_episode, play_episodes
-    from swim_agents.verification import Verification, verify_rollout
+    from swim_agents.verification import Verification, fine_scene, verify_rollout
 
 __all__ = [
     "POLICY_NAMES",
@@ -26,6 +26,7 @@ __all__ = [
     "Verification",
     "WavePolicy",
     "ZeroPolicy",
+    "fine_scene",
     "load_policy",
     "play_episode",
     "play_episodes",

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from swim_agents.baselines import WavePolicy, paper_wave
 from swim_agents.rollout import play_episode
 from swim_agents.tuned_wave import WAVE_FIELDS, wave_on
-from swim_agents.verification import verify_rollout
+from swim_agents.verification import fine_scene, verify_rollout
 from swim_env import SwimEnv, __version__
 from swim_env.envs.vector import SwimVectorEnv
 from swim_env.files.provenance import where_and_when
@@ -176,9 +176,11 @@ def _values(
 
 
 def check_candidates(
-    scene: Scene, found: dict[str, Any], progress: Callable[[int], object] | None = None
+    scene: Scene, found: dict[str, Any], progress: Callable[[float], object] | None = None
 ) -> dict[str, Any]:
     """Check the result of `search_wave`, from the best wave down, until one can be trusted.
+
+    Progress counts seconds as that of `verify_rollout`.
 
     Returns
     -------
@@ -187,14 +189,15 @@ def check_candidates(
         ``net_displacement`` and ``fine_displacement`` (BL), the ``ratio`` to the scene's prescribed
         wave, all that was ``checked``, the ``search``, the scene, version, machine and commit.
     """
-    env = SwimEnv(scene)
+    env, fine = SwimEnv(scene), SwimEnv(fine_scene(scene))
     quiet = {"noise": 0.0}
     paper = play_episode(env, paper_wave(scene), options=quiet).net_displacement
     checked: list[dict[str, Any]] = []
     for candidate in found["candidates"]:
         wave = _wave(scene, [candidate[name] for name in _CANDIDATE])
-        rollout = play_episode(env, WavePolicy(scene, wave), options=quiet)
-        verification = verify_rollout(rollout, progress=progress)
+        policy = WavePolicy(scene, wave)
+        rollout, closed_loop = (play_episode(one, policy, options=quiet) for one in (env, fine))
+        verification = verify_rollout(rollout, closed_loop, progress=progress)
         fields = {name: float(getattr(wave, name)) for name in WAVE_FIELDS}
         checked.append({"wave": fields, **verification.to_dict()})
         if verification.verified:

@@ -1,9 +1,10 @@
 """Verification, which asks whether a score survives a finer computation.
 
 Near a resonance the paper's settings do not resolve the motion, and an optimiser will exploit that.
-So a score counts only once the same torques, played at a quarter of the time step and with three
-times the panels on sides and ends, bring the body about as far, and the energy of both runs adds up
-(they are trusted).
+So a score counts only once it is found again with a quarter of the time step and three times the
+panels on sides and ends, in two ways. The same torques are played with each of these refined by
+itself and with all of them, as errors of opposite sign would cancel. And the policy plays the
+episode again where all is refined: with feedback, it may well reach what its torques alone miss.
 """
 
 from __future__ import annotations
@@ -11,77 +12,142 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swim_agents.rollout import Rollout, score
-from swim_env.errors import SceneError
+from swim_env.errors import OptionError, SceneError
 from swim_env.scene import Integrator, Scene
 from swim_env.scene.fluid import FLUID_TABLE
 
-__all__ = ["FINE_PANELS", "TIME_STEP_DIVISOR", "TOLERANCE", "Verification", "verify_rollout"]
+__all__ = [
+    "FINE_PANELS",
+    "SOURCES",
+    "SOURCE_TOLERANCE",
+    "TIME_STEP_DIVISOR",
+    "TOLERANCE",
+    "Verification",
+    "fine_scene",
+    "finer_scenes",
+    "verify_rollout",
+]
+
+Array = NDArray[np.float64]
 
 #: The finer computation: time step divided by this, panels per element at least as many and at
-#: least twice the scene's, and how far off a score may be as a share of itself.
-TIME_STEP_DIVISOR, FINE_PANELS, TOLERANCE = 4, 12, 0.1
+#: least twice the scene's.
+TIME_STEP_DIVISOR, FINE_PANELS = 4, 12
+#: What a score may change by, as a share of itself: with one source of error refined, and with all
+#: of them, whether its torques are played again or the policy plays.
+SOURCE_TOLERANCE, TOLERANCE = 0.05, 0.1
+#: The sources of error. Without panels there is the time step alone, the centre line has no ends.
+SOURCES = ("time_step", "panels", "ends")
 #: Displacements below this (BL) are rounding, and agree with each other.
 _NOTHING = 1e-9
 
 
 @dataclass(frozen=True)
 class Verification:
-    """A score, compared with the finer computation."""
+    """A score, compared with finer computations.
 
-    #: The score, and what the finer computation gives (BL).
+    What is `closed_...` is from the episode that the policy played in the finer scene, None where
+    there is none.
+    """
+
+    #: The score, what its torques give in the finer scene, and what the policy gives there (BL).
     net_displacement: float
     fine_displacement: float
-    #: Their difference as a share of the score.
-    difference: float
-    #: Whether the difference is at most `tolerance`, the energy of both computations adds up to the
-    #: scene's ``energy_tolerance``, and neither was ended by the physics: an episode
-    #: that broke down proves nothing.
+    closed_displacement: float | None
+    #: By how much the score changes as a share of itself, signed: each of the scene's SOURCES
+    #: refined by itself, ``together``, and in the ``closed_loop`` if there is one.
+    changes: dict[str, float]
+    #: Whether the score counts, see `verify_rollout`.
     verified: bool
-    #: The largest difference allowed.
+    #: The largest changes allowed: of one source, and of the others.
+    source_tolerance: float
     tolerance: float
-    #: Of the finer computation (s); no panels where the scene has none.
+    #: Of the finer scene (s); no panels where the scene has none.
     time_step: float
     panels_per_element: int | None
-    #: `Trajectory.energy_drift` of the episode and of the finer computation.
+    #: `Trajectory.energy_drift` of the episode, the largest of its torques' finer computations, and
+    #: that of the closed loop.
     energy_drift: float
     fine_energy_drift: float
-    #: Why the episode or, if not, the finer run was ended by the physics; empty where neither was.
+    closed_energy_drift: float | None
+    #: Why the episode or, if not, a finer computation of its torques was ended by the physics;
+    #: empty where none was.
     termination_reason: str
-    #: How near the finer computation comes to the target (BL); None where there is none. It plays
-    #: the torques for as long as the episode lasted.
+    #: Why the closed loop ended early, empty where it did not; ``target_reached`` is a reason.
+    closed_termination_reason: str | None
+    #: How near the torques, played in the finer scene for as long as the episode lasted, and the
+    #: policy come to the target (BL); None where there is none.
     fine_distance: float | None = None
+    closed_distance: float | None = None
+    #: Whether the policy reaches the target in the finer scene.
+    closed_success: bool | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers and text, for JSON; a difference that is infinite as null."""
+        """Return plain numbers and text, for JSON; a change that is infinite as null."""
         data = asdict(self)
-        if self.difference == float("inf"):
-            data["difference"] = None
-        return data
+        changes = {name: one if math.isfinite(one) else None for name, one in self.changes.items()}
+        return {**data, "changes": changes}
+
+
+class _Run(NamedTuple):
+    """What is compared of an episode, or of its torques played again."""
+
+    displacement: float
+    energy_drift: float
+    termination_reason: str
+    #: How near it came to the target (BL), and whether it reached it, None where there is none.
+    distance: float | None
+    success: bool | None = None
+
+    @property
+    def broken(self) -> str:
+        """Why the physics ended it, empty where it did not."""
+        return "" if self.termination_reason == "target_reached" else self.termination_reason
+
+    def is_sound(self, energy_tolerance: float) -> bool:
+        """Return whether it came to its end, and its energy adds up."""
+        return not self.broken and self.energy_drift <= energy_tolerance
+
+
+def _refinements(scene: Scene) -> dict[str, dict[str, object]]:
+    """Return what refines each source of a scene's error, and leaves the other ones alone."""
+    integrator, fluid = scene.integrator, scene.fluid
+    found: dict[str, dict[str, object]] = {
+        "time_step": {
+            "integrator.time_step": integrator.time_step / TIME_STEP_DIVISOR,
+            "integrator.tolerance": min(integrator.tolerance, Integrator().tolerance),
+        }
+    }
+    if fluid is None or not FLUID_TABLE[fluid.model].panels:
+        return found
+    own = fluid.panels_per_element
+    panels = max(FINE_PANELS, 2 * own)
+    found["panels"] = {"fluid.panels_per_element": panels}
+    if FLUID_TABLE[fluid.model].outline:
+        # As a number: what is proportional to the sides' panels would be refined with them.
+        ends = fluid.panels_per_end(scene.beam)
+        found["panels"]["fluid.cap_panels"] = ends
+        found["ends"] = {"fluid.cap_panels": math.ceil(ends * panels / own)}
+    return found
 
 
 def fine_scene(scene: Scene) -> Scene:
     """Return a scene with all of its discretisation refined but the elements, which act.
 
     That is the time step, the tolerance of its equations, and the panels on sides and ends of any
-    model that has them, in proportion. What a model leaves out is no discretisation. It is a
+    model that has them, in proportion. What a model leaves out is no discretisation. A policy can
+    play it: actions and observations, their scales included, are those of the scene. It is a
     SceneError if a scene has so many panels that more are refused.
     """
-    integrator, fluid = scene.integrator, scene.fluid
-    changes: dict[str, object] = {
-        "integrator.time_step": integrator.time_step / TIME_STEP_DIVISOR,
-        "integrator.tolerance": min(integrator.tolerance, Integrator().tolerance),
-    }
-    if fluid is not None and FLUID_TABLE[fluid.model].panels:
-        own, caps = fluid.panels_per_element, fluid.cap_panels
-        panels = max(FINE_PANELS, 2 * own)
-        changes["fluid.panels_per_element"] = panels
-        if FLUID_TABLE[fluid.model].outline and not isinstance(caps, str):
-            changes["fluid.cap_panels"] = math.ceil(caps * panels / own)
+    changes: dict[str, object] = {}
+    for refined in _refinements(scene).values():
+        changes |= refined
     try:
         return scene.replace(changes)
     except SceneError as error:
@@ -90,48 +156,164 @@ def fine_scene(scene: Scene) -> Scene:
         ) from None
 
 
-def _panels(scene: Scene) -> int | None:
-    """Return a scene's panels per element, None where it has none."""
-    fluid = scene.fluid
-    return fluid.panels_per_element if fluid and FLUID_TABLE[fluid.model].panels else None
+def finer_scenes(scene: Scene) -> dict[str, Scene]:
+    """Return the scenes in which torques are played again; errors are those of `fine_scene`.
+
+    For each of the scene's SOURCES that is the scene with nothing else refined, and last, where
+    there are several, `fine_scene` under ``together``.
+    """
+    fine = fine_scene(scene)
+    refinements = _refinements(scene)
+    if len(refinements) == 1:
+        return dict.fromkeys(refinements, fine)
+    alone = {source: scene.replace(changes) for source, changes in refinements.items()}
+    return {**alone, "together": fine}
 
 
 def verify_rollout(
-    rollout: Rollout, tolerance: float = TOLERANCE, progress: Callable[[int], object] | None = None
+    rollout: Rollout,
+    closed_loop: Rollout | None = None,
+    tolerance: float = TOLERANCE,
+    source_tolerance: float = SOURCE_TOLERANCE,
+    progress: Callable[[float], object] | None = None,
 ) -> Verification:
-    """Replay a recorded torque history with all of the discretisation refined, see `fine_scene`.
+    """Compare an episode with its torques, and its policy, in finer scenes.
 
-    The net displacements may differ by `tolerance` as a share of the score; `progress` is called
-    with the number of fine time steps taken since its last call.
+    A displacement is verified if it changes by at most `source_tolerance` with any one source of
+    error refined, and by at most `tolerance` with all of them refined and in the closed loop;
+    whether a target is reached, if the closed loop says the same, since torques without feedback
+    miss what a policy hits. The energy of all that counts must add up to the scene's
+    ``energy_tolerance``, and the physics must not have ended any of it: an episode that broke down
+    proves nothing.
+
+    Parameters
+    ----------
+    rollout : Rollout
+        The episode.
+    closed_loop : Rollout, optional
+        The episode that its policy plays in the `fine_scene` from the same start. Without it, it is
+        the torques alone that are verified, by their displacement in any task.
+    tolerance, source_tolerance : float
+        Shares of the score.
+    progress : callable, optional
+        Called with the simulated seconds that were played again since its last call; they come to
+        the episode's duration for each of the `finer_scenes`.
+
+    Raises
+    ------
+    OptionError
+        If the closed loop is of another scene, start or goal.
+    SceneError
+        If the scene cannot be refined.
     """
-    scene = fine_scene(rollout.scene)
-    fine = rollout.simulate(scene, progress)
-    coarse_score = rollout.net_displacement
-    fine_score = score(rollout, fine.path[-1])
-    gap = abs(fine_score - coarse_score)
-    if gap <= _NOTHING:
-        difference = 0.0
+    scenes = finer_scenes(rollout.scene)
+    fine = list(scenes.values())[-1]
+    own, closed = _played(rollout), None
+    if closed_loop is not None:
+        _check_closed_loop(rollout, closed_loop, fine)
+        closed = _played(closed_loop)
+    replays = {}
+    for name, scene in scenes.items():
+        if closed_loop is not None and scene == fine and _same_torques(rollout, closed_loop):
+            replays[name] = _played(closed_loop)
+            if progress is not None:
+                progress(closed_loop.steps * scene.integrator.time_step)
+        else:
+            replays[name] = _replay(rollout, scene, progress)
+    together = list(replays.values())[-1]
+    runs = {**replays, "together": together}
+    if closed is not None:
+        runs["closed_loop"] = closed
+    changes = {name: _change(run.displacement, own.displacement) for name, run in runs.items()}
+
+    if closed is not None and rollout.goal_is_point:
+        agrees = own.success == closed.success
+        counted = [own, closed]
     else:
-        difference = gap / abs(coarse_score) if coarse_score else float("inf")
-    reason = fine.termination_reason
-    if rollout.info["termination_reason"] != "target_reached":
-        reason = rollout.info["termination_reason"] or reason
-    drifts = (float(rollout.info["energy_drift"]), fine.energy_drift)
-    trusted = all(drift <= scene.integrator.energy_tolerance for drift in drifts)
-    distance = None
-    if rollout.goal_is_point:
-        away = np.hypot(*(fine.path - rollout.goal).T)
-        distance = float(away.min()) / rollout.scene.beam.length
+        agrees = all(
+            abs(change) <= (source_tolerance if name in SOURCES else tolerance)
+            for name, change in changes.items()
+        )
+        counted = [own, *runs.values()]
+    limit = fine.integrator.energy_tolerance
+    has_panels = fine.fluid is not None and FLUID_TABLE[fine.fluid.model].panels
     return Verification(
-        net_displacement=coarse_score,
-        fine_displacement=fine_score,
-        difference=difference,
-        verified=not reason and trusted and difference <= tolerance,
+        net_displacement=own.displacement,
+        fine_displacement=together.displacement,
+        closed_displacement=closed and closed.displacement,
+        changes=changes,
+        verified=agrees and all(run.is_sound(limit) for run in counted),
+        source_tolerance=source_tolerance,
         tolerance=tolerance,
-        time_step=scene.integrator.time_step,
-        panels_per_element=_panels(scene),
-        energy_drift=drifts[0],
-        fine_energy_drift=drifts[1],
-        termination_reason=reason,
-        fine_distance=distance,
+        time_step=fine.integrator.time_step,
+        panels_per_element=fine.fluid.panels_per_element if fine.fluid and has_panels else None,
+        energy_drift=own.energy_drift,
+        fine_energy_drift=max(run.energy_drift for run in replays.values()),
+        closed_energy_drift=closed and closed.energy_drift,
+        termination_reason=next((run.broken for run in (own, *replays.values()) if run.broken), ""),
+        closed_termination_reason=closed and closed.termination_reason,
+        fine_distance=together.distance,
+        closed_distance=closed and closed.distance,
+        closed_success=closed and closed.success,
     )
+
+
+def _check_closed_loop(rollout: Rollout, closed_loop: Rollout, fine: Scene) -> None:
+    """Refuse an episode that is not the same one in the finer scene (OptionError)."""
+    starts = ("coordinates", "velocity", "goal", "goal_is_point")
+    differs = ["scene"] if closed_loop.scene != fine else []
+    differs += [
+        name
+        for name in starts
+        if not np.array_equal(getattr(rollout, name), getattr(closed_loop, name))
+    ]
+    if differs:
+        raise OptionError(
+            f"the closed loop must be played in the fine_scene of scene {rollout.scene.name}, from "
+            f"the start and with the goal of the episode that it verifies: {differs[0]} differs"
+        )
+
+
+def _change(value: float, own: float) -> float:
+    """Return by how much a value differs from the score, as a share of it."""
+    gap = value - own
+    if abs(gap) <= _NOTHING:
+        return 0.0
+    return gap / abs(own) if own else math.copysign(math.inf, gap)
+
+
+def _distance(rollout: Rollout, path: Array) -> float | None:
+    """Return how near a path (T, 2) (m) comes to an episode's target (BL), None without one."""
+    if not rollout.goal_is_point:
+        return None
+    return float(np.hypot(*(path - rollout.goal).T).min()) / rollout.scene.beam.length
+
+
+def _played(rollout: Rollout) -> _Run:
+    """Return an episode as it was played."""
+    return _Run(
+        rollout.net_displacement,
+        float(rollout.info["energy_drift"]),
+        rollout.info["termination_reason"],
+        _distance(rollout, rollout.path),
+        rollout.info.get("success"),
+    )
+
+
+def _replay(rollout: Rollout, scene: Scene, progress: Callable[[float], object] | None) -> _Run:
+    """Play an episode's torques in another scene."""
+    step = scene.integrator.time_step
+    report = None if progress is None else lambda steps: progress(steps * step)
+    run = rollout.simulate(scene, report)
+    return _Run(
+        score(rollout, run.path[-1]),
+        run.energy_drift,
+        run.termination_reason,
+        _distance(rollout, run.path),
+    )
+
+
+def _same_torques(rollout: Rollout, closed_loop: Rollout) -> bool:
+    """Return whether a closed loop, as that of a wave, has played the torques again already."""
+    lasted = [one.steps * one.scene.integrator.time_step for one in (rollout, closed_loop)]
+    return math.isclose(*lasted) and np.array_equal(rollout.torques, closed_loop.torques)

@@ -17,7 +17,7 @@ from swim_agents.comparison.contest import FIRST_SEED, REFERENCES
 from swim_agents.learning.logs import read_log
 from swim_agents.policies import PRETRAINED_FOLDER, load_policy
 from swim_agents.rollout import Rollout, play_episode
-from swim_agents.verification import fine_scene, verify_rollout
+from swim_agents.verification import fine_scene, finer_scenes, verify_rollout
 
 from swim_env.envs.single import SwimEnv, SwimTargetEnv
 from swim_env.errors import OptionError
@@ -68,7 +68,8 @@ class Plan:
         """Return what `play_all` reports progress of: simulated seconds, played and checked."""
         episode = self.scene().episode.duration
         played = len(PAPER_SCENES) * self.paper_duration + episode
-        return played + 2.0 * episode * len(FORWARD) * len(self.strengths)
+        runs = 2 + len(finer_scenes(self.scene()))
+        return played + runs * episode * len(FORWARD) * len(self.strengths)
 
 
 FULL = Plan()
@@ -78,8 +79,8 @@ QUICK = Plan(duration=1.2, paper_duration=4.0, strengths=(0.5, 1.0))
 class Episode(NamedTuple):
     """A policy's episode, and the same motion with energy and work.
 
-    Its net displacement computed finer (BL), see `swim_agents.verify_rollout`, and whether the two
-    agree, are None if unchecked.
+    The net displacement of its torques computed finer (BL), and whether it is verified, see
+    `swim_agents.verify_rollout`, are None if unchecked.
     """
 
     rollout: Rollout
@@ -122,10 +123,10 @@ def play_all(plan: Plan, progress: Progress) -> Runs:
     """Play everything that the gallery shows; progress is in simulated seconds."""
     lock = threading.Lock()
 
-    def every(seconds: float) -> Callable[[int], None]:
+    def every(seconds: float) -> Callable[[float], None]:
         """Return the progress of steps that take so long."""
 
-        def advance(steps: int) -> None:
+        def advance(steps: float) -> None:
             with lock:
                 progress(steps * seconds)
 
@@ -136,9 +137,9 @@ def play_all(plan: Plan, progress: Progress) -> Runs:
             interval = env.scene.episode.control_interval
             return play_episode(env, policy, plan.seed, progress=every(interval))
 
-    def check(rollout: Rollout) -> Episode:
-        step = fine_scene(rollout.scene).integrator.time_step
-        found = verify_rollout(rollout, progress=every(step))
+    def check(policy: Policy, rollout: Rollout) -> Episode:
+        closed_loop = play(SwimEnv(fine_scene(rollout.scene)), policy)
+        found = verify_rollout(rollout, closed_loop, progress=every(1.0))
         return Episode(rollout, rollout.simulate(), found.fine_displacement, found.verified)
 
     paper = {}
@@ -146,16 +147,19 @@ def play_all(plan: Plan, progress: Progress) -> Runs:
         driven = load_scene(name)
         paper[name], _ = replay(driven, plan.paper_duration, every(driven.integrator.time_step))
     scene = plan.scene()
+    weaker: dict[str, list[_Weaker]] = {}
     rollouts: dict[str, list[Rollout]] = {}
     for name in FORWARD:
         policy = load_policy(name, scene, plan.seed, "forward")
-        shares = [_Weaker(policy, share) for share in plan.strengths]
-        rollouts[name] = [play(SwimEnv(scene), weaker) for weaker in shares]
+        weaker[name] = [_Weaker(policy, share) for share in plan.strengths]
+        rollouts[name] = [play(SwimEnv(scene), one) for one in weaker[name]]
     aiming = load_policy(TARGET, scene, plan.seed, "target")
     target = play(SwimTargetEnv(scene), aiming)
     # The kernels release the interpreter's lock.
     with ThreadPoolExecutor(usable_threads()) as pool:
-        strengths = {name: list(pool.map(check, some)) for name, some in rollouts.items()}
+        strengths = {
+            name: list(pool.map(check, weaker[name], some)) for name, some in rollouts.items()
+        }
     return Runs(plan, paper, strengths, Episode(target, target.simulate()))
 
 

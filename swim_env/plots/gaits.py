@@ -33,7 +33,7 @@ def draw_scores(record: Mapping[str, Any]) -> Figure:
     for row, (name, one) in enumerate(policies.items()):
         colour = looks[name]["color"]
         reached = np.array(one["net_displacement"])
-        fine = np.array(one["fine_displacement"])
+        fine = np.array(one["closed_displacement"])
         trusted = np.array(one["verified"], dtype=bool)
         axes.barh(row, one["median"]["net_displacement"], height=0.6, color=colour, alpha=0.35)
         spread = np.linspace(-0.2, 0.2, len(reached)) if len(reached) > 1 else np.zeros(1)
@@ -60,8 +60,8 @@ def draw_scores(record: Mapping[str, Any]) -> Figure:
         axes,
         f"net displacement in {record['duration']:g} s (body lengths)",
         "",
-        f"{record['scene']}: bar median, dots starts, | the same torques computed finer, "
-        "x where the two disagree",
+        f"{record['scene']}: bar median, dots starts, | the same policy computed finer, "
+        "x where it is not verified",
     )
     axes.grid(visible=False, axis="y")
     return figure

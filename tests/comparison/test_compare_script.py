@@ -55,7 +55,8 @@ def test_the_table_has_a_row_for_each_policy_and_seed(finished):
     starts = [(name, i, seed) for name in PLAYERS for i, seed in enumerate(("3", "1"))]
     for row, (name, i, seed) in zip(rows, starts, strict=True):
         assert (row["policy"], row["seed"]) == (name, seed)
-        for figure in ("net_displacement", "fine_displacement", "positive_work", "speed"):
+        figures = ("net_displacement", "fine_displacement", "closed_displacement", "ends_change")
+        for figure in (*figures, "positive_work", "speed"):
             assert float(row[figure]) == policies[name][figure][i]
         assert row["verified"] == str(policies[name]["verified"][i])
 
@@ -64,7 +65,7 @@ def test_the_page_names_every_policy_and_shows_every_picture(finished):
     _, folder = finished
     page = (folder / "comparison.md").read_text(encoding="utf-8")
     for name in PLAYERS:
-        assert page.count(f"| {name} |") == 2  # scores and gaits
+        assert page.count(f"| {name} |") == 3  # scores, changes and gaits
     for name in CONTEST_FILES:
         assert (f"]({name})" in page) == (name in PICTURES)
     for name in PICTURES:

@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import signal
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +26,7 @@ from swim_agents.comparison.performance import measure_performance
 from swim_agents.comparison.report import as_text, write_contest
 from swim_agents.learning.saved import AgentError
 from swim_agents.rollout import play_episodes
+from swim_agents.verification import fine_scene
 
 from swim_env import (
     OptionError,
@@ -140,23 +143,31 @@ def test_the_lists_hold_the_figures_of_the_episodes_one_by_one(contest):
     record = plain(contest)
     assert record["seeds"] == list(SEEDS) == list(contest.seeds)
     about = {"scene": "swimmer", "task": "forward", "duration": 1.0, "tolerance": 0.1}
-    assert about.items() <= record.items()
-    env = SwimEnv(contest.scene)
+    assert {**about, "source_tolerance": 0.05}.items() <= record.items()
+    env, fine = SwimEnv(contest.scene), SwimEnv(fine_scene(contest.scene))
     for name, one in contest.record["policies"].items():
         assert {len(value) for value in one.values() if isinstance(value, list)} == {len(SEEDS)}
         assert record["net_displacement"][name] == one["net_displacement"]
         if name not in REFERENCES:
             continue
         for i, seed in enumerate(SEEDS):
-            rollout = play_episode(env, load_policy(name, contest.scene), seed)
-            checked = verify_rollout(rollout)
+            policy = load_policy(name, contest.scene)
+            rollout, closed_loop = (play_episode(one, policy, seed) for one in (env, fine))
+            checked = verify_rollout(rollout, closed_loop)
             expected = measure_performance(rollout, rollout.simulate(), checked).to_dict()
             assert {figure: one[figure][i] for figure in expected} == expected
+            # Waves have no feedback.
+            assert one["closed_displacement"][i] == one["fine_displacement"][i]
+            assert one["closed_loop_change"][i] == one["together_change"][i] != 0.0
+        for change, largest in one["largest_change"].items():
+            changes = one[f"{change}_change"]
+            assert largest in changes and abs(largest) == np.abs(changes).max() > 0.0
 
 
 def test_ratios_are_quotients_of_the_medians(contest):
     policies = contest.record["policies"]
-    for kind, prefix in (("net_displacement", ""), ("fine_displacement", "fine_")):
+    prefixes = {"net": "", "fine": "fine_", "closed": "closed_"}
+    for kind, prefix in ((f"{kind}_displacement", one) for kind, one in prefixes.items()):
         middle = {name: float(np.median(one[kind])) for name, one in policies.items()}
         for name, one in policies.items():
             assert one["median"][kind] == pytest.approx(middle[name], rel=1e-12)
@@ -169,7 +180,7 @@ def test_ratios_are_quotients_of_the_medians(contest):
         assert ratios == {other: policies[name][f"ratio_to_{other}"] for other in REFERENCES}
 
 
-def test_in_the_target_task_there_are_no_ratios_and_the_finer_computation_must_reach_it():
+def test_in_the_target_task_there_are_no_ratios_and_the_closed_loop_must_reach_it():
     scene = load_scene("swimmer", ["episode.duration=2.0", "initial.velocity=[-0.3, 0.0]"])
     near = {"target_distance": (0.3, 0.3), "target_bearing": 0.05}
     entries = entries_of(["zero"], scene, "target")
@@ -178,13 +189,18 @@ def test_in_the_target_task_there_are_no_ratios_and_the_finer_computation_must_r
     assert record["environment"] == {"target_distance": [0.3, 0.3], "target_bearing": 0.05}
     assert record["target_radius"] == 0.1
     zero = record["policies"]["zero"]
-    assert (zero["success_rate"], zero["verified_success_rate"]) == (1.0, 1.0)
+    rates = ("success_rate", "verified_success_rate", "replayed_success_rate")
+    assert [zero[rate] for rate in rates] == [1.0, 1.0, 1.0]
+    assert zero["closed_success"] == zero["verified"] == [True, True]
+    assert zero["closed_termination_reason"] == ["target_reached"] * 2
     assert all(0.09 < distance <= 0.11 for distance in zero["fine_distance"])
+    assert all(0.09 < distance <= 0.10 for distance in zero["closed_distance"])
     assert record["ratios"]["zero"] == {"paper_wave": None, "tuned_wave": None}
-    # What the finer computation does not reach does not count.
+    # What the torques miss is told, what the policy misses in the finer scene does not count.
     far = [replace(one, fine_distance=0.12) for one in contest.performances["zero"]]
-    assert _summary(far, 0.1)["verified_success_rate"] == 0.0
-    assert _summary(far, 0.1)["success_rate"] == 1.0
+    assert [_summary(far, 0.1)[rate] for rate in rates] == [1.0, 1.0, 0.0]
+    missed = replace(far[0], closed_success=False, verified=False)
+    assert [_summary([missed, far[1]], 0.1)[rate] for rate in rates] == [1.0, 0.5, 0.0]
 
 
 def test_a_cost_that_is_infinite_counts_in_the_median():
@@ -232,9 +248,19 @@ def test_progress_adds_up_to_what_is_announced():
     seconds: list[float] = []
     hold_contest(scene, entries_of(["zero"], scene), [0, 1], threads=2, progress=seconds.append)
     assert min(seconds) > 0.0
-    # 3 policies and 2 starts, each of a second played and checked.
-    assert sum(seconds) == pytest.approx(12.0, abs=1e-9)
-    assert steps_to_play(scene, 3, 2) == 12
+    # 3 policies and 2 starts, each of a second played, played in the finer scene, and its torques
+    # with finer steps, panels, ends and all of them.
+    assert sum(seconds) == pytest.approx(36.0, abs=1e-9)
+    assert steps_to_play(scene, 3, 2) == 36
+    # Without panels there is but the step.
+    seconds.clear()
+    scene = short("fluid.model=strip")
+    record = hold_contest(scene, entries_of([], scene), [0], threads=2, progress=seconds.append)
+    assert sum(seconds) == pytest.approx(steps_to_play(scene, 2, 1), abs=1e-9) == 6
+    one = record.record["policies"]["paper_wave"]
+    assert one["panels_change"] == one["ends_change"] == [None]
+    assert one["time_step_change"] == one["together_change"] == [one["largest_change"]["together"]]
+    assert one["largest_change"]["panels"] is None
 
 
 def test_without_noise_all_starts_are_the_same():
@@ -287,6 +313,47 @@ def test_a_score_that_depends_on_the_time_step_is_reported_as_unverified():
     assert (paper["verified"], paper["verified_share"]) == ([True], 1.0)
     gap = abs(one["fine_displacement"][0] - one["net_displacement"][0])
     assert gap > 0.1 * abs(one["net_displacement"][0]) or one["termination_reason"] != [""]
+
+
+class _Steered:
+    """Torques that follow the bending and the way to the goal."""
+
+    def predict(self, observation: Any, *_: Any, **__: Any) -> tuple[Any, None]:
+        seen = np.asarray(observation)
+        bending = 0.2 * np.roll(seen[..., :8], 1, axis=-1)
+        return np.clip(bending + 0.3 * seen[..., 16:17], -1.0, 1.0), None
+
+
+@pytest.mark.parametrize("task", ["forward", "target"])
+def test_a_policy_with_feedback_plays_in_the_finer_scene_itself(task):
+    scene = load_scene("swimmer", list(LIVELY))
+    entries = [*entries_of([], scene, task), Entry("steered", "steered", _Steered(), {})]
+    record = plain(hold_contest(scene, entries, SEEDS, task, noise=0.5, threads=2))
+    one = record["policies"]["steered"]
+    made = SwimTargetEnv if task == "target" else SwimEnv
+    fine = made(fine_scene(scene))
+    for i, seed in enumerate(SEEDS):
+        alone = play_episode(fine, _Steered(), seed, {"noise": 0.5})
+        assert one["closed_displacement"][i] == alone.net_displacement
+        assert one["closed_displacement"][i] != pytest.approx(one["fine_displacement"][i], 1e-6)
+        assert one["closed_energy_drift"][i] == alone.info["energy_drift"]
+        assert one["closed_success"][i] == alone.info.get("success")
+    assert one["median"]["closed_displacement"] == np.median(one["closed_displacement"])
+
+
+def test_what_is_interrupted_while_it_is_checked_ends_at_once():
+    scene, seconds = load_scene("swimmer", ["episode.duration=8.0"]), list[float]()
+    played = 2 * 2 * 8.0 + 1e-9  # two starts, twice each
+
+    def interrupt(passed: float) -> None:
+        before = sum(seconds)
+        seconds.append(passed)
+        if before <= played < sum(seconds):
+            signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)  # Ctrl-C
+
+    with pytest.raises(KeyboardInterrupt):
+        hold_contest(scene, entries_of([], scene), [0, 1], threads=2, progress=interrupt)
+    assert sum(seconds) < played + 8.0
 
 
 # ---- bad input ---------------------------------------------------------------------------------
@@ -344,7 +411,7 @@ def test_a_folder_of_runs_is_a_group_with_its_spread(runs):
     assert list(record["groups"]) == ["tiny"]
     group = record["groups"]["tiny"]
     assert group["members"] == names
-    for key in ("net_displacement", "fine_displacement"):
+    for key in ("net_displacement", "fine_displacement", "closed_displacement"):
         low, high = sorted(record["policies"][name]["median"][key] for name in names)
         middle = pytest.approx(0.5 * (low + high), rel=1e-12)
         assert group[key] == {"median": middle, "min": low, "max": high}

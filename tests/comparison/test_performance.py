@@ -12,6 +12,7 @@ from swim_agents.baselines import tuned_wave
 from swim_agents.comparison.gait import analyse_gait
 from swim_agents.comparison.performance import Performance, measure_performance
 from swim_agents.tuned_wave import load_tuned_wave
+from swim_agents.verification import fine_scene
 
 from swim_env import SwimEnv, SwimTargetEnv, Trajectory
 
@@ -35,6 +36,12 @@ Played = tuple[Rollout, Trajectory, Performance]
 def measured(rollout: Rollout) -> Played:
     trajectory = rollout.simulate()
     return rollout, trajectory, measure_performance(rollout, trajectory, verify_rollout(rollout))
+
+
+def finely(rollout: Rollout, name: str, noise: float = 1.0) -> Rollout:
+    """Play an episode's policy in the finer scene."""
+    env = SwimEnv(fine_scene(rollout.scene))
+    return play_episode(env, load_policy(name, env.scene, seed=5), seed=3, options={"noise": noise})
 
 
 @cache
@@ -76,6 +83,30 @@ def test_the_figures_are_those_computed_once_more(name, body):
     checked = verify_rollout(rollout)
     assert figures.fine_displacement == checked.fine_displacement != figures.net_displacement
     assert figures.verified is checked.verified
+    finer = {
+        "time_step": {"integrator.time_step": 0.25 * scene.integrator.time_step},
+        "panels": {"fluid.panels_per_element": 12},
+        "ends": {"fluid.cap_panels": 3},
+    }
+    finer["together"] = {key: value for one in finer.values() for key, value in one.items()}
+    drifts = []
+    for source, changes in finer.items():
+        played_again = rollout.simulate(scene.replace(changes))
+        drifts.append(played_again.energy_drift)
+        way = played_again.centres[-1].mean(axis=0) - run.centres[0].mean(axis=0)
+        gap = float(np.dot(way, scene.episode.heading)) / beam.length - along
+        change = getattr(figures, f"{source}_change")
+        assert change == pytest.approx(gap / abs(along), rel=1e-6, abs=1e-9), source
+    assert figures.fine_energy_drift == max(drifts)
+    assert figures.closed_displacement is figures.closed_loop_change is None
+    # And with the policy in the finer scene, as contests do it.
+    closed_loop = finely(rollout, name)
+    checked = verify_rollout(rollout, closed_loop)
+    closed = measure_performance(rollout, run, checked)
+    assert closed.closed_displacement == closed_loop.net_displacement
+    assert closed.closed_loop_change == checked.changes["closed_loop"] != 0.0
+    assert closed.closed_energy_drift == closed_loop.info["energy_drift"]
+    assert (closed.closed_termination_reason, closed.closed_success) == ("", None)
     # Torque times bending where it is positive, over mass and way.
     turned = np.diff(np.diff(run.angles, axis=1), axis=0)
     work = np.maximum(run.torques * turned, 0.0).sum()

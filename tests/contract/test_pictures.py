@@ -327,7 +327,7 @@ def check_texts(figure: Figure) -> None:
 GAIT = {"phase_lags": np.linspace(0.5, 4.5, 8), "frequency": 4.88, "travelling_share": 0.9}
 SCORE = {
     "net_displacement": [2.0, 2.2],
-    "fine_displacement": [2.1, 1.0],
+    "closed_displacement": [2.1, 1.0],
     "verified": [True, False],
     "median": {"net_displacement": 2.1},
     "ratio_to_tuned_wave": 0.9,

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import time
 
 from swim_agents.commands import command_line as cli
 from swim_agents.files import as_json, check_file
 from swim_agents.tuning import check_candidates, search_wave
-from swim_agents.verification import fine_scene
+from swim_agents.verification import finer_scenes
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
 from swim_env.plots import draw_wave_search, require_matplotlib, save_figure
@@ -61,8 +62,8 @@ def main(options: argparse.Namespace) -> int:
     with cli.progress_bar(total, "wave", "search") as progress:
         numbers = {name: getattr(options, name) for name in _NUMBERS}
         found = search_wave(scene, **numbers, progress=progress)
-    fine = fine_scene(scene)
-    with cli.progress_bar(fine.actions_per_episode * fine.steps_per_action, "step", "check") as bar:
+    seconds = math.ceil(len(finer_scenes(scene)) * scene.episode.duration)
+    with cli.progress_bar(seconds, "s", "check") as bar:
         record = check_candidates(scene, found, bar)
     record["seconds"] = round(time.perf_counter() - start, 1)
     write_atomically(options.output, lambda file: file.write(as_json(record)))

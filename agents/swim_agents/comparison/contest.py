@@ -7,6 +7,7 @@ import operator
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -20,10 +21,17 @@ from swim_agents.comparison.performance import Performance, measure_performance
 from swim_agents.policies import load_policy, policy_names
 from swim_agents.rollout import Rollout, check_policy, play_episodes
 from swim_agents.tuned_wave import load_tuned_wave
-from swim_agents.verification import TOLERANCE, fine_scene, verify_rollout
+from swim_agents.verification import (
+    SOURCE_TOLERANCE,
+    SOURCES,
+    TOLERANCE,
+    fine_scene,
+    finer_scenes,
+    verify_rollout,
+)
 from swim_env import __version__
 from swim_env.envs.task import NOISE, TARGET_RADIUS, TASKS, check_task
-from swim_env.envs.vector import VECTOR_ENVIRONMENTS
+from swim_env.envs.vector import VECTOR_ENVIRONMENTS, SwimVectorEnv
 from swim_env.errors import OptionError
 from swim_env.files.names import shown_name
 from swim_env.files.provenance import where_and_when
@@ -40,10 +48,17 @@ REFERENCES = ("paper_wave", "tuned_wave")
 #: the evaluations' seeds, which begin at 1,000,000.
 FIRST_SEED = 2_000_000
 
+#: The score and what verifies it, each with what its ratios are called.
+_DISPLACEMENTS = {
+    "net_displacement": "",
+    "fine_displacement": "fine_",
+    "closed_displacement": "closed_",
+}
 #: Figures of a `Performance` that are summed up by their medians.
 _FIGURES = (
     "net_displacement",
     "fine_displacement",
+    "closed_displacement",
     "speed",
     "displacement_per_cycle",
     "positive_work",
@@ -55,14 +70,15 @@ _FIGURES = (
 _GAIT_FIGURES = tuple(spec.name for spec in fields(Gait) if spec.type == "float")
 #: Figures whose spread over training seeds is given; of displacements it is that of the medians.
 _SPREADS = (
-    "net_displacement",
-    "fine_displacement",
+    *_DISPLACEMENTS,
     "verified_share",
-    *(f"ratio_to_{reference}" for reference in REFERENCES),
-    *(f"fine_ratio_to_{reference}" for reference in REFERENCES),
+    *(f"{prefix}ratio_to_{one}" for prefix in _DISPLACEMENTS.values() for one in REFERENCES),
     "success_rate",
     "verified_success_rate",
+    "replayed_success_rate",
 )
+#: Changes of a score of which the largest is given.
+_CHANGES = (*SOURCES, "together", "closed_loop")
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +171,8 @@ def _labels(name: str, run: Path | None, policy: Policy) -> tuple[str, str]:
 
 def steps_to_play(scene: Scene, entries: int, seeds: int) -> int:
     """Return what the progress of `hold_contest` adds up to: seconds simulated and checked."""
-    return math.ceil(2 * entries * seeds * scene.episode.duration)
+    runs = 2 + len(finer_scenes(scene))  # the episode, the closed loop, the torques played again
+    return math.ceil(runs * entries * seeds * scene.episode.duration)
 
 
 def checked_seeds(seeds: Sequence[int]) -> list[int]:
@@ -206,15 +223,17 @@ def hold_contest(
     Returns
     -------
     Contest
-        Its record holds ``scene``, ``task``, ``seeds``, ``duration``, ``tolerance``; in
-        ``policies`` for each entry lists over seeds (``net_displacement``, ``fine_displacement``,
-        ``verified`` and the other figures), medians under ``median``, ``ratio_to_paper_wave`` and
-        ``ratio_to_tuned_wave`` of the medians with the same from the finer computation under
-        ``fine_ratio_to_...`` (None without that wave), ``success_rate``,
-        ``verified_success_rate`` (reached, verified, and in the finer computation at most TOLERANCE
-        of the target's radius outside of it) and the ``training``; ``net_displacement`` and
-        ``ratios`` again by entry; in ``groups`` the spread over training seeds; version, machine,
-        commit.
+        Its record holds ``scene``, ``task``, ``seeds``, ``duration``, ``tolerance``,
+        ``source_tolerance``; in ``policies`` for each entry lists over seeds (``net_displacement``,
+        ``fine_displacement`` of the torques and ``closed_displacement`` of the policy in the finer
+        scene, ``verified`` and the other figures of a `Performance`), medians under ``median``, the
+        changes that are largest over the seeds under ``largest_change``, ``ratio_to_paper_wave``
+        and ``ratio_to_tuned_wave`` of the medians with the same in the finer scene under
+        ``fine_ratio_to_...`` and ``closed_ratio_to_...`` (None without that wave), ``success_rate``,
+        ``verified_success_rate`` (what the policy also reaches in the finer scene),
+        ``replayed_success_rate`` (what its torques reach there, up to TOLERANCE of the target's
+        radius outside of it) and the ``training``; ``net_displacement`` and ``ratios`` again by
+        entry; in ``groups`` the spread over training seeds; version, machine, commit.
 
     Raises
     ------
@@ -239,42 +258,49 @@ def hold_contest(
     performances: dict[str, list[Performance]] = {}
     kept: dict[str, list[Rollout]] = {}
     trajectories: dict[str, list[Trajectory]] = {}
-    fine_step = fine_scene(scene).integrator.time_step
-    lock = threading.Lock()
+    fine = fine_scene(scene)
+    lock, stopped = threading.Lock(), threading.Event()
 
     def report(seconds: float) -> None:
+        if stopped.is_set():
+            raise KeyboardInterrupt
         if progress is not None:
             with lock:
                 progress(seconds)
 
-    def assess(rollout: Rollout) -> tuple[Performance, Trajectory]:
-        trajectory = rollout.simulate()
-        verification = verify_rollout(rollout, progress=lambda steps: report(steps * fine_step))
-        return measure_performance(rollout, trajectory, verification), trajectory
-
-    for entry in entries:
-        env = VECTOR_ENVIRONMENTS[task](
+    def make(played: Scene) -> SwimVectorEnv:
+        return VECTOR_ENVIRONMENTS[task](
             count,
-            scene,
+            played,
             autoreset_mode=AutoresetMode.NEXT_STEP,
             num_threads=workers,
             **(environment or {}),
         )
+
+    def play(env: SwimVectorEnv, policy: Policy) -> list[Rollout]:
+        seconds = scene.episode.control_interval * count
+        start = {"noise": noise}
+        return play_episodes(env, policy, seeds, start, progress=lambda n: report(n * seconds))
+
+    def assess(rollout: Rollout, closed_loop: Rollout) -> tuple[Performance, Trajectory]:
+        trajectory = rollout.simulate()
+        verification = verify_rollout(rollout, closed_loop, progress=report)
+        return measure_performance(rollout, trajectory, verification), trajectory
+
+    with closing(make(scene)) as env, closing(make(fine)) as finer:
         radius = env.task.radius
-        rollouts = play_episodes(
-            env,
-            entry.policy,
-            seeds,
-            {"noise": noise},
-            progress=lambda actions: report(actions * scene.episode.control_interval * count),
-        )
-        env.close()
-        # The kernels release the interpreter's lock.
-        with ThreadPoolExecutor(workers) as pool:
-            assessed = list(pool.map(assess, rollouts))
-        performances[entry.name] = [performance for performance, _ in assessed]
-        kept[entry.name] = rollouts[:keep]
-        trajectories[entry.name] = [trajectory for _, trajectory in assessed[:keep]]
+        for entry in entries:
+            rollouts, closed_loops = (play(one, entry.policy) for one in (env, finer))
+            # The kernels release the interpreter's lock.
+            with ThreadPoolExecutor(workers) as pool:
+                try:
+                    assessed = list(pool.map(assess, rollouts, closed_loops))
+                except BaseException:
+                    stopped.set()  # what still plays would hold up the end
+                    raise
+            performances[entry.name] = [performance for performance, _ in assessed]
+            kept[entry.name] = rollouts[:keep]
+            trajectories[entry.name] = [trajectory for _, trajectory in assessed[:keep]]
     settings = {"noise": noise, "environment": dict(environment or {})}
     if task == "target":
         settings["target_radius"] = radius
@@ -297,8 +323,7 @@ def _record(
         }
         for entry in entries
     }
-    for kind in ("net_displacement", "fine_displacement"):
-        prefix = "" if kind == "net_displacement" else "fine_"
+    for kind, prefix in _DISPLACEMENTS.items():
         for reference in REFERENCES:
             # Waves aim at no target: being so many times as near to it as they are means nothing.
             there = task == "forward" and reference in policies
@@ -314,6 +339,7 @@ def _record(
         "tuned_on": str(load_tuned_wave()["scene"]) if "tuned_wave" in policies else None,
         "seeds": list(seeds),
         "tolerance": TOLERANCE,
+        "source_tolerance": SOURCE_TOLERANCE,
         "net_displacement": {name: one["net_displacement"] for name, one in policies.items()},
         "ratios": {
             name: {reference: one[f"ratio_to_{reference}"] for reference in REFERENCES}
@@ -342,6 +368,12 @@ def _median(values: Sequence[float | None], missing: float | None = None) -> flo
     return median if math.isfinite(median) else None
 
 
+def _largest(changes: Sequence[float | None]) -> float | None:
+    """Return the change that is largest either way; None where there is none or it is infinite."""
+    largest = max((one for one in changes if one is not None), key=abs, default=math.inf)
+    return largest if math.isfinite(largest) else None
+
+
 def _summary(performances: Sequence[Performance], radius: float | None) -> dict[str, Any]:
     """Return lists over seeds, and their medians."""
     rows = [performance.to_dict() for performance in performances]
@@ -357,16 +389,20 @@ def _summary(performances: Sequence[Performance], radius: float | None) -> dict[
     swimming.sort(key=lambda row: row["net_displacement"])
     middle = swimming[(len(swimming) - 1) // 2]["gait"]["wave"] if swimming else None
     data["median"]["wave"] = middle
+    data["largest_change"] = {
+        name: _largest([getattr(one, f"{name}_change") for one in performances])
+        for name in _CHANGES
+    }
     data["verified_share"] = float(np.mean(data["verified"]))
     successes = [row["success"] for row in rows]
     data["success_rate"] = None if successes[0] is None else float(np.mean(successes))
-    data["verified_success_rate"] = None
+    data["verified_success_rate"] = data["replayed_success_rate"] = None
     if radius is not None:
         reach = (1.0 + TOLERANCE) * radius
-        sure = [
-            row["success"] and row["verified"] and row["fine_distance"] <= reach for row in rows
-        ]
+        sure = [row["success"] and row["verified"] for row in rows]
+        blind = [row["success"] and row["fine_distance"] <= reach for row in rows]
         data["verified_success_rate"] = float(np.mean(sure))
+        data["replayed_success_rate"] = float(np.mean(blind))
     return data
 
 
@@ -379,7 +415,7 @@ def _groups(entries: Sequence[Entry], policies: dict[str, dict[str, Any]]) -> di
             continue
         found: dict[str, Any] = {"members": members}
         for key in _SPREADS:
-            inside = key in ("net_displacement", "fine_displacement")
+            inside = key in _DISPLACEMENTS
             values = [policies[m]["median"][key] if inside else policies[m][key] for m in members]
             known = [value for value in values if value is not None]
             if known and all(map(math.isfinite, known)):

@@ -29,10 +29,19 @@ class Performance:
     seed: int
     #: Along the goal's direction or towards its point (BL).
     net_displacement: float
-    #: The same from the finer computation that verifies it (BL).
+    #: The same in the finer scene that verifies it: by the same torques, and by the policy (BL).
     fine_displacement: float
-    #: Whether the two agree, see `swim_agents.verify_rollout`.
+    closed_displacement: float | None
+    #: Whether the score counts, see `swim_agents.verify_rollout`.
     verified: bool
+    #: By how much the score changes as a share of itself: with the time step, the sides' panels and
+    #: the ends' panels refined by themselves, with all of them, and in the closed loop. None where
+    #: the scene has no such panels, or the policy did not play.
+    time_step_change: float
+    panels_change: float | None
+    ends_change: float | None
+    together_change: float
+    closed_loop_change: float | None
     #: Simulated time (s), shorter than the scene's where an end came early.
     duration: float
     #: Net displacement per time (BL/s).
@@ -48,14 +57,20 @@ class Performance:
     torque_squared: float
     #: Change of the mean element angle (rad).
     heading_change: float
-    #: Of the run, see `swim_env.Trajectory.summary`.
+    #: Of the run, see `swim_env.Trajectory.summary`; the largest of the finer computations of its
+    #: torques; and that of the closed loop.
     energy_drift: float
-    #: Whether the target was reached; None where there is none.
+    fine_energy_drift: float
+    closed_energy_drift: float | None
+    #: Whether the target was reached, and in the closed loop; None where there is none.
     success: bool | None
-    #: How near the finer computation comes to the target (BL).
+    closed_success: bool | None
+    #: How near torques and policy come to the target in the finer scene (BL).
     fine_distance: float | None
-    #: Why it ended early, empty where it did not.
+    closed_distance: float | None
+    #: Why it ended early, empty where it did not, and why the closed loop did.
     termination_reason: str
+    closed_termination_reason: str | None
     #: None where the episode is too short for one or nothing moves.
     gait: Gait | None
 
@@ -80,11 +95,18 @@ def measure_performance(
     cycles = gait.frequency * duration if gait is not None else 0.0
     work = float(trajectory.positive_work.sum())
     mass = beam.line_density * beam.length
+    changes = verification.changes
     return Performance(
         seed=-1 if rollout.seed is None else rollout.seed,
         net_displacement=net,
         fine_displacement=verification.fine_displacement,
+        closed_displacement=verification.closed_displacement,
         verified=verification.verified,
+        time_step_change=changes["time_step"],
+        panels_change=changes.get("panels"),
+        ends_change=changes.get("ends"),
+        together_change=changes["together"],
+        closed_loop_change=changes.get("closed_loop"),
         duration=duration,
         speed=net / duration if duration else 0.0,
         displacement_per_cycle=net / cycles if cycles else math.nan,
@@ -93,9 +115,14 @@ def measure_performance(
         torque_squared=float((trajectory.torques**2).sum()) * scene.integrator.time_step,
         heading_change=trajectory.heading_change,
         energy_drift=float(trajectory.summary()["energy_drift"]),
+        fine_energy_drift=verification.fine_energy_drift,
+        closed_energy_drift=verification.closed_energy_drift,
         success=rollout.info.get("success"),
+        closed_success=verification.closed_success,
         fine_distance=verification.fine_distance,
+        closed_distance=verification.closed_distance,
         termination_reason=rollout.info["termination_reason"],
+        closed_termination_reason=verification.closed_termination_reason,
         gait=gait,
     )
 

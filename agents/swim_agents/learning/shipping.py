@@ -32,8 +32,8 @@ SHIPPED_FILES = (
 
 #: What scores say of the contest that they are from.
 _ABOUT = (
-    *("scene", "task", "duration", "noise", "environment", "seeds", "tolerance"),
-    *("commit", "machine", "versions", "date"),
+    *("scene", "task", "duration", "noise", "environment", "seeds"),
+    *("tolerance", "source_tolerance", "commit", "machine", "versions", "date"),
 )
 
 
