@@ -21,7 +21,9 @@ WIDTH = real(above=0.0, at_most=10.0)
 
 
 class Smoothing:
-    """A moving average of actions over neighbouring joints, with Gaussian weights.
+    """Weighted sums of actions over neighbouring joints, with Gaussian weights, cut off at 1.
+
+    The squares of a joint's weights sum to 1: independent noise keeps its size.
 
     Parameters
     ----------
@@ -36,10 +38,11 @@ class Smoothing:
         if width is not None:
             place = np.arange(joints) / (joints + 1)
             weights = np.exp(-0.5 * ((place[:, None] - place) / width) ** 2)
-            self._weights = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
+            weights /= np.linalg.norm(weights, axis=1, keepdims=True)
+            self._weights = weights.astype(np.float32)
 
     def __call__(self, actions: Actions) -> Actions:
-        """Return smoothed actions, (N - 1,) or (M, N - 1), which stay between -1 and 1."""
+        """Return smoothed actions, (N - 1,) or (M, N - 1), between -1 and 1."""
         if self._weights is None:
             return actions
         smooth: Actions = np.clip(actions @ self._weights.T, -1.0, 1.0)
