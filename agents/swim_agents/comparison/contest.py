@@ -230,10 +230,10 @@ def hold_contest(
         changes that are largest over the seeds under ``largest_change``, ``ratio_to_paper_wave``
         and ``ratio_to_tuned_wave`` of the medians with the same in the finer scene under
         ``fine_ratio_to_...`` and ``closed_ratio_to_...`` (None without that wave),
-        ``success_rate``, ``verified_success_rate`` (what the policy also reaches in the finer scene),
-        ``replayed_success_rate`` (what its torques reach there, up to TOLERANCE of the target's
-        radius outside of it) and the ``training``; ``net_displacement`` and ``ratios`` again by
-        entry; in ``groups`` the spread over training seeds; version, machine, commit.
+        ``success_rate``, ``verified_success_rate`` (what the policy also reaches in the finer
+        scene), ``replayed_success_rate`` (what its torques reach there, up to TOLERANCE of the
+        target's radius outside of it) and the ``training``; ``net_displacement`` and ``ratios``
+        again by entry; in ``groups`` the spread over training seeds; version, machine, commit.
 
     Raises
     ------
