@@ -259,6 +259,8 @@ def newton_in_passes(
             norm = _evaluate(
                 q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_buffers, step
             )
+            if not norm < np.inf:
+                return False, norm
             copy(z, newton.whole)
             # The adjoint's added mass is to stay that of the increment.
             accepted = norm <= solver.tolerance
