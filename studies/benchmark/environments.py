@@ -15,9 +15,16 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
+from swim_agents.comparison.contest import FIRST_SEED
+from swim_agents.learning.saved import AgentPolicy
+from swim_agents.policies import load_policy
+from swim_agents.rollout import Rollout, play_episodes
 
 from studies.benchmark.timing import spread_of
+from swim_env.envs.interface import action_space_of
 from swim_env.envs.registration import FORWARD_ID
+from swim_env.envs.task import TASKS
+from swim_env.envs.vector import SwimVectorEnv
 from swim_env.scene import Scene, load_scene
 from swim_env.sim.simulator import Simulator
 
@@ -60,6 +67,35 @@ def wave_actions(scene: Scene, count: int) -> NDArray[np.float32]:
     return (torques / scene.torque_limit).astype(np.float32)
 
 
+def violent_actions(space: gymnasium.Space[Any], count: int, seed: int = 0) -> NDArray[Any]:
+    """Return the largest torques, (count, *space.shape), with random signs."""
+    signs: NDArray[Any] = np.sign(random_actions(space, count, seed))
+    return signs
+
+
+def agent_episode(name: str = "ppo_forward") -> Rollout:
+    """Play an agent's first scored episode on its scene."""
+    policy = load_policy(name)
+    assert isinstance(policy, AgentPolicy)
+    env = SwimVectorEnv(1, load_scene(policy.scene.name))
+    return play_episodes(env, policy, [FIRST_SEED])[0]
+
+
+def agent_actions(episode: Rollout, members: int = 1) -> NDArray[np.float32]:
+    """Return an episode's actions, (K, N - 1), or those of members at as many times of it.
+
+    Those are (K, members, N - 1).
+    """
+    limit = episode.scene.torque_limit
+    actions: NDArray[np.float32] = (episode.torques / limit).astype(np.float32)
+    if members == 1:
+        return actions
+    count = len(actions)
+    times = np.arange(count)[:, None] + np.arange(members) * count // members
+    together: NDArray[np.float32] = actions[times % count]
+    return together
+
+
 def step_loop(
     env: gymnasium.Env[Any, Any] | VectorEnv[Any, Any, Any],
     actions: NDArray[Any],
@@ -90,12 +126,12 @@ def environment_workload(
     steps: int,
     *,
     batch: tuple[int, int] | None = None,
-    wave: bool = False,
+    actions: NDArray[Any] | None = None,
 ) -> Workload:
     """Return an environment of a scene that plays `steps` steps in a call.
 
-    It is a single one from `gymnasium.make`, under random torques or the scene's prescribed wave,
-    or a `batch` from `gymnasium.make_vec`, given by its members and largest number of threads.
+    It is a single one from `gymnasium.make`, or a `batch` from `gymnasium.make_vec`, given by its
+    members and largest number of threads. Torques are random unless `actions`, (K, ...), are given.
     """
     scene = load_scene(scene)
     members, threads = batch or (1, 1)
@@ -104,18 +140,27 @@ def environment_workload(
         env = gymnasium.make(FORWARD_ID, scene=scene)
     else:
         env = gymnasium.make_vec(FORWARD_ID, num_envs=members, scene=scene, num_threads=threads)
-    count = max(steps, 1000 if batch is None else 100)
-    actions = wave_actions(scene, count) if wave else random_actions(env.action_space, count)
+    if actions is None:
+        actions = random_actions(env.action_space, max(steps, 1000 if batch is None else 100))
     play, total = step_loop(env, actions, steps), steps * members
     seconds = total * scene.episode.control_interval
     return Workload(label, play, total, seconds, total * scene.steps_per_action)
 
 
-def rollout_workload(label: str, scene: Scene | str, steps: int) -> Workload:
-    """Return the simulator playing a scene's torque from the start, `steps` control intervals."""
+def rollout_workload(
+    label: str, scene: Scene | str, steps: int, torques: NDArray[np.float64] | None = None
+) -> Workload:
+    """Return the simulator playing torques from the start, `steps` control intervals of them.
+
+    They are the scene's own unless torques of every interval, (K, N - 1), are given.
+    """
     simulator = Simulator(scene)
-    physics = steps * simulator.scene.steps_per_action
-    torques = simulator.prescribed_torques(physics)
+    hold = simulator.scene.steps_per_action
+    physics = steps * hold
+    if torques is None:
+        torques = simulator.prescribed_torques(physics)
+    else:
+        torques = np.repeat(torques, hold, axis=0)[:physics]
 
     def play() -> None:
         simulator.reset()
@@ -129,24 +174,38 @@ def swim_workloads(
 ) -> dict[str, Workload]:
     """Return the workloads of this package, with a batch on several cores where there are some.
 
-    ``swimmer`` and ``paper_i`` are under random torques; ``paper_i_wave`` is `paper_i` as the paper
-    drives it: without damping, random torques feed its fast modes until an episode ends, and a step
-    then costs several times what it costs in the paper's motion. ``paper_i_rollout`` is the same
-    motion in the simulator, all steps in one kernel call, which is what chains and rods of other
-    packages compare with. ``batch_1_thread`` and ``batch_all_cores`` are batches of `swimmer`.
+    ``agent`` is what users run: an episode of a trained agent on scene `swimmer`, as are
+    ``batch_1_thread`` and ``batch_all_cores``, whose members are at different times of it.
+    ``random`` and ``violent`` are the same scene under random torques and under the largest ones;
+    ``paper_i_wave`` is `paper_i` as the paper drives it. ``agent_rollout`` and ``paper_i_rollout``
+    are motions in the simulator, all steps in one kernel call, which is what chains and rods of
+    other packages compare with.
     """
-    wave = "paper_i, the paper's wave"
+    episode = agent_episode()
+    played, paper = agent_actions(episode), load_scene("paper_i")
+    violent = violent_actions(action_space_of(TASKS["forward"](episode.scene)), len(played))
+    agent, wave = "swimmer, an agent's episode", "paper_i, the paper's wave"
     workloads = {
-        "swimmer": environment_workload("swimmer, random torques", "swimmer", single_steps),
-        "paper_i": environment_workload("paper_i, random torques", "paper_i", single_steps),
-        "paper_i_wave": environment_workload(wave, "paper_i", single_steps, wave=True),
-        "paper_i_rollout": rollout_workload(f"{wave}, physics alone", "paper_i", single_steps),
+        "agent": environment_workload(agent, "swimmer", single_steps, actions=played),
+        "random": environment_workload("swimmer, random torques", "swimmer", single_steps),
+        "violent": environment_workload(
+            "swimmer, largest torques of random signs", "swimmer", single_steps, actions=violent
+        ),
+        "paper_i_wave": environment_workload(
+            wave, paper, single_steps, actions=wave_actions(paper, 1000)
+        ),
+        "agent_rollout": rollout_workload(
+            f"{agent}, physics alone", "swimmer", single_steps, episode.torques
+        ),
+        "paper_i_rollout": rollout_workload(f"{wave}, physics alone", paper, single_steps),
     }
+    together = agent_actions(episode, members)
     for threads in sorted({1, cores}):
         name = "batch_1_thread" if threads == 1 else "batch_all_cores"
-        label = f"swimmer, {members} members, {threads} thread{'s' if threads > 1 else ''}"
-        batch = (members, threads)
-        workloads[name] = environment_workload(label, "swimmer", batch_steps, batch=batch)
+        label = f"{agent}, {members} members, {threads} thread{'s' if threads > 1 else ''}"
+        workloads[name] = environment_workload(
+            label, "swimmer", batch_steps, batch=(members, threads), actions=together
+        )
     return workloads
 
 
