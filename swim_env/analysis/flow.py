@@ -247,7 +247,7 @@ class BodyFlow:
         if added_mass(np.diff(angles), self._fluid, self._buffers, self._mass) != FINE:
             return None
         motion = self._motion(angles, velocities, turning)
-        strengths = self._work.inverse @ (self._work.motions[:, : len(motion)] @ motion)
+        strengths = self._work.strengths[:, : len(motion)] @ motion
         # The outline is laid out from the first node, along the first element.
         cosine, sine = np.cos(angles[0]), np.sin(angles[0])
         turn = np.array([[cosine, -sine], [sine, cosine]])

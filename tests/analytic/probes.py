@@ -61,7 +61,7 @@ def _fluid_probe(
             for b in range(out.raw.shape[0]):
                 total = 0.0
                 for i in range(work.loads.shape[1]):
-                    total += work.adjoints[a, i] * work.motions[i, b]
+                    total += work.loads[a, i] * work.strengths[i, b]
                 out.raw[a, b] = -fluid.density * total
     return status
 

@@ -37,7 +37,7 @@ from swim_env.physics.fluid.outline import (
 )
 from swim_env.physics.fluid.panel_mass import differentiate_panels, invert_influence, sum_added_mass
 from swim_env.physics.fluid.panels import panel_costs
-from swim_env.physics.fluid.sources import influence
+from swim_env.physics.fluid.sources import POTENTIAL, influence
 from swim_env.physics.runtime.compile import inlined, kernel, shared
 from swim_env.physics.status import FINE, UNDER_RESOLVED_GAP
 from swim_env.scene import Fluid
@@ -185,6 +185,30 @@ def _chain_gradient(
 
 
 @inlined
+def _collect_chain_motions(fluid: FluidConstants, work: FluidWork) -> None:
+    """Sum the panels of the centre line into unit motions."""
+    elements = fluid.geometry.elements
+    side = fluid.geometry.side_panels
+    panels = work.outline.panels
+    work.loads[:] = 0.0
+    for k in range(elements):
+        first = (elements - 1 - k) * side
+        for i in range(elements * side):
+            lateral = 0.0
+            rotary = 0.0
+            for p in range(first, first + side):
+                lateral += work.inverse[i, p] * panels[LATERAL, p]
+                rotary += work.inverse[i, p] * panels[ROTARY, p]
+            work.strengths[i, k] = lateral
+            work.strengths[i, elements + k] = rotary
+        for p in range(first, first + side):
+            for i in range(elements * side):
+                potential = panels[LENGTH, p] * work.layers[POTENTIAL, p, i]
+                work.loads[k, i] += panels[LATERAL, p] * potential
+                work.loads[elements + k, i] += panels[ROTARY, p] * potential
+
+
+@inlined
 def _added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> int:
     geometry = fluid.geometry
     outline = work.outline
@@ -198,7 +222,8 @@ def _added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out
     status = invert_influence(count, True, fluid, work)
     if status != FINE:
         return status
-    sum_added_mass(count, fluid, work, out)
+    _collect_chain_motions(fluid, work)
+    sum_added_mass(fluid, work, out)
     return FINE
 
 

@@ -107,10 +107,10 @@ class FluidWork(NamedTuple):
         Influence matrices, see `swim_env.physics.fluid.sources`.
     inverse : (M, M) array
         Inverse of the normal influence, filled up with the identity.
-    motions : (M, K) array
-        Normal velocity of every panel per unit motion, B; two or three entries a row.
-    loads, adjoints : (K, M) arrays
-        B^T diag(L) P, and that times G^-1.
+    strengths : (M, K) array
+        Source strengths per unit motion, G^-1 B.
+    loads : (K, M) array
+        B^T diag(L) P.
     product : (K, K) array
         B^T diag(L) P G^-1 B.
     velocity, sigma, mu, phi, weight, load : (M,) arrays
@@ -133,9 +133,8 @@ class FluidWork(NamedTuple):
     outline: OutlineArrays
     layers: Array
     inverse: Array
-    motions: Array
+    strengths: Array
     loads: Array
-    adjoints: Array
     product: Array
     velocity: Array
     sigma: Array
@@ -163,9 +162,8 @@ def fluid_views(buffers: FluidBuffers, fluid: FluidConstants) -> tuple[FluidWork
     k = padded(motion_count(fluid))
     layers, end = vector(floats, 0, LAYERS * m * m)
     inverse, end = matrix(floats, end, m, m)
-    motions, end = matrix(floats, end, m, k)
+    strengths, end = matrix(floats, end, m, k)
     loads, end = matrix(floats, end, k, m)
-    adjoints, end = matrix(floats, end, k, m)
     product, end = matrix(floats, end, k, k)
     panels, end = matrix(floats, end, PANEL_ROWS, m)
     rows, end = matrix(floats, end, 11 + SHAPE_SCRATCH, m)
@@ -177,9 +175,8 @@ def fluid_views(buffers: FluidBuffers, fluid: FluidConstants) -> tuple[FluidWork
         OutlineArrays(panels, nodes, integers[:m]),
         layers.reshape((LAYERS, m, m)),
         inverse,
-        motions,
+        strengths,
         loads,
-        adjoints,
         product,
         rows[0],
         rows[1],

@@ -21,7 +21,6 @@ from swim_env.physics.fluid.outline import AXIAL, LATERAL, LENGTH, ROTARY
 from swim_env.physics.fluid.sources import POTENTIAL, normal_influence, shape_gradient
 from swim_env.physics.runtime.compile import kernel
 from swim_env.physics.runtime.dense import (
-    add_multiple,
     invert,
     invert_in_order,
     mat_vec,
@@ -93,26 +92,10 @@ def invert_influence(count: int, chained: bool, fluid: FluidConstants, work: Flu
 
 
 @kernel
-def sum_added_mass(count: int, fluid: FluidConstants, work: FluidWork, out: Array) -> None:
-    """Sum the panels into unit motions and write A = -rho sym(B^T diag(L) P G^-1 B)."""
-    elements = fluid.geometry.elements
-    panels = work.outline.panels
-    work.loads[:] = 0.0
-    for p in range(count):
-        k = work.outline.element[p]
-        length, potential = panels[LENGTH, p], work.layers[POTENTIAL, p]
-        if panels[LATERAL, p] != 0.0:
-            work.motions[p, k] = panels[LATERAL, p]
-            add_multiple(work.loads[k], potential, length * panels[LATERAL, p])
-        work.motions[p, elements + k] = panels[ROTARY, p]
-        add_multiple(work.loads[elements + k], potential, length * panels[ROTARY, p])
-        if fluid.axial and panels[AXIAL, p] != 0.0:
-            axial = unit_motion(k, AXIAL, fluid)
-            work.motions[p, axial] = panels[AXIAL, p]
-            add_multiple(work.loads[axial], potential, length * panels[AXIAL, p])
+def sum_added_mass(fluid: FluidConstants, work: FluidWork, out: Array) -> None:
+    """Write A = -rho sym(loads strengths)."""
     motions = motion_count(fluid)
-    multiply(work.loads, work.inverse, work.adjoints[:motions])
-    multiply(work.adjoints, work.motions, work.product[:motions])
+    multiply(work.loads, work.strengths, work.product[:motions])
     half = -0.5 * fluid.density
     for a in range(motions):
         for b in range(a + 1):
@@ -134,7 +117,6 @@ def differentiate_panels(motion: Array, count: int, fluid: FluidConstants, work:
     sigma, mu, phi = work.sigma, work.mu, work.phi
     velocity, weight, load = work.velocity, work.weight, work.load
     gradient = work.gradient
-    motions = motion_count(fluid)
     for i in range(count):
         k = outline.element[i]
         normal = panels[LATERAL, i] * motion[k] + panels[ROTARY, i] * motion[elements + k]
@@ -144,8 +126,8 @@ def differentiate_panels(motion: Array, count: int, fluid: FluidConstants, work:
         weight[i] = normal * panels[LENGTH, i]
     mat_vec(work.inverse, velocity, sigma)
     mat_vec(work.layers[POTENTIAL], sigma, phi)
-    mat_vec_transposed(work.loads[:motions], motion, load)
-    mat_vec_transposed(work.adjoints[:motions], motion, mu)
+    mat_vec_transposed(work.layers[POTENTIAL], weight, load)
+    mat_vec_transposed(work.inverse, load, mu)
     for i in range(count):
         # The length of a panel as the weight of its potential; on a side, the arm of the
         # collocation point in the boundary value v + w arm.

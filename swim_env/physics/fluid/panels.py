@@ -5,20 +5,68 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.layout import FluidConstants, FluidWork
+from swim_env.physics.fluid.layout import FluidConstants, FluidWork, unit_motion
 from swim_env.physics.fluid.model import Costs, Model
 from swim_env.physics.fluid.outline import (
+    AXIAL,
+    HEAD,
+    LATERAL,
+    LENGTH,
+    ROTARY,
     build_outline,
+    first_end_panel,
+    first_panel,
     gradient_to_element_angles,
     outline_status,
     panel_count,
 )
 from swim_env.physics.fluid.panel_mass import differentiate_panels, invert_influence, sum_added_mass
-from swim_env.physics.fluid.sources import influence
+from swim_env.physics.fluid.sources import POTENTIAL, influence
 from swim_env.physics.runtime.compile import inlined
+from swim_env.physics.runtime.dense import add_multiple
 from swim_env.physics.status import FINE
 
 Array = NDArray[np.float64]
+
+
+@inlined
+def _collect_motions(fluid: FluidConstants, work: FluidWork) -> None:
+    """Sum panels into unit motions: B is zero but for two or three entries a panel."""
+    elements = fluid.geometry.elements
+    outline = work.outline
+    panels = outline.panels
+    count = panel_count(fluid.geometry)
+    for i in range(count):
+        for k in range(elements):
+            lateral = 0.0
+            rotary = 0.0
+            for side in range(2):
+                first = first_panel(fluid.geometry, k, side)
+                for p in range(first, first + fluid.geometry.side_panels):
+                    lateral += work.inverse[i, p] * panels[LATERAL, p]
+                    rotary += work.inverse[i, p] * panels[ROTARY, p]
+            work.strengths[i, k] = lateral
+            work.strengths[i, elements + k] = rotary
+        for end in range(2):
+            k = 0 if end == HEAD else elements - 1
+            first = first_end_panel(fluid.geometry, end)
+            axial = 0.0
+            for p in range(first, first + fluid.geometry.cap_panels):
+                work.strengths[i, elements + k] += work.inverse[i, p] * panels[ROTARY, p]
+                axial += work.inverse[i, p] * panels[AXIAL, p]
+            if fluid.axial:
+                work.strengths[i, unit_motion(k, AXIAL, fluid)] = axial
+    work.loads[:] = 0.0
+    for p in range(count):
+        k = outline.element[p]
+        length = panels[LENGTH, p]
+        potential = work.layers[POTENTIAL, p]
+        if panels[LATERAL, p] != 0.0:
+            add_multiple(work.loads[k], potential, length * panels[LATERAL, p])
+        add_multiple(work.loads[elements + k], potential, length * panels[ROTARY, p])
+        if fluid.axial and panels[AXIAL, p] != 0.0:
+            row = work.loads[unit_motion(k, AXIAL, fluid)]
+            add_multiple(row, potential, length * panels[AXIAL, p])
 
 
 @inlined
@@ -36,7 +84,8 @@ def _added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out
     status = invert_influence(count, False, fluid, work)
     if status != FINE:
         return status
-    sum_added_mass(count, fluid, work, out)
+    _collect_motions(fluid, work)
+    sum_added_mass(fluid, work, out)
     return FINE
 
 
