@@ -95,8 +95,7 @@ class _Equations:
 
     def energy_and_velocity(self, time: float, state: Array) -> tuple[float, Array]:
         """Return the energy (J) and the velocities, in the frame of the ground."""
-        self.bodies.states[0, : state.size] = state
-        self._views.state.inertia[:] = self._views.state.q[3:]
+        self.bodies.move_to(0, *np.split(state, 2))
         # The place does not matter, and implicit solvers try remote ones for that very reason: as
         # nothing changes, they look for a derivative by ever larger differences.
         self.bodies.states[0, :2] = 0.0

@@ -117,6 +117,11 @@ class Bodies:
             raise ended(TERMINATION_REASONS[status], 0.0)
         return state
 
+    def move_to(self, member: int, coordinates: Array, momenta: Array) -> None:
+        """Give a member coordinates and momenta, (N + 2,) each, whatever it did before."""
+        state = self.views(member).state
+        state.q[:], state.p[:], state.inertia[:] = coordinates, momenta, coordinates[3:]
+
     def put(self, member: int, state: Array, velocity: Array) -> None:
         """Put a member at a start that was `prepared`."""
         self.states[member] = state

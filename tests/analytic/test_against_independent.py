@@ -8,7 +8,7 @@ import pytest
 
 from swim_env import Scene, Simulator, load_scene
 from tests.reference import independent
-from tests.support import Array
+from tests.support import PAPERS_STEPS, Array
 
 #: Largest differences allowed (m, rad, kg m/s, kg m^2/s, J), ten tolerances. Reached are 5e-14 and,
 #: without a fluid and with soft or light bodies, 1e-12.
@@ -38,7 +38,7 @@ MOTIONS = {
     "paper_v": Motion("paper_v", {}, 100),
     "paper_vi": Motion("paper_vi", {}, 100),
     "paper_vii, fifteen elements": Motion("paper_vii", {"beam.elements": 15}, 40),
-    "swimmer under random torques": Motion("swimmer", {}, 100, random_held),
+    "swimmer under random torques": Motion("swimmer", PAPERS_STEPS, 100, random_held),
     "five times the torque": Motion("paper_i", {"actuation.amplitude": 5.0}, 50),
     "axial added mass, two cap panels": Motion(
         "paper_i", {"axial_added_mass": True, "fluid.cap_panels": 2, "beam.elements": 6}, 100

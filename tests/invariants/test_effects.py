@@ -20,7 +20,7 @@ from tests.invariants.runs import (
     stiff_scene,
 )
 from tests.reference import independent, stored_runs
-from tests.support import Array, assert_same, held_torques, rollout
+from tests.support import PAPERS_STEPS, Array, assert_same, held_torques, rollout
 
 DENSITY = 10.0
 
@@ -147,6 +147,7 @@ def test_recorded_impulses_and_losses_are_those_of_the_force_per_length() -> Non
     scene = load_scene(
         "swimmer",
         {
+            **PAPERS_STEPS,
             "damping": None,
             "cross_flow_drag.coefficient": coefficient,
             "initial": {"position": (0.4, -1.5), "heading": 0.7, "velocity": (0.3, 0.9)},
@@ -328,9 +329,8 @@ def test_a_stream_carries_the_motion_at_rest_along(name: str) -> None:
 
 def test_energy_and_momentum_are_those_relative_to_the_stream() -> None:
     stream = (0.25, -0.5)
-    drifting = load_scene(
-        "swimmer", {"stream.velocity": stream, "initial.velocity": stream, "actuation": None}
-    )
+    moving = {"stream.velocity": stream, "initial.velocity": stream, "actuation": None}
+    drifting = load_scene("swimmer", {**PAPERS_STEPS, **moving})
     simulator = Simulator(drifting)
     assert simulator.energy() == 0.0 and not simulator.momentum().any()
     simulator.rollout(np.zeros((10, 8)))

@@ -20,7 +20,7 @@ from tests.invariants.runs import (
     orders,
     with_scheme,
 )
-from tests.support import rollout
+from tests.support import PAPERS_STEPS, rollout
 
 Changes = dict[str, object]
 
@@ -257,7 +257,7 @@ def test_energy_of_a_start_is_kinetic_and_elastic_energy() -> None:
 
 
 def test_work_of_a_step_is_torque_times_the_change_of_the_joint_angle() -> None:
-    simulator = Simulator("swimmer")
+    simulator = Simulator(load_scene("swimmer", PAPERS_STEPS))
     run = simulator.rollout(simulator.prescribed_torques(300))
     change = np.diff(np.diff(run.angles, axis=1), axis=0)
     shares = run.torques * change
@@ -290,7 +290,8 @@ def test_losses_of_composed_steps_are_those_of_the_energy(drag: Changes | None) 
     """Counted by the increments of the halves they are 2 % too large, which is no lost energy."""
     shares = []
     for step in (0.005, 0.0025, 0.00125):
-        changes = {**TUNED, "integrator.time_step": step, "integrator.scheme": "composed"}
+        changes = {**TUNED, **PAPERS_STEPS}
+        changes |= {"integrator.time_step": step, "integrator.scheme": "composed"}
         shares.append(
             _drift(_play(load_scene("swimmer", {**changes, "cross_flow_drag": drag}), 5.0))
         )

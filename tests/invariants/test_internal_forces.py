@@ -17,7 +17,7 @@ from tests.invariants.runs import (
     stiff_scene,
 )
 from tests.reference import independent
-from tests.support import Array, held_torques, rollout
+from tests.support import PAPERS_STEPS, Array, held_torques, rollout
 
 
 def _forces(run: Trajectory) -> Array:
@@ -73,7 +73,8 @@ def test_with_fluid_forces_balance_the_momenta_of_elements(name: str) -> None:
     # An element carries its own momentum and the fluid's impulse on its own panels, the added mass
     # here being that of the independent implementation; drag acts by halves at a step's ends.
     start = {"heading": 0.7, "velocity": (0.3, -0.4), "joint_angles": 0.1}
-    scene = load_scene("swimmer", {"internal_forces": {}, "initial": start, **FORCE_SCENES[name]})
+    changes = {**PAPERS_STEPS, "internal_forces": {}, "initial": start, **FORCE_SCENES[name]}
+    scene = load_scene("swimmer", changes)
     run = Simulator(scene).rollout(held_torques(scene, 24, 10))
     n, dl, h = 9, scene.beam.element_length, scene.integrator.time_step
     stream = np.array(scene.stream.velocity if scene.stream else (0.0, 0.0))

@@ -7,7 +7,7 @@ import pytest
 
 from swim_env import SimulationEndedError, Simulator, Trajectory, load_scene
 from tests.invariants.runs import VARIANTS, bend_of, fluid_changes
-from tests.support import rollout
+from tests.support import PAPERS_STEPS, rollout
 
 
 def _way(name: str, changes: Mapping[str, object], base: str, seconds: float) -> Trajectory:
@@ -63,7 +63,7 @@ def test_strips_and_the_centre_line_swim_otherwise_altogether() -> None:
 
 
 def test_a_run_of_the_expansion_ends_where_the_mass_loses_positivity() -> None:
-    changes = {"integrator.time_step": 0.002, "integrator.tolerance": 1e-13}
+    changes = {**PAPERS_STEPS, "integrator.time_step": 0.002, "integrator.tolerance": 1e-13}
     bent = {"initial.joint_angles": 0.9, "beam.bending_stiffness": 0.5}
     scene = load_scene("swimmer", {**changes, **bent, **fluid_changes("expansion")})
     simulator = Simulator(scene)
