@@ -38,10 +38,16 @@ def measured(rollout: Rollout) -> Played:
     return rollout, trajectory, measure_performance(rollout, trajectory, verify_rollout(rollout))
 
 
+def play(env: SwimEnv, name: str, noise: float = 1.0) -> Rollout:
+    """Play a policy's episode, the tuned wave's on any body."""
+    tuned = name == "tuned_wave"
+    policy = tuned_wave(env.scene) if tuned else load_policy(name, env.scene, seed=5)
+    return play_episode(env, policy, seed=3, options={"noise": noise}, any_scene=tuned)
+
+
 def finely(rollout: Rollout, name: str, noise: float = 1.0) -> Rollout:
     """Play an episode's policy in the finer scene."""
-    env = SwimEnv(fine_scene(rollout.scene))
-    return play_episode(env, load_policy(name, env.scene, seed=5), seed=3, options={"noise": noise})
+    return play(SwimEnv(fine_scene(rollout.scene)), name, noise)
 
 
 @cache
@@ -50,10 +56,7 @@ def played(
 ) -> Played:
     made = SwimTargetEnv if task == "target" else SwimEnv
     env = made("swimmer", [*BODIES[body], *extra.split()])
-    tuned = name == "tuned_wave"
-    policy = tuned_wave(env.scene) if tuned else load_policy(name, env.scene, seed=5)
-    options = {"noise": noise}
-    return measured(play_episode(env, policy, seed=3, options=options, any_scene=tuned))
+    return measured(play(env, name, noise))
 
 
 each_policy = pytest.mark.parametrize("name", POLICIES)
