@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -206,7 +207,8 @@ def frames_of(trajectory: Trajectory, rate: float | None, times: float = 1.0) ->
     if trajectory.steps < 1:
         raise OptionError("a recording takes a run of at least one step")
     step = trajectory.scene.integrator.time_step
-    every = max(1, round(1.0 / (rate * step)))
+    # Halfway between two, the more frames, whatever the rounding.
+    every = max(1, math.ceil(1.0 / (rate * step) * (1.0 - 1e-9) - 0.5))
     if every * step < 1e-9:
         raise OptionError(
             "recordings count nanoseconds, so their frames must be at least that far apart, and "

@@ -92,7 +92,7 @@ def write_recording(
         no flow. Scenes without fluid have none.
     frame_rate : float, optional
         Frames of everything else, one in each of the scene's `frame_interval` unless given (50 a
-        second on the shipped scenes); of the energy there are twice as many.
+        second on the shipped scenes); of the energy there are about twice as many.
     colour : str
         What the bodies' colours show: ``torque`` or ``moment``, the elastic bending moment.
     about : dict, optional

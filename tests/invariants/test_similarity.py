@@ -59,9 +59,10 @@ def in_units(scene: Scene, units: tuple[float, float, float]) -> Scene:
     return scene.replace(changes)
 
 
-def _torques(steps: int = 200) -> Array:
+def _torques(actions: int = 50) -> Array:
     """Return random torques, held over control intervals."""
-    return np.repeat(np.random.default_rng(1).uniform(-1.0, 1.0, (steps // 4, 8)), 4, axis=0)
+    rows = np.random.default_rng(1).uniform(-1.0, 1.0, (actions, 8))
+    return np.repeat(rows, BASE.steps_per_action, axis=0)
 
 
 @pytest.mark.parametrize("model", ["strip", "frozen", "panels"])
@@ -140,8 +141,11 @@ def test_frames_and_the_search_for_waves_follow_the_bodys_own_time(units, tmp_pa
     assert scenes[1].frame_interval == pytest.approx(scenes[0].frame_interval * time, rel=1e-12)
     runs = [rollout(scene, _torques() * scene.torque_limit) for scene in scenes]
     chosen = [frames_of(run, None).tolist() for run in runs]
-    assert chosen[0] == chosen[1] == list(range(0, 201, 4))
-    assert [len(tail(run.torques, run, None)) for run in runs] == [200, 200]
+    assert chosen[0] == chosen[1] == list(range(0, 151, 3))
+    # Twice as many frames would be one in one and a half steps, and rounding must not decide.
+    chosen = [frames_of(run, None, 2.0).tolist() for run in runs]
+    assert chosen[0] == chosen[1] == list(range(151))
+    assert [len(tail(run.torques, run, None)) for run in runs] == [150, 150]
     first, _ = draw_energy({"a": runs[0]}).axes[:2], draw_energy({"a": runs[1]})
     assert "last 1 s" in first[0].get_title(loc="left")
     files = []
@@ -149,7 +153,7 @@ def test_frames_and_the_search_for_waves_follow_the_bodys_own_time(units, tmp_pa
         files.append(write_recording(tmp_path / f"{number}.rrd", [Swimmer("x", run)]))
     assert [(one.frames, one.flow_frames) for one in files] == [(51, 26)] * 2
     read = read_recording(tmp_path / "1.rrd").swimmers["x"]
-    assert read.time == pytest.approx(runs[1].time[::4], rel=1e-6, abs=1e-9)
+    assert read.time == pytest.approx(runs[1].time[::3], rel=1e-6, abs=1e-9)
     here, there = (np.array(bounds_on(scene)["frequency_hz"]) for scene in scenes)
     assert there * time == pytest.approx(here, rel=1e-12)
 

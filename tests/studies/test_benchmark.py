@@ -185,7 +185,7 @@ def test_a_loop_continues_and_starts_ended_episodes_anew():
 def test_workloads_say_what_a_call_plays(batch, steps):
     scene = load_scene("swimmer", {"beam.elements": 3, "episode.duration": 0.06})
     work = environment_workload("label", scene, 4, batch=batch)
-    assert (work.steps, work.physics_steps) == (steps, 4 * steps)
+    assert (work.steps, work.physics_steps) == (steps, scene.steps_per_action * steps)
     assert work.seconds == pytest.approx(0.02 * steps)
     work.call()
 
