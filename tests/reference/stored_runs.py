@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env import Scene, Simulator, Trajectory, load_scene
+from tests.support import PAPERS_STEPS
 
 STORED = Path(__file__).parent / "stored_runs.npz"
 STEPS = 60
@@ -75,7 +76,7 @@ def cases() -> Mapping[str, Case]:
 
 def scenes() -> dict[str, Scene]:
     """Return the scenes that are run with small random torques."""
-    paper, swimmer = load_scene("paper_i"), load_scene("swimmer")
+    paper, swimmer = load_scene("paper_i"), load_scene("swimmer", PAPERS_STEPS)
 
     def fluid(model: str, **more: object) -> dict[str, object]:
         return {"fluid.model": model, **{f"fluid.{name}": value for name, value in more.items()}}
@@ -84,6 +85,7 @@ def scenes() -> dict[str, Scene]:
         "paper_i": paper,
         "paper_vi": load_scene("paper_vi"),
         "paper_xii": load_scene("paper_xii"),
+        "swimmer_as_shipped": load_scene("swimmer"),
         "swimmer": swimmer,
         "fine": paper.replace(
             {"beam.elements": 5, "fluid.panels_per_element": 8, "fluid.cap_panels": 2}
@@ -167,7 +169,9 @@ def scenes() -> dict[str, Scene]:
 
 def violent_scenes() -> dict[str, Scene]:
     """Return the scenes that are run with kicks, so that steps are cut or a run ends."""
-    coarse = load_scene("swimmer", {"integrator.time_step": 0.01, "internal_forces": {}})
+    coarse = load_scene(
+        "swimmer", {**PAPERS_STEPS, "integrator.time_step": 0.01, "internal_forces": {}}
+    )
     return {
         "cut_steps": coarse,
         "cut_steps_composed": coarse.replace(COMPOSED),
@@ -195,6 +199,7 @@ def _kicks(scene: Scene) -> Array:
 def _curling() -> Case:
     """Return a thick, soft body that is curled up until it touches itself."""
     changes: dict[str, object] = {
+        **PAPERS_STEPS,
         **SOFT,
         "beam.half_thickness": 0.03,
         "beam.rotary_inertia": 1e-3,
