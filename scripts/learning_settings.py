@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""Measure what settings of a learning scene cost, and what each source of error makes of scores.
+"""Measure what settings of a learning scene cost, and how much each source of error changes scores.
 
 The torques of agents are played again with every candidate, and with each of its sources of error
 refined by itself.

@@ -160,6 +160,7 @@ def rollout_workload(
     if torques is None:
         torques = simulator.prescribed_torques(physics)
     else:
+        assert len(torques) >= steps, f"{len(torques)} torques for {steps} intervals"
         torques = np.repeat(torques, hold, axis=0)[:physics]
 
     def play() -> None:

@@ -118,7 +118,8 @@ class Bodies:
         return state
 
     def move_to(self, member: int, coordinates: Array, momenta: Array) -> None:
-        """Give a member coordinates and momenta, (N + 2,) each, whatever it did before."""
+        """Give a member coordinates and momenta, (N + 2,) each, and no past."""
+        self.states[member] = 0.0
         state = self.views(member).state
         state.q[:], state.p[:], state.inertia[:] = coordinates, momenta, coordinates[3:]
 

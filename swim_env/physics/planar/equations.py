@@ -175,9 +175,9 @@ def evaluate_step(
     beam, fluid : BeamConstants, FluidConstants
         The scene.
     body : Body
-        With the pose q_n and its added mass. Increment, balance and drag are overwritten.
+        With the pose q_n and the state's added mass. Increment, balance and drag are overwritten.
     fluid_buffers : FluidBuffers
-        As `added_mass` left them for q_n.
+        As `added_mass` left them for that.
 
     Returns
     -------
@@ -226,8 +226,8 @@ def evaluate_adjoint_step(
 ) -> float:
     """Evaluate the residual of the adjoint map, p_n + D1 L_d*(q_n, q_{n+1}) + h F/2 = 0.
 
-    `body.mass` holds the added mass of q_{n+1}, and `body.balance` its shape force, which changes
-    the momentum but not the residual.
+    `body.mass` holds the added mass of q_{n+1}, or one that is tried for it, and `body.balance` its
+    shape force, which changes the momentum but not the residual.
     """
     pose, inc, balance, drag, mass = body
     _move(z, h, beam, fluid, inc.new_d1, mass.added, pose, inc, balance.sums)
@@ -304,7 +304,7 @@ def _balance(
     b.change[0] = 0.0
     b.change[1] = 0.0
     for i in range(2):
-        b.scale[i] = max(beam.smallest_momentum, size + abs(p[i]))
+        b.scale[i] = max(beam.smallest_momentum, max(size, abs(p[i])))
         b.size[i] = size + abs(p[i])
     for j in range(elements):
         turning = inertia_rate * inc.turn_sine[j]

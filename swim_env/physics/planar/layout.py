@@ -140,7 +140,7 @@ class Mass(NamedTuple):
     Attributes
     ----------
     added : (K', K') array
-        Added mass A at q_n, or in the second half of a composed step at q_{n+1}.
+        Added mass A of the state's `inertia`, or in the second half of a composed step at q_{n+1}.
     total : (N + 2, N + 2) array
         Reduced total mass at q_n; its Cholesky factor replaces the diagonal and what is below.
     diagonal : (N + 2,) array
@@ -227,7 +227,9 @@ class Newton(NamedTuple):
         The increment z that is improved, and one that is tried.
     start, whole, held : (N + 2,) arrays
         The increments that the method started from, that was last evaluated as a whole, and that
-        solves the adjoint with the added mass of its start.
+        solves the adjoint with the added mass of the part's beginning.
+    lag : (N + 2,) array
+        The increment that solves the adjoint less `held`.
     correction, next_correction : (N + 2,) arrays
         The correction of `increment`, and that of `trial` with the same matrix.
     shape : (N + 2,) array
@@ -246,6 +248,7 @@ class Newton(NamedTuple):
     start: Array
     whole: Array
     held: Array
+    lag: Array
     correction: Array
     next_correction: Array
     shape: Array
@@ -261,7 +264,7 @@ def newton_views(
     columns, end = matrix(buffer, padded(start), n + 1, padded(motions + 1))
     impulses_of, end = matrix(buffer, end, n, padded(motions))
     squares, end = matrix(buffer, end, 2 * n, n)
-    u, end = matrix(buffer, end, 8, n)
+    u, end = matrix(buffer, end, 9, n)
     motions_of, moved = columns[:n], columns[n]
     jacobian, transposed = squares[:n], squares[n:]
     views = Newton(
@@ -278,6 +281,7 @@ def newton_views(
         u[5],
         u[6],
         u[7],
+        u[8],
         permutation,
     )
     return views, end

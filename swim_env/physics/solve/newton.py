@@ -56,9 +56,9 @@ _MOST_LAST = 3
 _SMALL_TURN = 0.1
 _FIRST_PASS = 1e-4
 _PASS_TOLERANCE = 0.1
-#: What the residual changes by, at most, as an element turns or shifts by a radian or its length
-#: from where that which is held belongs to.
-CHANGE_WITH_SHAPE = 0.25
+# Estimated change of the residual per radian of turn, or per element length of shift, since what is
+# held was evaluated. Measured were at most 0.1.
+_CHANGE_WITH_SHAPE = 0.25
 
 
 @kernel
@@ -114,8 +114,8 @@ def _evaluate(
     for j in range(torques.size):
         shape[j] = q[3 + j] + z[3 + j]
     status = find_added_mass(shape, fluid, solver, fluid_buffers, mass, step.effort)
+    step.tally[SHAPE_FAILURE] = status
     if status != FINE:
-        step.tally[SHAPE_FAILURE] = status
         return np.inf
     return evaluate_adjoint_step(p, torques, z, h, beam, fluid, body)
 
@@ -181,13 +181,16 @@ def newton_in_passes(
     beam, fluid, solver : BeamConstants, FluidConstants, SolverConstants
         The scene.
     guessed : bool
-        Whether what is held already has a guess: `balance.shape` of the shape force, or in the
-        adjoint `mass.added` of the added mass.
+        Whether to start with what is held as it is, without evaluating it first: `balance.shape`, a
+        guess of the shape force, or in the adjoint `mass.added`, that of the part's beginning. The
+        increment that this gives an adjoint is then moved by `state.lag`.
 
     Returns
     -------
     solved, norm : bool, float
-        False where corrections do not shrink fast enough, and the residual's norm.
+        False where corrections do not shrink fast enough or there is no matrix or added mass, and
+        the residual's norm; where what is held was not evaluated once more, with an estimate of
+        what that would add. `newton.lag` is the next `state.lag` of an adjoint.
     """
     state, body, fluid_buffers, newton, step, _ = m
     q, p = state.q, state.p
@@ -242,7 +245,6 @@ def newton_in_passes(
             step.tally[CORRECTIONS] += 1
             if norm <= enough:
                 break
-        met = norm <= solver.tolerance
         if held and guessed and number == 0:
             if adjoint:
                 copy(z, newton.held)
@@ -251,10 +253,10 @@ def newton_in_passes(
         elif held:
             for i in range(z.size):
                 newton.correction[i] = z[i] - newton.whole[i]
-            left = CHANGE_WITH_SHAPE * _correction_size(newton.correction, beam.element_length)
-            if met and left <= solver.tolerance:
+            moved = _correction_size(newton.correction, beam.element_length)
+            if norm + _CHANGE_WITH_SHAPE * moved <= solver.tolerance:
                 accepted = True
-                norm = max(norm, left)
+                norm += _CHANGE_WITH_SHAPE * moved
         if held and not accepted:
             norm = _evaluate(
                 q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_buffers, step
@@ -267,12 +269,12 @@ def newton_in_passes(
             if accepted and not adjoint:
                 _correct_once_more(norm, p, torques, h, beam, fluid, body, newton)
         elif not held:
-            accepted = met
+            accepted = norm <= solver.tolerance
         enough = 0.0
         if accepted:
-            if adjoint and guessed:
+            if held and adjoint and guessed:
                 for i in range(z.size):
-                    state.lag[i] = z[i] - newton.held[i]
+                    newton.lag[i] = z[i] - newton.held[i]
             return not turns_beyond(z, TRUSTED_TURN), norm
         if not held:
             break

@@ -134,13 +134,14 @@ def _solve_part(
         if tried and step.effort[0] > 1.0:
             break
         solved = False
+        in_passes = False
         if not tried:
             tried = True
             copy(increment, newton.start)
             at_round_off = False
-            # The added mass that an adjoint starts with is that of its start.
             guessed = adjoint or start == 0
             solved, norm = newton_in_passes(m, torques, h, adjoint, beam, fluid, solver, guessed)
+            in_passes = solved
             if not solved:
                 copy(newton.start, increment)
         if not solved:
@@ -149,6 +150,11 @@ def _solve_part(
             )
         if solved:
             if not turns_beyond(increment, LARGEST_TURN):
+                if adjoint and fluid.varies:
+                    if in_passes:
+                        copy(newton.lag, state.lag)
+                    else:
+                        state.lag[:] = 0.0
                 return FINE, norm, at_round_off
             status = TURN_TOO_LARGE
     # In the adjoint a shape at the end without added mass is the reason, if there was one.
@@ -220,6 +226,7 @@ def _take_back_part(state: State, step: OuterStep, forces: ForceWork, record: Ar
         copy(forces.part_mean[i], forces.mean[i])
         copy(forces.part_push[i], forces.push[i])
     state.counters[KNOWN_INCREMENTS] = 0.0
+    state.lag[:] = 0.0
 
 
 @kernel
@@ -314,6 +321,7 @@ def outer_step(
     step.tally[:] = 0
     copy(state.q, step.q)
     copy(state.p, step.p)
+    copy(state.lag, step.lag)
     copy(state.inertia, step.inertia)
     step.total[:] = 0.0
     if solver.forces:
@@ -345,6 +353,8 @@ def outer_step(
             h *= 0.5
             if not second:
                 _keep_part(state, step, forces, record)
+                if part != int(counters[LAST_PART]):
+                    state.lag[:] = 0.0
         if part < _WHOLE and step.effort[0] > 1.0:
             status = STEP_NOT_SOLVED
             break
@@ -396,6 +406,7 @@ def outer_step(
     if status != FINE:
         copy(step.q, state.q)
         copy(step.p, state.p)
+        copy(step.lag, state.lag)
         copy(step.inertia, state.inertia)
         return status
     record[ENERGY] = energy_of_pose(state.p, beam, pose, mass)

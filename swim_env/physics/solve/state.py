@@ -67,8 +67,8 @@ class State(NamedTuple):
     past : (2, N + 2) array
         Mean momentum of every element in the last step, with half its drag; N numbers each.
     lag : (N + 2,) array
-        By how much the increment of the last adjoint differed from the one with the added mass of
-        its start; what the next is expected to differ by.
+        The increment of the last adjoint less the one found with the added mass of the part's
+        beginning; added to that of the next.
     inertia : (N - 1,) array
         Joint angles of the shape whose added mass the state has: q's own or, after an adjoint,
         one so near that the residual is met with it (rad).
@@ -136,10 +136,10 @@ class OuterStep(NamedTuple):
     ----------
     total : (N + 2,) array
         Increment since its beginning.
-    q, p, inertia : (N + 2,), (N + 2,), (N - 1,) arrays
+    q, p, lag, inertia : (N + 2,), (N + 2,), (N + 2,), (N - 1,) arrays
         Of the state, at its beginning.
     part_q, part_p, part_inertia, part_total : arrays
-        The same and `total` at the beginning of the part.
+        The same but the lag, and `total`, at the beginning of the part.
     part_record : (12,) array
         The record at the beginning of the part.
     losses : (3, N + 2) array
@@ -155,6 +155,7 @@ class OuterStep(NamedTuple):
     total: Array
     q: Array
     p: Array
+    lag: Array
     inertia: Array
     part_q: Array
     part_p: Array
@@ -211,22 +212,15 @@ def member_views(
     known, tally, permutation = integers[:2], integers[2:5], integers[5 : n + 5]
     body, end = body_views(floats, 0, known, elements, motions)
     newton, end = newton_views(floats, end, permutation, elements, motions)
-    rows, end = matrix(floats, end, 11, n)
+    rows, end = matrix(floats, end, 12, n)
     record, end = vector(floats, end, _RECORD)
     effort, end = vector(floats, end, 1)
+    shapes = rows[10:12, : elements - 1]
     step = OuterStep(
-        *(
-            rows[0],
-            rows[1],
-            rows[2],
-            rows[9, : n - 3],
-            rows[3],
-            rows[4],
-            rows[10, : n - 3],
-            rows[5],
-        ),
+        *(rows[0], rows[1], rows[2], rows[3], shapes[0]),
+        *(rows[4], rows[5], shapes[1], rows[6]),
         record,
-        rows[6:9],
+        rows[7:10],
         effort,
         tally,
     )
