@@ -121,7 +121,9 @@ def _refinements(scene: Scene) -> dict[str, dict[str, object]]:
     found: dict[str, dict[str, object]] = {
         "time_step": {
             "integrator.time_step": integrator.time_step / TIME_STEP_DIVISOR,
-            "integrator.tolerance": min(integrator.tolerance, Integrator().tolerance),
+            "integrator.tolerance": min(
+                integrator.tolerance, max(integrator.tolerance / 100.0, Integrator().tolerance)
+            ),
         }
     }
     if fluid is None or not FLUID_TABLE[fluid.model].panels:

@@ -89,7 +89,7 @@ def test_the_figures_are_those_computed_once_more(name, body):
     finer = {
         "time_step": {
             "integrator.time_step": 0.25 * scene.integrator.time_step,
-            "integrator.tolerance": 1e-10,
+            "integrator.tolerance": 1e-6,
         },
         "panels": {"fluid.panels_per_element": 12},
         "ends": {"fluid.cap_panels": 6},

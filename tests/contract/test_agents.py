@@ -233,7 +233,7 @@ def test_a_resolved_score_is_verified():
 def test_the_finer_scene_refines_all_that_is_discrete_but_the_elements(changes, finer):
     scene = load_scene("swimmer", changes)
     step = scene.integrator.time_step / 4
-    whole = {"integrator.time_step": step, "integrator.tolerance": 1e-10, **finer}
+    whole = {"integrator.time_step": step, "integrator.tolerance": 1e-6, **finer}
     assert fine_scene(scene) == scene.replace(whole)
     # And each source of error by itself, the ends' panels whatever the sides have.
     fluid = scene.fluid
