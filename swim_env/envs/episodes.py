@@ -66,7 +66,7 @@ class LastObservations(np.ndarray[Any, Any]):
 
     def __dlpack__(self, **options: Any) -> Any:
         there = [one is not None for one in self.tolist()]
-        known = np.stack(self[there].tolist())
+        known = np.stack(self[there].tolist()) if any(there) else np.zeros((0, 0), np.float32)
         found = np.zeros((len(there), *known.shape[1:]), dtype=known.dtype)
         found[there] = known
         return found.__dlpack__(**options)

@@ -206,6 +206,8 @@ class SharedInterface:
     def restore(self, snapshot: EnvSnapshot) -> Observation:
         """Go back to a snapshot; what follows is bit for bit what followed then.
 
+        The number of actions in an episode is then the snapshot's, in later episodes too.
+
         Returns
         -------
         (n,) or (M, n) array of float32
