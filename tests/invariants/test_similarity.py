@@ -136,10 +136,13 @@ def test_solvers_in_continuous_time_take_the_same_steps(units) -> None:
 
 @each_unit
 def test_frames_and_the_search_for_waves_follow_the_bodys_own_time(units, tmp_path) -> None:
-    scenes = BASE, in_units(BASE, units)
+    # With three steps in an action.
+    base = BASE.replace("integrator.time_step", BASE.episode.control_interval / 3)
+    scenes = base, in_units(base, units)
     time = units[2]
     assert scenes[1].frame_interval == pytest.approx(scenes[0].frame_interval * time, rel=1e-12)
-    runs = [rollout(scene, _torques() * scene.torque_limit) for scene in scenes]
+    torques = np.repeat(_torques()[:: BASE.steps_per_action], 3, axis=0)
+    runs = [rollout(scene, torques * scene.torque_limit) for scene in scenes]
     chosen = [frames_of(run, None).tolist() for run in runs]
     assert chosen[0] == chosen[1] == list(range(0, 151, 3))
     # Twice as many frames would be one in one and a half steps, and rounding must not decide.
