@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swim_agents.fit import TUNED_FIELDS, first_difference
+from swim_agents.fit import TUNED_FIELDS, difference
 from swim_agents.tuned_wave import load_tuned_wave, wave_on
 from swim_env.envs.assessment import observation_size
 from swim_env.errors import OptionError
@@ -152,13 +152,11 @@ class WavePolicy(_Baseline):
         """Refuse a scene for which these actions, or a tuned wave, would mean something else."""
         super().check(scene, task)
         tuned_on = scene if self.tuned_on is None else self.tuned_on
-        field, before, now, count = first_difference(tuned_on, scene, TUNED_FIELDS)
-        if field:
-            more = f" (and {count - 1} more)" if count > 1 else ""
+        found = difference(tuned_on, scene, TUNED_FIELDS, "tuning")
+        if found:
             raise OptionError(
                 f"the wave was tuned on scene {tuned_on.name} and cannot play scene {scene.name}: "
-                f"{field} is {now}, it was {before} in tuning{more}; `swim-env tune` finds the "
-                "scene's own"
+                f"{found}; `swim-env tune` finds the scene's own"
             )
 
     def _actions(self, clock: NDArray[np.int64]) -> Array:

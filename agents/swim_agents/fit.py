@@ -9,7 +9,7 @@ from typing import Any
 from swim_env.scene import Beam, Scene
 from swim_env.scene.block import plain
 
-__all__ = ["AGENT_FIELDS", "TUNED_FIELDS", "first_difference"]
+__all__ = ["AGENT_FIELDS", "TUNED_FIELDS", "difference"]
 
 #: What an agent learned: the body, its fluid, its joints and its clock.
 AGENT_FIELDS = (
@@ -30,16 +30,18 @@ AGENT_FIELDS = (
 TUNED_FIELDS = (*(name for name in AGENT_FIELDS if name != "torque_limit"), "damping")
 
 
-def first_difference(own: Scene, scene: Scene, paths: Sequence[str]) -> tuple[str, Any, Any, int]:
-    """Return the first field that differs, its values in both scenes, and how many differ.
+def difference(own: Scene, scene: Scene, paths: Sequence[str], made: str) -> str:
+    """Return what differs in a scene from the one that a policy was `made` on, empty if nothing.
 
-    The field is empty where none does. Values are as a file would have them, None inside an absent
-    block.
+    That is the first field with its values as a file would have them, None inside an absent block,
+    and how many others there are.
     """
     found = [path for path in paths if _value(own, path) != _value(scene, path)]
     if not found:
-        return "", None, None, 0
-    return found[0], _value(own, found[0]), _value(scene, found[0]), len(found)
+        return ""
+    before, now = (_value(one, found[0]) for one in (own, scene))
+    more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+    return f"{found[0]} is {now}, it was {before} in {made}{more}"
 
 
 def _value(scene: Scene, path: str) -> Any:

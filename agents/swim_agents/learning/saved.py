@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swim_agents.files import DAMAGED, as_json, read_json
-from swim_agents.fit import AGENT_FIELDS, first_difference
+from swim_agents.fit import AGENT_FIELDS, difference
 from swim_agents.learning.config import TrainingConfig
 from swim_agents.learning.settings import ALGORITHMS, Network
 from swim_agents.learning.smoothing import WIDTH, SmoothedPolicy, Smoothing
@@ -107,12 +107,11 @@ class AgentPolicy:
         if task is not None and task != trained:
             raise AgentError(f"agent {self.name} was trained for task {trained}, not for {task}")
         own = self.scene
-        field, before, now, count = first_difference(own, scene, AGENT_FIELDS)
-        if field:
-            more = f" (and {count - 1} more)" if count > 1 else ""
+        found = difference(own, scene, AGENT_FIELDS, "training")
+        if found:
             raise AgentError(
                 f"agent {self.name} was trained on scene {own.name} and cannot play scene "
-                f"{scene.name}: {field} is {now}, it was {before} in training{more}"
+                f"{scene.name}: {found}"
             )
 
 
