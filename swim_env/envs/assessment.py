@@ -33,7 +33,7 @@ Indices = NDArray[np.int64]
 ANGLE_SCALE, RATE_SCALE, VELOCITY_SCALE, TURNING_SCALE = 0.1, 0.1, 0.002, 0.02
 #: Version of the observation's layout, docs/environments.md; what was trained on one cannot use
 #: another.
-OBSERVATION_LAYOUT = 2
+OBSERVATION_LAYOUT = 3
 #: Observations are clipped to this, so that the space is finite; sine and cosine have their own.
 OBSERVATION_LIMIT = 100.0
 
@@ -117,6 +117,7 @@ def assess(
     outcome: Indices,
     goals: Array,
     settings: NDArray[np.void],
+    earlier: Array,
     observations: NDArray[np.float32],
     figures: NDArray[np.void],
     counters: Indices,
@@ -125,8 +126,12 @@ def assess(
 
     At a start nothing has been gained. States, velocities, record and outcome are as
     `swim_env.physics.solve.advance.advance` leaves them, torques (M, 1, N - 1) (N m) those that
-    were held, goals (M, 2) unit vectors or points (m), settings (1,) the task's. Observations
-    (M, n), figures (M,) and counters (M, 3) are overwritten for these members.
+    were held, goals (M, 2) unit vectors or points (m), settings (1,) the task's. The coordinates at
+    the last evaluation, earlier (M, N + 2), observations (M, n), figures (M,) and counters (M, 3)
+    are overwritten for these members.
+
+    Rates and velocities are observed as means over the action: when torques jump, the stiffest
+    modes ring, and no affordable time step resolves their velocities at one instant.
     """
     task = settings[0]
     length, time_step = task["body_length"], task["time_step"]
@@ -139,19 +144,32 @@ def assess(
         joints = unknowns - 3
         q = states[member]
         velocity = velocities[member]
+        before = earlier[member]
         seen = observations[member]
         figure = figures[member]
+        taken = 0 if start else outcome[member, 0]
+        seconds = taken * time_step
 
         # The mean element angle, the head's direction, and the direction to the goal.
         angle = q[2]
         mean_angle = q[2]
+        turned = q[2] - before[2]
+        mean_turned = turned
         turning = velocity[2]
         for k in range(joints):
             angle += q[3 + k]
             mean_angle += angle
+            turned += q[3 + k] - before[3 + k]
+            mean_turned += turned
             turning += velocity[3 + k]
         mean_angle /= joints + 1
         turning /= joints + 1
+        velocity_x = velocity[0]
+        velocity_y = velocity[1]
+        if taken > 0:
+            turning = mean_turned / (joints + 1) / seconds
+            velocity_x = (q[0] - before[0]) / seconds
+            velocity_y = (q[1] - before[1]) / seconds
         ahead_x = -np.cos(mean_angle)
         ahead_y = -np.sin(mean_angle)
         goal_x = goals[member, 0]
@@ -172,17 +190,22 @@ def assess(
 
         for k in range(joints):
             seen[k] = _observed(q[3 + k] / ANGLE_SCALE)
-            seen[joints + k] = _observed((velocity[3 + k] - velocity[2 + k]) / rate_of_one)
+            rate = velocity[3 + k] - velocity[2 + k]
+            if taken > 0:
+                rate = (q[3 + k] - before[3 + k]) / seconds
+            seen[joints + k] = _observed(rate / rate_of_one)
         at = 2 * joints
         seen[at] = min(1.0, max(-1.0, sine))
         seen[at + 1] = min(1.0, max(-1.0, cosine))
-        forward = velocity[0] * ahead_x + velocity[1] * ahead_y
-        leftward = velocity[1] * ahead_x - velocity[0] * ahead_y
+        forward = velocity_x * ahead_x + velocity_y * ahead_y
+        leftward = velocity_y * ahead_x - velocity_x * ahead_y
         seen[at + 2] = _observed(forward / speed_of_one)
         seen[at + 3] = _observed(leftward / speed_of_one)
         seen[at + 4] = _observed(turning / turning_of_one)
         if to_point:
             seen[at + 5] = _observed(distance / length)
+        for i in range(unknowns):
+            before[i] = q[i]
 
         budget = state_views(q, unknowns - 2)[0].counters
         figure["time"] = time_step * budget[STEPS]
@@ -204,7 +227,6 @@ def assess(
             counters[member] = 0
             continue
 
-        taken = outcome[member, 0]
         effort = 0.0
         for k in range(joints):
             if torque_of_one[k] > 0.0:
@@ -214,7 +236,6 @@ def assess(
             figure["work"] += record[member, step, WORK]
             figure["positive_work"] += record[member, step, POSITIVE_WORK]
         gained = coordinate - figure["coordinate"]
-        seconds = taken * time_step
         figure["coordinate"] = coordinate
         figure["progress"] = coordinate - figure["coordinate_at_start"]
         figure["reward_progress"] = gained
@@ -280,6 +301,7 @@ def load_assessment() -> None:
         np.zeros((1, 2), dtype=np.int64),
         np.array([[1.0, 0.0]]),
         np.ones(1, dtype=TASK_SETTINGS),
+        np.zeros((1, 4)),
         observations,
         figures.view(FIGURES)[:, 0],
         counters,

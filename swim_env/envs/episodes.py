@@ -206,6 +206,7 @@ class Episodes:
         self._record = self.bodies.new_record(self._hold)
         self.goals: Array = np.zeros((count, 2))
         self.someone_ended = self.is_reset = False
+        self._earlier = np.zeros((count, self.bodies.unknowns))
         self.observations = np.zeros((count, task.observation_size), dtype=np.float32)
         self._figures = np.zeros((count, len(_COLUMNS)))
         self.counters = np.zeros((count, 3), dtype=np.int64)
@@ -318,6 +319,7 @@ class Episodes:
             self.bodies.outcome,
             self.goals,
             self._settings,
+            self._earlier,
             self.observations,
             self._figures.view(FIGURES)[:, 0],
             self.counters,
@@ -401,6 +403,7 @@ class Episodes:
             "torques": self.torques,
             "record": self._record,
             "goals": self.goals,
+            "earlier": self._earlier,
             "observations": self.observations,
             "figures": self._figures,
             "counters": self.counters,

@@ -180,7 +180,7 @@ class Task(ABC):
         turn = float(random.uniform(-1.0, 1.0)) * (noise * episode.heading_noise)
         speed = episode.velocity_noise
         if speed is None:
-            speed = 1e-3 * (VELOCITY_SCALE / episode.control_interval * self.scene.beam.length)
+            speed = 1e-4 * (VELOCITY_SCALE / episode.control_interval * self.scene.beam.length)
         push = random.uniform(-1.0, 1.0, 3) * (noise * speed)
         aim = self._draw_aim(random)
         if "joint_angles" not in exact:

@@ -93,7 +93,7 @@ class Episode(Block, path="episode"):
         the velocity along x and y, and the turning rate times the body length. In an ideal fluid
         this impulse P stays, and about a body that swims away at speed U its moment grows as
         U P t: 1e-4 m/s turn a body of 1 m that swims 0.2 m/s by a radian in 80 s, however it
-        swims. None for 2e-6 body lengths per control interval (1e-4 m/s for 1 m and 0.02 s).
+        swims. None for 2e-7 body lengths per control interval (1e-5 m/s for 1 m and 0.02 s).
     """
 
     duration: Annotated[float, real("s", above=0.0)] = 20.0

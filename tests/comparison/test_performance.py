@@ -87,9 +87,12 @@ def test_the_figures_are_those_computed_once_more(name, body):
     assert figures.fine_displacement == checked.fine_displacement != figures.net_displacement
     assert figures.verified is checked.verified
     finer = {
-        "time_step": {"integrator.time_step": 0.25 * scene.integrator.time_step},
+        "time_step": {
+            "integrator.time_step": 0.25 * scene.integrator.time_step,
+            "integrator.tolerance": 1e-6,
+        },
         "panels": {"fluid.panels_per_element": 12},
-        "ends": {"fluid.cap_panels": 3},
+        "ends": {"fluid.cap_panels": 6},
     }
     finer["together"] = {key: value for one in finer.values() for key, value in one.items()}
     drifts = []
@@ -163,8 +166,9 @@ def test_the_gait_is_that_of_the_last_three_quarters(name, body):
     rollout, run, figures = played(name, body)
     gait = figures.gait
     assert gait is not None
-    # Every fourth step begins an action; the first 25 of 100 do not count.
-    bending = np.array([run.angles[4 * n, 1:] - run.angles[4 * n, :-1] for n in range(25, 100)])
+    # The first 25 of 100 actions do not count.
+    hold = rollout.scene.steps_per_action
+    bending = np.diff(run.angles[hold * np.arange(25, 100)], axis=1)
     times = 0.02 * np.arange(25, 100)
     expected = analyse_gait(times, bending, rollout.torques[25:], np.arange(1, 9) / 9.0)
     assert gait.frequency == pytest.approx(expected.frequency, rel=1e-12)
@@ -224,12 +228,13 @@ def test_a_broken_episode_counts_up_to_its_end():
     rollout, run, figures = played("paper_wave", noise=0.0, extra="beam.bending_stiffness=0.05")
     assert figures.termination_reason == rollout.info["termination_reason"] != ""
     assert not figures.verified
-    assert run.steps == rollout.steps < 4 * len(rollout.torques)
-    assert figures.duration == pytest.approx(0.005 * rollout.steps, abs=1e-12)
+    hold, step = rollout.scene.steps_per_action, rollout.scene.integrator.time_step
+    assert run.steps == rollout.steps < hold * len(rollout.torques)
+    assert figures.duration == pytest.approx(step * rollout.steps, abs=1e-12)
     assert figures.duration < 2.0
     assert figures.speed == pytest.approx(figures.net_displacement / figures.duration, rel=1e-12)
-    held = np.repeat(rollout.torques, 4, axis=0)[: rollout.steps]
-    assert figures.torque_squared == pytest.approx((held**2).sum() * 0.005, rel=1e-12)
+    held = np.repeat(rollout.torques, hold, axis=0)[: rollout.steps]
+    assert figures.torque_squared == pytest.approx((held**2).sum() * step, rel=1e-12)
     json.dumps(figures.to_dict(), allow_nan=False)
 
 

@@ -147,7 +147,7 @@ def test_a_broken_episode_is_played_again_to_its_end_and_never_verified():
     scene = load_scene("swimmer", ["beam.bending_stiffness=0.05", "episode.duration=2.0"])
     rollout = play_episode(SwimEnv(scene), load_policy("paper_wave", scene), options=QUIET)
     assert rollout.terminated
-    assert rollout.steps < 4 * len(rollout.torques)
+    assert rollout.steps < scene.steps_per_action * len(rollout.torques)
     again = rollout.simulate()
     assert again.steps == rollout.steps
     assert np.abs(again.path[-1] - rollout.path[-1]).max() < 1e-14
@@ -161,7 +161,7 @@ def test_a_rollout_played_again_is_the_same_motion(name, env):
     rollout = play_episode(env, load_policy(name, env.scene, seed=5), seed=7)
     simulator = Simulator(env.scene)
     simulator.reset_to(rollout.coordinates, rollout.velocity)
-    simulator.rollout(np.repeat(rollout.torques, 4, axis=0))
+    simulator.rollout(np.repeat(rollout.torques, env.scene.steps_per_action, axis=0))
     assert (simulator.coordinates == env.coordinates).all()
     assert rollout.truncated
     assert not rollout.terminated
@@ -184,7 +184,7 @@ def test_a_resolved_score_is_verified():
     assert checked.changes.keys() == {"time_step", "panels", "ends", "together"}
     assert 0.0 < max(map(abs, checked.changes.values())) < 0.05
     assert checked.closed_displacement is None
-    assert checked.time_step == 0.00125
+    assert checked.time_step == rollout.scene.integrator.time_step / 4
     assert checked.panels_per_element == 12
     assert checked.net_displacement == rollout.net_displacement
     assert checked.fine_displacement != checked.net_displacement
@@ -198,7 +198,7 @@ def test_a_resolved_score_is_verified():
 @pytest.mark.parametrize(
     ("changes", "finer"),
     [
-        ({}, {"fluid.panels_per_element": 12, "fluid.cap_panels": 3}),
+        ({}, {"fluid.panels_per_element": 12, "fluid.cap_panels": 6}),
         (
             {"fluid.panels_per_element": 8, "fluid.cap_panels": 3, "integrator.tolerance": 1e-5},
             {
@@ -222,7 +222,7 @@ def test_a_resolved_score_is_verified():
         *(
             (
                 {"fluid.model": model},
-                {"fluid.panels_per_element": 12, "fluid.cap_panels": 3},
+                {"fluid.panels_per_element": 12, "fluid.cap_panels": 6},
             )
             for model in ("frozen", "expansion")
         ),
@@ -232,7 +232,8 @@ def test_a_resolved_score_is_verified():
 )
 def test_the_finer_scene_refines_all_that_is_discrete_but_the_elements(changes, finer):
     scene = load_scene("swimmer", changes)
-    whole = {"integrator.time_step": 0.00125, **finer}
+    step = scene.integrator.time_step / 4
+    whole = {"integrator.time_step": step, "integrator.tolerance": 1e-6, **finer}
     assert fine_scene(scene) == scene.replace(whole)
     # And each source of error by itself, the ends' panels whatever the sides have.
     fluid = scene.fluid
@@ -251,7 +252,7 @@ def test_the_finer_scene_refines_all_that_is_discrete_but_the_elements(changes, 
         if source == "panels" and "fluid.cap_panels" in whole:
             change |= ends
         assert found.pop(source) == scene.replace(change)
-    assert found == ({"together": fine_scene(scene)} if len(whole) > 1 else {})
+    assert found == ({"together": fine_scene(scene)} if finer else {})
 
 
 def test_a_scene_that_cannot_be_refined_is_refused_by_name():
@@ -413,8 +414,9 @@ def test_unexplained_energy_is_an_alarm_for_displacements_that_are_off():
         rollout = play_episode(SwimEnv(scene), load_policy(name, scene), seed=2000000)
 
         def played(scheme: str, step: float, rollout: Rollout = rollout) -> Trajectory:
-            changes = {"integrator.scheme": scheme, "integrator.time_step": step}
-            return rollout.simulate(rollout.scene.replace(changes))
+            changes = {"scheme": scheme, "time_step": step, "tolerance": 1e-10}
+            integrator = replace(rollout.scene.integrator, **changes)
+            return rollout.simulate(replace(rollout.scene, integrator=integrator))
 
         wanted = played("composed", 0.0003125).displacement
         for scheme in ("paper", "composed"):
@@ -509,12 +511,13 @@ def test_a_damaged_record_is_refused(tmp_path, monkeypatch):
 def test_replaying_an_episode_gives_rewards_and_the_figures_of_a_replay():
     scene = load_scene("swimmer", SHORT)
     rollout, trajectory, summary = replay_episode(scene, "tuned_wave", seed=4)
-    assert summary["steps"] == 200
+    hold = scene.steps_per_action
+    assert summary["steps"] == 50 * hold
     assert summary["actions"] == len(rollout.rewards) == 50
     assert summary["return"] == pytest.approx(-summary["displacement"][0], abs=1e-12)
     assert summary["net_displacement"] == pytest.approx(summary["return"], abs=1e-12)
     # Centres of elements are made from the minimal coordinates, with rounding of their own.
-    assert np.abs(trajectory.path[::4] - rollout.path).max() < 1e-14
+    assert np.abs(trajectory.path[::hold] - rollout.path).max() < 1e-14
     json.dumps(summary, allow_nan=False)
 
 

@@ -32,7 +32,7 @@ RECORDED = load_scene("swimmer", {"recording": {}})
 BASES: dict[str, dict[str, object]] = {
     "plain": {},
     "forces": {"internal_forces": {}, "cross_flow_drag": {}},
-    "composed": {"integrator.scheme": "composed"},
+    "paper": {"integrator.scheme": "paper"},
     "no fluid": {"fluid": None},
 }
 
@@ -162,7 +162,7 @@ def assert_recorded(env: Env, start: dict[int, tuple[Array, Array]], actions: Ar
     for member, state in start.items():
         simulator = Simulator(scene)
         simulator.reset_to(*state)
-        again = simulator.rollout(np.repeat(rows[:, member], 4, axis=0))
+        again = simulator.rollout(np.repeat(rows[:, member], scene.steps_per_action, axis=0))
         assert_same(recordings(env)[member], again, f"member {member}")
 
 
@@ -199,12 +199,13 @@ def test_an_environments_recording_begins_at_a_restored_snapshot(maker):
     env.step(second)
     whole = recordings(env)
     env.restore(kept)
+    hold = RECORDED.steps_per_action
     for one, other in zip(recordings(env), whole, strict=True):
-        assert one.steps == 0 and one.time[0] == other.time[4]
+        assert one.steps == 0 and one.time[0] == other.time[hold]
     env.step(second)
     for one, other in zip(recordings(env), whole, strict=True):
-        assert np.array_equal(one.centres, other.centres[4:])
-        assert np.array_equal(one.energy, other.energy[4:])
+        assert np.array_equal(one.centres, other.centres[hold:])
+        assert np.array_equal(one.energy, other.energy[hold:])
 
 
 def test_members_that_are_reset_begin_anew_alone():
@@ -213,11 +214,11 @@ def test_members_that_are_reset_begin_anew_alone():
     actions = uniform(2, 2, 8)
     env.step(actions[0])
     env.reset(options={"reset_mask": np.array([False, True])})
-    assert [one.steps for one in recordings(env)] == [4, 0]
+    assert [one.steps for one in recordings(env)] == [RECORDED.steps_per_action, 0]
     start = {1: starts(env)[1]}
     env.step(actions[1])
     assert_recorded(env, start, actions[1:])
-    assert env.recorded(0).steps == 8
+    assert env.recorded(0).steps == 2 * RECORDED.steps_per_action
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
@@ -272,9 +273,11 @@ def test_a_reset_that_fails_leaves_the_recordings():
 
 # ---- self-contact ------------------------------------------------------------------------------
 
+#: Without panels, whose gap may be under-resolved before it closes.
 CURL = load_scene(
     "swimmer",
     {
+        "fluid.model": "strip",
         "beam.bending_stiffness": 0.5,
         "damping.retardation_time": 0.02,
         "actuation.torque_limit": 8.0,
@@ -298,7 +301,8 @@ def test_an_episode_ends_where_the_body_touches_itself():
     # It may end in the middle of an action: only the steps that were taken count.
     run = env.recorded()
     assert run.termination_reason == "self_contact"
-    assert 4 * (count - 1) <= run.steps < 4 * count
+    hold = CURL.steps_per_action
+    assert hold * (count - 1) <= run.steps < hold * count
     assert_recorded(env, start, np.ones((count, 8)))
     assert run.time[-1] == pytest.approx(info["time"], abs=1e-15)
     assert np.allclose(run.path[-1], info["position"], atol=1e-15)
@@ -318,7 +322,7 @@ def test_a_member_ends_where_it_touches_itself():
     assert terminated.tolist() == [True, False]
     assert info["termination_reason"].tolist() == ["self_contact", ""]
     assert [one.termination_reason for one in recordings(env)] == ["self_contact", ""]
-    assert env.recorded(0).steps < env.recorded(1).steps == 4 * count
+    assert env.recorded(0).steps < env.recorded(1).steps == CURL.steps_per_action * count
 
 
 # ---- streams -----------------------------------------------------------------------------------

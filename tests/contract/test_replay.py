@@ -50,7 +50,7 @@ def test_result_folder(tmp_path, capsys):
     summary = call_script(capsys, "replay", *arguments).figures()
     assert sorted(path.name for path in folder.iterdir()) == sorted(RESULT_FILES)
     trajectory = Trajectory.load(folder / "trajectory.npz")
-    assert trajectory.steps == summary["steps"] == 40
+    assert trajectory.steps == summary["steps"] == 10 * trajectory.scene.steps_per_action
     assert load_scene(folder / "scene.yaml") == trajectory.scene == load_scene("swimmer")
     assert (folder / "path.png").read_bytes().startswith(b"\x89PNG")
     assert call_script(capsys, "replay", *arguments).code == 0

@@ -106,13 +106,16 @@ def test_every_paper_scene_has_the_values_of_table_1(
         assert scene.actuation == dataclasses.replace(wave, **special)
 
 
-def test_swimmer_is_paper_i_with_damping_another_step_and_duration():
+def test_swimmer_is_paper_i_with_damping_and_settings_of_its_own():
     expected = load_scene("paper_i").replace(
         {
             "name": "swimmer",
             "description": load_scene("swimmer").description,
             "damping.retardation_time": 1e-3,
-            "integrator.time_step": 0.005,
+            "fluid.cap_panels": 2,
+            "integrator.scheme": "composed",
+            "integrator.time_step": 0.02 / 3,
+            "integrator.tolerance": 1e-4,
             "episode.duration": 20.0,
         }
     )

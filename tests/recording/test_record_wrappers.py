@@ -261,8 +261,10 @@ class Failing(gymnasium.Wrapper):
     after = False
 
     def step(self, action):
-        result = None if self.unwrapped.steps == 12 and not self.after else self.env.step(action)
-        if result is None or self.unwrapped.steps == 16:
+        hold = self.unwrapped.scene.steps_per_action
+        early = self.unwrapped.steps == 3 * hold and not self.after
+        result = None if early else self.env.step(action)
+        if result is None or self.unwrapped.steps == 4 * hold:
             raise RuntimeError("the battery is empty")
         return result
 
@@ -362,7 +364,7 @@ def test_a_scene_that_records_by_itself(tmp_path, batch):
     if not batch:
         env = record(tmp_path / "a", scene=scene)
         play(env, 0)
-        assert env.unwrapped.recorded().steps == 40
+        assert env.unwrapped.recorded().steps == 10 * env.unwrapped.scene.steps_per_action
         one = only(tmp_path / "a" / "swimmer-episode-0.rrd")
         assert one.time[-1] == pytest.approx(0.2)
     env = SwimVectorEnv(2, overrides=scene) if batch else SwimEnv(overrides=scene)
@@ -372,7 +374,7 @@ def test_a_scene_that_records_by_itself(tmp_path, batch):
         late.reset(options={"noise": "bad"})
     late.step(np.zeros(env.action_space.shape))
     assert (env.episodes.counters[:, 0] == 1).all()
-    assert (env.episodes.bodies.steps_taken == 4.0).all()
+    assert (env.episodes.bodies.steps_taken == env.scene.steps_per_action).all()
     late.close()
     assert not names_in(tmp_path / "b")
 

@@ -77,7 +77,7 @@ def test_the_environments_as_one_json_line(tmp_path):
     ours = {"agent", "random", "violent", "paper_i_wave", "batch_1_thread"}
     assert record["speeds"].keys() >= ours
     for name, one in record["speeds"].items():
-        assert one["physics_steps_per_step"] == (2 if name.startswith("paper_i") else 4)
+        assert one["physics_steps_per_step"] == (2 if name.startswith("paper_i") else 3)
         assert one["peer"] is False
         for rate in ("steps_per_second", "microseconds_per_step", "simulated_seconds_per_second"):
             assert one[rate].keys() == SPREAD
@@ -185,7 +185,7 @@ def test_a_loop_continues_and_starts_ended_episodes_anew():
 def test_workloads_say_what_a_call_plays(batch, steps):
     scene = load_scene("swimmer", {"beam.elements": 3, "episode.duration": 0.06})
     work = environment_workload("label", scene, 4, batch=batch)
-    assert (work.steps, work.physics_steps) == (steps, 4 * steps)
+    assert (work.steps, work.physics_steps) == (steps, scene.steps_per_action * steps)
     assert work.seconds == pytest.approx(0.02 * steps)
     work.call()
 
