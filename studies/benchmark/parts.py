@@ -17,7 +17,7 @@ from swim_env.physics.fluid.models import added_mass, shape_force
 from swim_env.physics.fluid.outline import build_outline, outline_status, panel_count
 from swim_env.physics.fluid.panel_mass import SMALLEST_PIVOT
 from swim_env.physics.fluid.sources import influence, normal_influence
-from swim_env.physics.planar.equations import evaluate_held_step, evaluate_step
+from swim_env.physics.planar.equations import evaluate_step
 from swim_env.physics.planar.layout import ADDED, TOTAL
 from swim_env.physics.planar.matrix import step_jacobian
 from swim_env.physics.runtime.compile import entry_kernel
@@ -83,12 +83,12 @@ def _repeat(
             body.mass.known[ADDED] = 0
             prepare(state, beam, fluid, solver, body, buffers, newton, step.effort)
         elif part == _WHOLE_STEP:
-            evaluate_step(p, torques, z, h, beam, fluid, body, buffers)
+            evaluate_step(p, torques, z, h, False, False, beam, fluid, body, buffers)
         elif part == _JACOBIAN:
             step_jacobian(h, 0.0, beam, fluid, body, buffers, newton)
             lu_factor(newton.jacobian, newton.permutation)
         elif part == _HELD_STEP:
-            evaluate_held_step(p, torques, z, h, beam, fluid, body)
+            evaluate_step(p, torques, z, h, False, True, beam, fluid, body, buffers)
             copy(body.balance.residual, newton.correction)
             lu_solve(newton.jacobian, newton.permutation, newton.correction)
         elif part == _OUTLINE:

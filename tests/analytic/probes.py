@@ -19,7 +19,7 @@ from swim_env.physics.fluid.outline import LATERAL, LENGTH, ROTARY, FluidGeometr
 from swim_env.physics.fluid.sources import POTENTIAL, normal_influence
 from swim_env.physics.loading import load_kernels
 from swim_env.physics.planar.chain import BeamConstants
-from swim_env.physics.planar.equations import evaluate_adjoint_step, evaluate_step
+from swim_env.physics.planar.equations import evaluate_step
 from swim_env.physics.planar.matrix import (
     adjoint_jacobian,
     mass_matrix,
@@ -115,13 +115,10 @@ def _step_probe(
         status = added_mass(ends, fluid, work, body.mass.added)
         if status != 0:
             return status
-        # The motion, then the shape force that belongs to it, then all of the balance.
-        evaluate_adjoint_step(p, torques, z, h, beam, fluid, body)
-        shape_force(body.inc.motion, fluid, work, body.balance.shape)
-        evaluate_adjoint_step(p, torques, z, h, beam, fluid, body)
+        evaluate_step(p, torques, z, h, True, False, beam, fluid, body, work)
         adjoint_jacobian(h, beam, fluid, body, newton)
     else:
-        evaluate_step(p, torques, z, h, beam, fluid, body, work)
+        evaluate_step(p, torques, z, h, False, False, beam, fluid, body, work)
         step_jacobian(h, difference, beam, fluid, body, work, newton)
     copy(body.balance.residual, out.residual)
     copy(body.balance.change, out.change)

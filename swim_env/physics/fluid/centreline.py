@@ -38,7 +38,7 @@ from swim_env.physics.fluid.outline import (
 from swim_env.physics.fluid.panel_mass import differentiate_panels, invert_influence, sum_added_mass
 from swim_env.physics.fluid.panels import panel_costs
 from swim_env.physics.fluid.sources import POTENTIAL, influence
-from swim_env.physics.runtime.compile import inlined, kernel, shared
+from swim_env.physics.runtime.compile import inlined, kernel, linked_kernel, shared
 from swim_env.physics.status import FINE, UNDER_RESOLVED_GAP
 from swim_env.scene import Fluid
 
@@ -208,7 +208,7 @@ def _collect_chain_motions(fluid: FluidConstants, work: FluidWork) -> None:
                 work.loads[elements + k, i] += panels[ROTARY, p] * potential
 
 
-@inlined
+@linked_kernel
 def _added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> int:
     geometry = fluid.geometry
     outline = work.outline
@@ -227,7 +227,7 @@ def _added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out
     return FINE
 
 
-@inlined
+@linked_kernel
 def _shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> None:
     differentiate_panels(motion, _chain_count(fluid.geometry), fluid, work)
     _chain_gradient(fluid.geometry, work.outline, work.gradient, out)

@@ -19,7 +19,7 @@ from swim_env.physics.fluid.layout import FluidConstants, FluidWork, motion_coun
 from swim_env.physics.fluid.model import Costs, Model
 from swim_env.physics.fluid.outline import FluidGeometry
 from swim_env.physics.fluid.straight import NearlyStraight
-from swim_env.physics.runtime.compile import inlined
+from swim_env.physics.runtime.compile import linked_kernel
 from swim_env.physics.status import FINE
 from swim_env.scene import Fluid
 
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 _BENDS = (0.02, 0.01)
 
 
-@inlined
+@linked_kernel
 def _added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> int:
     """Sum A_0 + sum_ij a_i a_j A_ij / 2 over joints, and keep the angles for the shape force."""
     motions = motion_count(fluid)
@@ -56,7 +56,7 @@ def _added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out
     return FINE
 
 
-@inlined
+@linked_kernel
 def _shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> None:
     """Differentiate V^T A V / 2: sum_j a_j V^T A_ij V / 2 for joint i, then by elements."""
     elements = fluid.geometry.elements

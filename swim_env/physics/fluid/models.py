@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.layout import FluidConstants, FluidWork, fluid_views
+from swim_env.physics.fluid.layout import FluidConstants, FluidWork, fluid_buffers, fluid_views
 from swim_env.physics.fluid.model import Model
 from swim_env.physics.fluid.outline import FluidGeometry
-from swim_env.physics.runtime.compile import entry_kernel, kernel
+from swim_env.physics.runtime.cache import alone
+from swim_env.physics.runtime.compile import Linked, entry_kernel, kernel, link
 from swim_env.physics.status import MASS_NOT_POSITIVE
 from swim_env.scene import FLUID_MODEL_NAMES
 
@@ -36,6 +37,28 @@ MODELS: dict[str, Model] = {name: _load(name) for name in FLUID_MODEL_NAMES}
 FLUID_MODELS: dict[str, int] = {name: code for code, name in enumerate(MODELS)}
 
 
+def load_model(name: str) -> None:
+    """Load the kernels of a model; the first process that does so compiles them."""
+    kernels = [one for one in linked_kernels(name) if not one.is_loaded]
+    if kernels:
+        with alone():
+            for one in kernels:
+                one.load()
+
+
+def linked_kernels(name: str) -> list[Linked]:
+    """Return the kernels of a model that are called at an address."""
+    model = MODELS[name]
+    work, _ = fluid_views(fluid_buffers(SAMPLE), SAMPLE)
+    out = np.zeros((2, 2))
+    found = []
+    for one, last in ((model.added_mass, out), (model.shape_force, out[0])):
+        if hasattr(one, "linked"):
+            one.linked.declare(out[0], SAMPLE, work, last)
+            found.append(one.linked)
+    return found
+
+
 def fluid_constants(
     name: str,
     geometry: FluidGeometry,
@@ -46,8 +69,9 @@ def fluid_constants(
     drag: float = 0.0,
     stream: tuple[float, float] = (0.0, 0.0),
 ) -> FluidConstants:
-    """Return the constants of a model for the kernels; see `FluidConstants`."""
+    """Return the constants of a model for the kernels, and load those; see `FluidConstants`."""
     model = MODELS[name]
+    load_model(name)
     motions = 2 * geometry.elements + (2 if axial else 0)
     return FluidConstants(
         FLUID_MODELS[name],
@@ -64,6 +88,12 @@ def fluid_constants(
     )
 
 
+#: Constants of the types that all have.
+SAMPLE = FluidConstants(
+    0, FluidGeometry(2, 0.5, 0.01, 1, 1), 1.0, True, True, 1, 1, False, np.zeros(0), 0.0, 0.0, 0.0
+)
+
+
 @kernel
 def _no_added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> int:
     # Names are looked up in the table, so no scene comes here.
@@ -75,7 +105,7 @@ def _no_shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, out: 
     out[:] = np.nan
 
 
-def _by_model(name: str, unknown: Any) -> Any:
+def _by_model(name: str, unknown: Any, returned: str) -> Any:
     """Return an entry kernel that calls this kernel of the model whose code `fluid.model` is.
 
     Numba knows functions one by one and not in tables, so the comparisons are written out here: one
@@ -95,10 +125,11 @@ def _by_model(name: str, unknown: Any) -> Any:
     names |= {"unknown": unknown, "fluid_views": fluid_views, "__name__": __name__}
     # Under the name of this file, so that numba keeps the compiled code.
     exec(compile("\n".join(lines), __file__, "exec"), names)
-    return entry_kernel(names[name])
+    names[name].__annotations__["return"] = returned
+    return link(entry_kernel(names[name]))
 
 
-added_mass = _by_model("added_mass", _no_added_mass)
+added_mass = _by_model("added_mass", _no_added_mass, "int")
 """Evaluate the added mass of a shape with the scene's fluid model.
 
 Parameters
@@ -119,7 +150,7 @@ int
     0, or the code of the reason why there is none (see `swim_env.physics.status`).
 """
 
-shape_force = _by_model("shape_force", _no_shape_force)
+shape_force = _by_model("shape_force", _no_shape_force, "None")
 """Differentiate V^T A V/2 with respect to every element angle, V held.
 
 Parameters

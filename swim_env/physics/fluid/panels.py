@@ -22,7 +22,7 @@ from swim_env.physics.fluid.outline import (
 )
 from swim_env.physics.fluid.panel_mass import differentiate_panels, invert_influence, sum_added_mass
 from swim_env.physics.fluid.sources import POTENTIAL, influence
-from swim_env.physics.runtime.compile import inlined
+from swim_env.physics.runtime.compile import inlined, linked_kernel
 from swim_env.physics.runtime.dense import add_multiple
 from swim_env.physics.status import FINE
 
@@ -69,7 +69,7 @@ def _collect_motions(fluid: FluidConstants, work: FluidWork) -> None:
             add_multiple(row, potential, length * panels[AXIAL, p])
 
 
-@inlined
+@linked_kernel
 def _added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> int:
     geometry = fluid.geometry
     outline = work.outline
@@ -89,7 +89,7 @@ def _added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out
     return FINE
 
 
-@inlined
+@linked_kernel
 def _shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> None:
     """Differentiate the discrete A exactly, by one adjoint."""
     differentiate_panels(motion, panel_count(fluid.geometry), fluid, work)

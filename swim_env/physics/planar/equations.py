@@ -44,7 +44,7 @@ from swim_env.physics.planar.elastic import (
     linearise_mean_joints,
 )
 from swim_env.physics.planar.layout import Balance, Body, Drag, Increment, Pose
-from swim_env.physics.runtime.compile import inlined, kernel
+from swim_env.physics.runtime.compile import inlined, kernel, linked_kernel
 from swim_env.physics.runtime.dense import mat_vec
 from swim_env.physics.runtime.elementary import SMALL_ANGLE, cos_small, sin_small
 
@@ -149,18 +149,20 @@ def _move(
             inc.impulse[i] /= h
 
 
-@kernel
+@linked_kernel
 def evaluate_step(
     p: Array,
     torques: Array,
     z: Array,
     h: float,
+    adjoint: bool,
+    held: bool,
     beam: BeamConstants,
     fluid: FluidConstants,
     body: Body,
     fluid_buffers: FluidBuffers,
 ) -> float:
-    """Evaluate the residual of p_n + D1 L_d(q_n, q_{n+1}) + h F/2 = 0 with its shape force.
+    """Evaluate the residual of p_n + D1 L_d(q_n, q_{n+1}) + h F/2 = 0, or of the adjoint map.
 
     Parameters
     ----------
@@ -172,10 +174,16 @@ def evaluate_step(
         Increment (dc, d theta_1, da_2 ... da_N).
     h : float
         Length of the step (s).
+    adjoint : bool
+        Whether it is D1 L_d*. Then `body.mass` holds the added mass of q_{n+1}, or one that is
+        tried for it, and the shape force changes the momentum but not the residual.
+    held : bool
+        Whether the shape force is taken as `body.balance` has it. An evaluation spends most of its
+        time on that, and it changes little with z.
     beam, fluid : BeamConstants, FluidConstants
         The scene.
     body : Body
-        With the pose q_n and the state's added mass. Increment, balance and drag are overwritten.
+        With the pose q_n and the added mass. Increment, balance and drag are overwritten.
     fluid_buffers : FluidBuffers
         As `added_mass` left them for that.
 
@@ -185,55 +193,14 @@ def evaluate_step(
         max_i |r_i|/s_i with s_i = max(smallest scale, |p_i|, impulses); not finite where z is not.
     """
     pose, inc, balance, drag, mass = body
-    _move(z, h, beam, fluid, pose.d1, mass.added, pose, inc, balance.sums)
-    if fluid.present:
+    normal, early = pose.d1, balance.pose_forces
+    if adjoint:
+        normal, early = inc.new_d1, balance.no_forces
+    _move(z, h, beam, fluid, normal, mass.added, pose, inc, balance.sums)
+    if fluid.present and not held:
         shape_force(inc.motion, fluid, fluid_buffers, balance.shape)
-    _pose_forces(h, pose.d1, fluid, inc, balance)
-    early = balance.pose_forces
-    return _balance(p, torques, z, h, pose.d1, early, beam, fluid, pose, inc, balance, drag)
-
-
-@kernel
-def evaluate_held_step(
-    p: Array,
-    torques: Array,
-    z: Array,
-    h: float,
-    beam: BeamConstants,
-    fluid: FluidConstants,
-    body: Body,
-) -> float:
-    """Evaluate the residual like `evaluate_step`, the shape force taken as `body.balance` has it.
-
-    The shape force is what an evaluation spends most of its time on, and changes little with z.
-    """
-    pose, inc, balance, drag, mass = body
-    _move(z, h, beam, fluid, pose.d1, mass.added, pose, inc, balance.sums)
-    _pose_forces(h, pose.d1, fluid, inc, balance)
-    early = balance.pose_forces
-    return _balance(p, torques, z, h, pose.d1, early, beam, fluid, pose, inc, balance, drag)
-
-
-@kernel
-def evaluate_adjoint_step(
-    p: Array,
-    torques: Array,
-    z: Array,
-    h: float,
-    beam: BeamConstants,
-    fluid: FluidConstants,
-    body: Body,
-) -> float:
-    """Evaluate the residual of the adjoint map, p_n + D1 L_d*(q_n, q_{n+1}) + h F/2 = 0.
-
-    `body.mass` holds the added mass of q_{n+1}, or one that is tried for it, and `body.balance` its
-    shape force, which changes the momentum but not the residual.
-    """
-    pose, inc, balance, drag, mass = body
-    _move(z, h, beam, fluid, inc.new_d1, mass.added, pose, inc, balance.sums)
-    _pose_forces(h, inc.new_d1, fluid, inc, balance)
-    early = balance.no_forces
-    return _balance(p, torques, z, h, inc.new_d1, early, beam, fluid, pose, inc, balance, drag)
+    _pose_forces(h, normal, fluid, inc, balance)
+    return _balance(p, torques, z, h, normal, early, beam, fluid, pose, inc, balance, drag)
 
 
 @inlined

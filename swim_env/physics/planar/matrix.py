@@ -16,7 +16,7 @@ from swim_env.physics.planar.elastic import (
     add_turn_columns,
 )
 from swim_env.physics.planar.layout import Body, Drag, Increment, Mass, Newton, Pose
-from swim_env.physics.runtime.compile import inlined, kernel
+from swim_env.physics.runtime.compile import inlined, kernel, linked_kernel
 from swim_env.physics.runtime.dense import copy, multiply
 
 Array = NDArray[np.float64]
@@ -233,7 +233,7 @@ def _add_drag_columns(
             out[2 + k] += pose.d1[0, k] * drag.lever[0, k] + pose.d1[1, k] * drag.lever[1, k]
 
 
-@kernel
+@linked_kernel
 def step_jacobian(
     h: float,
     shape_difference: float,
@@ -256,7 +256,7 @@ def step_jacobian(
     _finish_jacobian(h, beam, fluid, body, newton)
 
 
-@kernel
+@linked_kernel
 def adjoint_jacobian(
     h: float, beam: BeamConstants, fluid: FluidConstants, body: Body, newton: Newton
 ) -> None:

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from swim_env.physics.fluid.layout import FluidBuffers, FluidConstants
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.equations import (
-    evaluate_adjoint_step,
-    evaluate_held_step,
     evaluate_step,
     round_off_floor,
 )
@@ -27,7 +25,7 @@ from swim_env.physics.planar.matrix import (
     pose_jacobian,
     step_jacobian,
 )
-from swim_env.physics.runtime.compile import inlined, kernel
+from swim_env.physics.runtime.compile import inlined, kernel, linked_kernel
 from swim_env.physics.runtime.dense import copy, lu_factor, lu_solve
 from swim_env.physics.solve.constants import SolverConstants
 from swim_env.physics.solve.prepare import find_added_mass
@@ -108,7 +106,7 @@ def _evaluate(
     step.effort[0] += solver.evaluation_cost
     step.tally[EVALUATED] += 1
     if not adjoint:
-        return evaluate_step(p, torques, z, h, beam, fluid, body, fluid_buffers)
+        return evaluate_step(p, torques, z, h, False, False, beam, fluid, body, fluid_buffers)
     mass = body.mass
     shape = mass.trial_shape[: torques.size]
     for j in range(torques.size):
@@ -117,7 +115,7 @@ def _evaluate(
     step.tally[SHAPE_FAILURE] = status
     if status != FINE:
         return np.inf
-    return evaluate_adjoint_step(p, torques, z, h, beam, fluid, body)
+    return evaluate_step(p, torques, z, h, True, True, beam, fluid, body, fluid_buffers)
 
 
 @inlined
@@ -129,6 +127,7 @@ def _correct_once_more(
     beam: BeamConstants,
     fluid: FluidConstants,
     body: Body,
+    fluid_buffers: FluidBuffers,
     newton: Newton,
 ) -> None:
     """Correct the increment after its residual was met, with the shape force that belongs to it.
@@ -144,14 +143,14 @@ def _correct_once_more(
         lu_solve(newton.jacobian, newton.permutation, newton.correction)
         for i in range(z.size):
             z[i] += newton.correction[i]
-        norm = evaluate_held_step(p, torques, z, h, beam, fluid, body)
+        norm = evaluate_step(p, torques, z, h, False, True, beam, fluid, body, fluid_buffers)
         if norm <= met:
             return
     copy(newton.trial, z)
-    evaluate_held_step(p, torques, z, h, beam, fluid, body)
+    evaluate_step(p, torques, z, h, False, True, beam, fluid, body, fluid_buffers)
 
 
-@inlined
+@linked_kernel
 def newton_in_passes(
     m: Member,
     torques: Array,
@@ -197,10 +196,7 @@ def newton_in_passes(
     balance = body.balance
     z = newton.increment
     if guessed:
-        if adjoint:
-            norm = evaluate_adjoint_step(p, torques, z, h, beam, fluid, body)
-        else:
-            norm = evaluate_held_step(p, torques, z, h, beam, fluid, body)
+        norm = evaluate_step(p, torques, z, h, adjoint, True, beam, fluid, body, fluid_buffers)
     else:
         norm = _evaluate(
             q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_buffers, step
@@ -238,10 +234,7 @@ def newton_in_passes(
             size = new_size
             for i in range(z.size):
                 z[i] += newton.correction[i]
-            if adjoint:
-                norm = evaluate_adjoint_step(p, torques, z, h, beam, fluid, body)
-            else:
-                norm = evaluate_held_step(p, torques, z, h, beam, fluid, body)
+            norm = evaluate_step(p, torques, z, h, adjoint, True, beam, fluid, body, fluid_buffers)
             step.tally[CORRECTIONS] += 1
             if norm <= enough:
                 break
@@ -267,7 +260,7 @@ def newton_in_passes(
             # The adjoint's added mass is to stay that of the increment.
             accepted = norm <= solver.tolerance
             if accepted and not adjoint:
-                _correct_once_more(norm, p, torques, h, beam, fluid, body, newton)
+                _correct_once_more(norm, p, torques, h, beam, fluid, body, fluid_buffers, newton)
         elif not held:
             accepted = norm <= solver.tolerance
         enough = 0.0
@@ -281,7 +274,7 @@ def newton_in_passes(
     return False, norm
 
 
-@inlined
+@linked_kernel
 def newton_with_shortening(
     m: Member,
     torques: Array,

@@ -18,12 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.physics.fluid.layout import FluidConstants
-from swim_env.physics.fluid.models import shape_force
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.drag import drag_loss, drag_moment
-from swim_env.physics.planar.equations import evaluate_adjoint_step, set_pose
+from swim_env.physics.planar.equations import evaluate_step, set_pose
 from swim_env.physics.planar.layout import TOTAL, Body, Drag, Increment, Pose
-from swim_env.physics.runtime.compile import inlined, kernel
+from swim_env.physics.runtime.compile import embedded, inlined, kernel
 from swim_env.physics.runtime.dense import copy
 from swim_env.physics.solve.budget import keep_budget
 from swim_env.physics.solve.constants import SolverConstants
@@ -85,7 +84,7 @@ def _extrapolate(
             shape[k] += shape_history[1, k] - shape_history[2, k]
 
 
-@inlined
+@embedded
 def _solve_part(
     m: Member,
     torques: Array,
@@ -299,7 +298,7 @@ def _move_on(
     counters[LAST_PART] = part
 
 
-@inlined
+@embedded
 def outer_step(
     m: Member,
     torques: Array,
@@ -372,8 +371,9 @@ def outer_step(
         if adjoint:
             # The change of the momentum needs the shape force at the end.
             step.effort[0] += solver.evaluation_cost
-            shape_force(inc.motion, fluid, fluid_buffers, balance.shape)
-            evaluate_adjoint_step(state.p, torques, increment, h, beam, fluid, body)
+            evaluate_step(
+                state.p, torques, increment, h, True, False, beam, fluid, body, fluid_buffers
+            )
         if solver.composed:
             _keep_losses(second, increment, beam, body, fluid.drag, step.losses)
         else:

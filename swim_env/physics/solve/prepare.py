@@ -13,7 +13,7 @@ from swim_env.physics.planar.elastic import with_elastic_energy
 from swim_env.physics.planar.equations import set_pose
 from swim_env.physics.planar.layout import ADDED, TOTAL, Body, Mass, Newton, Pose
 from swim_env.physics.planar.matrix import mass_matrix
-from swim_env.physics.runtime.compile import inlined, kernel
+from swim_env.physics.runtime.compile import inlined, kernel, linked_kernel
 from swim_env.physics.runtime.dense import cholesky, cholesky_solve, copy, dot
 from swim_env.physics.solve.constants import SolverConstants
 from swim_env.physics.solve.state import State
@@ -56,7 +56,7 @@ def find_added_mass(
     return status
 
 
-@kernel
+@linked_kernel
 def prepare(
     state: State,
     beam: BeamConstants,

@@ -215,10 +215,10 @@ def member_views(
     rows, end = matrix(floats, end, 12, n)
     record, end = vector(floats, end, _RECORD)
     effort, end = vector(floats, end, 1)
-    shapes = rows[10:12, : elements - 1]
+    joints = elements - 1
     step = OuterStep(
-        *(rows[0], rows[1], rows[2], rows[3], shapes[0]),
-        *(rows[4], rows[5], shapes[1], rows[6]),
+        *(rows[0], rows[1], rows[2], rows[3], rows[10][:joints]),
+        *(rows[4], rows[5], rows[11][:joints], rows[6]),
         record,
         rows[7:10],
         effort,
