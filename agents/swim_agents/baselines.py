@@ -6,7 +6,6 @@ depends on nothing but the clock, which is passed on in `state` as for a recurre
 
 from __future__ import annotations
 
-import operator
 from typing import Any, Protocol
 
 import numpy as np
@@ -110,13 +109,12 @@ class _Baseline:
 
     def check(self, scene: Scene, task: str | None = None) -> None:
         """Refuse a scene for which these actions would mean something else (OptionError)."""
-        for field in self._fields:
-            here, there = (operator.attrgetter(field)(one) for one in (scene, self.scene))
-            if here != there:
-                raise OptionError(
-                    f"this {type(self).__name__} was made for scene {self.scene.name} and cannot "
-                    f"play scene {scene.name}: {field} is {here}, not {there}; make one for it"
-                )
+        found = difference(self.scene, scene, self._fields, "its own scene")
+        if found:
+            raise OptionError(
+                f"this {type(self).__name__} was made for scene {self.scene.name} and cannot "
+                f"play scene {scene.name}: {found}; make one for it"
+            )
 
     #: What `check` compares.
     _fields: tuple[str, ...] = ("beam.elements",)

@@ -147,15 +147,7 @@ def fine_scene(scene: Scene) -> Scene:
     play it: actions and observations, their scales included, are those of the scene. It is a
     SceneError if a scene has so many panels that more are refused.
     """
-    changes: dict[str, object] = {}
-    for refined in _refinements(scene).values():
-        changes |= refined
-    try:
-        return scene.replace(changes)
-    except SceneError as error:
-        raise SceneError(
-            f"scene {scene.name} is too fine to be verified by a finer one: {error}"
-        ) from None
+    return list(finer_scenes(scene).values())[-1]
 
 
 def finer_scenes(scene: Scene) -> dict[str, Scene]:
@@ -164,12 +156,18 @@ def finer_scenes(scene: Scene) -> dict[str, Scene]:
     For each of the scene's SOURCES that is the scene with nothing else refined, and last, where
     there are several, `fine_scene` under ``together``.
     """
-    fine = fine_scene(scene)
-    refinements = _refinements(scene)
-    if len(refinements) == 1:
-        return dict.fromkeys(refinements, fine)
-    alone = {source: scene.replace(changes) for source, changes in refinements.items()}
-    return {**alone, "together": fine}
+    refined = _refinements(scene)
+    if len(refined) > 1:
+        everything: dict[str, object] = {}
+        for changes in refined.values():
+            everything |= changes
+        refined["together"] = everything
+    try:
+        return {name: scene.replace(changes) for name, changes in refined.items()}
+    except SceneError as error:
+        raise SceneError(
+            f"scene {scene.name} is too fine to be verified by a finer one: {error}"
+        ) from None
 
 
 def verify_rollout(

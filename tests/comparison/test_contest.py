@@ -488,7 +488,7 @@ def test_a_policy_of_another_scene_is_refused_before_any_is_played():
     other = load_policy("tuned_wave", scene.replace("actuation.torque_limit", 2.0))
     played: list[float] = []
     entries = [*entries_of(["zero"], scene), Entry("other", "other", other, {})]
-    with refuses(OptionError, "cannot play scene swimmer: torque_limit is 1.0, not 2.0"):
+    with refuses(OptionError, "cannot play scene swimmer: torque_limit is 1.0, it was 2.0"):
         hold_contest(scene, entries, SEEDS, threads=1, progress=played.append)
     assert not played
     target = Entry("agent", "agent", load_policy("ppo_target", scene), {})
