@@ -2,6 +2,8 @@
 
 import os
 import re
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -177,22 +179,40 @@ def test_compare_records(command, tmp_path):
         assert one.series["progress"][-1, 0] == pytest.approx(gained, abs=1e-12)
 
 
-def test_train_records_every_evaluation(command, tmp_path):
-    """A file an evaluation, under its number of steps."""
+def test_train_records_every_evaluation_of_every_run_in_one_folder(command, tmp_path):
+    """A file an evaluation, under its number of steps; a prolonged run goes on in its folder."""
     from swim_agents.learning.logs import read_log
 
-    done = command(
-        "train", "demo", "--set", "steps=256", "evaluation.every=128", "evaluation.episodes=2",
-        "members=8", "ppo.minibatch=128", "ppo.rollout=16", "scene.episode.duration=0.2",
-        "--output", tmp_path / "run", "--record", tmp_path / "seen",
-    )  # fmt: skip
-    assert done.code == 0, done.err
-    steps = read_log(tmp_path / "run" / "seed_0" / "evaluations.csv")["steps"]
-    files = sorted((tmp_path / "seen" / "seed_0").iterdir())
-    assert {path.name for path in files} == {f"evaluation-{int(n)}.rrd" for n in steps}
-    assert len(files) >= 2
-    (one,) = read_recording(files[0]).swimmers.values()
+    seen = tmp_path / "seen"
+
+    def train(output: str, *more: str) -> set[Path]:
+        """Return the folders of recordings that are new."""
+        before = set(seen.glob("*"))
+        done = command(
+            "train", "demo", "--set", "evaluation.every=128", "evaluation.episodes=2", "members=8",
+            "ppo.minibatch=128", "ppo.rollout=16", "scene.episode.duration=0.2", *more,
+            "--output", tmp_path / output, "--record", seen,
+        )  # fmt: skip
+        assert done.code == 0, done.err
+        return set(seen.glob("*")) - before
+
+    def steps_of(output: str) -> set[str]:
+        steps = read_log(tmp_path / output / "seed_0" / "evaluations.csv")["steps"]
+        return {f"evaluation-{int(n)}.rrd" for n in steps}
+
+    (first,) = train("run", "steps=256")
+    assert first.name.startswith("swimmer-") and "-demo-seed_0-" in first.name
+    kept = {path.name: path.read_bytes() for path in first.iterdir()}
+    assert kept.keys() == steps_of("run") and len(kept) >= 2
+    (one,) = read_recording(next(first.iterdir())).swimmers.values()
     assert one.time[-1] == pytest.approx(0.2)
+    # Another place, and another configuration in the place of a run that was removed.
+    assert len(train("other", "steps=128")) == 1
+    shutil.rmtree(tmp_path / "other")
+    assert len(train("other", "steps=128", "ppo.epochs=1")) == 1
+    assert {path.name: path.read_bytes() for path in first.iterdir()} == kept
+    assert not train("run", "steps=384", "--resume")
+    assert {path.name for path in first.iterdir()} == steps_of("run") > kept.keys()
 
 
 @pytest.mark.slow

@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--record",
         metavar="FOLDER",
         help="write a recording for rerun of every evaluation's first episode, without the fluid, "
-        "into FOLDER/seed_N/evaluation-STEPS.rrd",
+        "into FOLDER/RUN/evaluation-STEPS.rrd, where RUN is named after the run",
     )
     cli.add_options(parser, "json")
 
@@ -96,9 +96,9 @@ def _train_all(
                 file=sys.stderr,
             )
             steps[seed] = 0
+    if options.record is not None:
+        recording_file(Path(options.record) / "any.rrd", "any")
     for folder in [folder for seed, folder in folders.items() if steps[seed]]:
-        if options.record is not None:
-            recording_file(Path(options.record) / folder.name / "any.rrd", "any")
         with writing("the run's folder", folder, verb="make"):
             folder.mkdir(parents=True, exist_ok=True)
         check_file(folder / "run.json")
@@ -115,7 +115,7 @@ def _train_all(
                 **settings,
                 threads=options.threads,
                 command=shlex.join(options.command_line),
-                record=None if options.record is None else Path(options.record) / f"seed_{seed}",
+                record=options.record,
                 progress=progress,
             )
         runs.append({**result, "folder": str(folder)})

@@ -51,6 +51,7 @@ from swim_agents.learning.models import (
 )
 from swim_agents.learning.saved import save_agent
 from swim_agents.learning.smoothing import SmoothedPolicy
+from swim_agents.policies import run_label
 from swim_agents.rollout import play_episodes
 from swim_env import __version__
 from swim_env.errors import SwimError, require_packages
@@ -149,8 +150,9 @@ def train(
     command : str, optional
         What the user typed, for the record.
     record : str or os.PathLike, optional
-        Folder for a recording of every evaluation's first episode; the training does not depend
-        on it.
+        Folder for a recording of every evaluation's first episode,
+        ``RUN/evaluation-STEPS.rrd``, where RUN is named after the run, so that those of several
+        runs go together; the training does not depend on it.
     progress : callable, optional
         Called with the number of environment steps since the last call (or since the start, after
         a resume) and a short text on the latest evaluation.
@@ -174,7 +176,8 @@ def train(
     seed, device = _checked_start(config, seed, device)
     recordings = None
     if record is not None:
-        recordings = recording_file(Path(record) / "any.rrd", "any").parent
+        label = _recordings_label(config, place, seed)
+        recordings = recording_file(Path(record) / label / "any.rrd", "any").parent
     with writing("the run's folder", place, verb="make"):
         place.mkdir(parents=True, exist_ok=True)
     with _alone(place), torch_threads(config.torch_threads):
@@ -185,6 +188,13 @@ def train(
         run = _Run(config, place, seed, device, threads, command, before, recordings)
         with contextlib.closing(run):
             return run.play(progress)
+
+
+def _recordings_label(config: TrainingConfig, folder: Path, seed: int) -> str:
+    """Return what the recordings of a run are called, prolonged or not, and of no other run."""
+    settings = {name: value for name, value in config.to_dict().items() if name != "steps"}
+    names, place = [config.name, f"seed_{seed}"], str(folder.resolve())
+    return run_label(config.scene, names, config.task, config=settings, folder=place)
 
 
 def check_run(
