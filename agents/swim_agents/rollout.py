@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from swim_agents.baselines import Policy
 from swim_env.envs.episodes import Episodes
 from swim_env.envs.single import SwimEnv
-from swim_env.envs.task import TARGET_RADIUS, TASKS, Task
+from swim_env.envs.task import TARGET_RADIUS, TASKS, Start, Task
 from swim_env.envs.vector import SwimVectorEnv
-from swim_env.errors import OptionError
+from swim_env.errors import OptionError, SimulationEndedError
 from swim_env.scene import Scene
 from swim_env.sim.simulator import Simulator
 from swim_env.sim.trajectory import Trajectory
@@ -107,6 +107,27 @@ class Rollout:
         hold = played.steps_per_action
         steps = self.steps * hold // self.scene.steps_per_action
         return simulator.rollout(np.repeat(self.torques, hold, axis=0)[:steps], progress)
+
+    def refused(self, scene: Scene, reason: str) -> Rollout:
+        """Return the episode of another scene in which this start cannot be simulated.
+
+        It ends for this reason, one of `swim_env.TERMINATION_REASONS`, before the first action.
+        """
+        return replace(
+            self,
+            scene=scene,
+            torques=self.torques[:0],
+            steps=0,
+            rewards=self.rewards[:0],
+            path=self.path[:1],
+            info={
+                **dict.fromkeys(self.info.keys() & {"success", "is_success"}, False),
+                "termination_reason": reason,
+                "energy_drift": 0.0,
+            },
+            terminated=True,
+            truncated=False,
+        )
 
     def swimmer(
         self, name: str, trajectory: Trajectory | None = None, target_radius: float = TARGET_RADIUS
@@ -241,6 +262,16 @@ def check_policy(policy: Policy, task: Task) -> None:
         check(task.scene, names[0] if names else None)
 
 
+def _begin_like(episodes: Episodes, member: int, start: Rollout) -> str:
+    """Put a member where an episode began, or return why it cannot be simulated there."""
+    try:
+        state = episodes.bodies.prepared(member, start.coordinates, start.velocity)
+    except SimulationEndedError as error:
+        return error.reason
+    episodes.begin(member, Start(start.coordinates, start.velocity, start.goal), state)
+    return ""
+
+
 def play_episodes(
     env: SwimVectorEnv,
     policy: Policy,
@@ -249,6 +280,7 @@ def play_episodes(
     deterministic: bool = True,
     progress: Callable[[int], object] | None = None,
     any_scene: bool = False,
+    starts: Sequence[Rollout] | None = None,
 ) -> list[Rollout]:
     """Play one episode for each seed, in a batch of as many members and mode NEXT_STEP.
 
@@ -256,6 +288,10 @@ def play_episodes(
     same actions an episode is bit for bit the one that `play_episode` plays. The actions of a
     network can differ from those in the last digit, since a product of matrices may round otherwise
     for a batch.
+
+    With `starts`, the episodes of these seeds in another scene, each begins exactly as that one
+    did, whatever the options and what this scene would draw; one whose pose the physics refuses
+    here is its `Rollout.refused`.
     """
     if not isinstance(env, SwimVectorEnv):
         raise OptionError(f"play_episodes needs a SwimVectorEnv, got {type(env).__name__}")
@@ -267,21 +303,29 @@ def play_episodes(
             f"play_episodes needs a batch of {count} members in mode NextStep, got "
             f"{env.num_envs} in mode {env.autoreset_mode.value}"
         )
+    if starts is not None:
+        options = {"noise": 0.0}  # what is drawn with noise may be refused
     observations, infos = env.reset(
         seed=list(seeds), options=None if options is None else dict(options)
     )
     episodes = env.episodes
+    ended: dict[int, Rollout] = {}
+    if starts is not None:
+        for member, start in enumerate(starts):
+            reason = _begin_like(episodes, member, start)
+            if reason:
+                ended[member] = start.refused(env.task.scene, reason)
+        observations, *_, infos = episodes.results()
     logs = [
         _EpisodeLog(episodes, member, int(seed), infos["position"][member])
         for member, seed in enumerate(seeds)
     ]
-    ended: dict[int, Rollout] = {}
     state: Any = None
-    start = np.ones(count, dtype=np.bool_)
+    beginning = np.ones(count, dtype=np.bool_)
     while len(ended) < count:
-        actions, state = policy.predict(observations, state, start, deterministic)
+        actions, state = policy.predict(observations, state, beginning, deterministic)
         observations, rewards, terminated, truncated, infos = env.step(actions)
-        start = np.zeros(count, dtype=np.bool_)
+        beginning = np.zeros(count, dtype=np.bool_)
         for member, log in enumerate(logs):
             if member in ended:
                 continue

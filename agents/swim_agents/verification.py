@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_agents.rollout import Rollout, score
-from swim_env.errors import OptionError, SceneError
+from swim_env.errors import OptionError, SceneError, SimulationEndedError
 from swim_env.scene import Integrator, Scene
 from swim_env.scene.fluid import FLUID_TABLE
 
@@ -184,7 +184,7 @@ def verify_rollout(
     whether a target is reached, if the closed loop says the same, since torques without feedback
     miss what a policy hits. The energy of all that counts must add up to the scene's
     ``energy_tolerance``, and the physics must not have ended any of it: an episode that broke down
-    proves nothing.
+    proves nothing. Where a finer scene refuses the start, the episode ends there with the reason.
 
     Parameters
     ----------
@@ -304,7 +304,10 @@ def _replay(rollout: Rollout, scene: Scene, progress: Callable[[float], object] 
     """Play an episode's torques in another scene."""
     step = scene.integrator.time_step
     report = None if progress is None else lambda steps: progress(steps * step)
-    run = rollout.simulate(scene, report)
+    try:
+        run = rollout.simulate(scene, report)
+    except SimulationEndedError as error:
+        return _played(rollout.refused(scene, error.reason))
     return _Run(
         score(rollout, run.path[-1]),
         run.energy_drift,

@@ -366,6 +366,57 @@ def test_what_is_interrupted_while_it_is_checked_ends_at_once():
     assert sum(seconds) < played + 8.0
 
 
+def thin(*overrides: str) -> Scene:
+    """Return a scene in which some noise is refused by three times the panels only."""
+    brief = ("episode.duration=0.1", "beam.half_thickness=0.0005", "episode.bend_noise=1.5")
+    return load_scene("swimmer", [*brief, *overrides])
+
+
+@pytest.mark.parametrize("task", ["forward", "target"])
+def test_a_start_that_finer_panels_refuse_is_not_verified_and_the_others_keep_theirs(task):
+    scene, refused = thin(), 13
+    entries = entries_of(["zero"], scene, task)
+    contest = hold_contest(scene, entries, [1, refused, 3], task, threads=1, keep=3)
+    record = plain(contest)
+    others = plain(hold_contest(scene, entries, [1, 3], task, threads=1))
+    for name, one in record["policies"].items():
+        assert one["closed_termination_reason"] == ["", "mass_not_positive", ""]
+        assert one["verified"][1] is False
+        assert one["closed_displacement"][1] == one["fine_displacement"][1] == 0.0
+        assert one["closed_success"][1] is (False if task == "target" else None)
+        # The episode itself was played.
+        assert one["duration"][0] == one["duration"][2] == 0.1
+        assert abs(one["net_displacement"][1]) > 1e-5
+        assert (
+            one["closed_loop_change"][1]
+            == one["together_change"][1]
+            == pytest.approx(-np.sign(one["net_displacement"][1]))
+        )
+        for figure, values in others["policies"][name].items():
+            if isinstance(values, list):
+                assert [one[figure][0], one[figure][2]] == values, figure
+    assert as_text(record) and contest.rollouts["zero"][1].seed == refused
+    # The finer scene would draw the same start with less noise.
+    env, fine = SwimEnv(scene), SwimEnv(fine_scene(scene))
+    rollout, drawn = (play_episode(one, load_policy("zero", scene), refused) for one in (env, fine))
+    assert np.abs(rollout.coordinates - drawn.coordinates).max() > 0.01
+    checked = verify_rollout(rollout)
+    assert (checked.verified, checked.termination_reason) == (False, "mass_not_positive")
+
+
+def test_a_scene_whose_own_start_finer_panels_refuse_verifies_nothing():
+    env = SwimEnv(thin())
+    env.reset(seed=13)
+    scene = thin(f"initial.joint_angles={env.coordinates[3:].tolist()}", "episode.bend_noise=0.0")
+    with refuses(SwimError, "mass_not_positive"):
+        SwimEnv(fine_scene(scene))
+    record = plain(hold_contest(scene, entries_of(["zero"], scene), [0, 1], threads=1))
+    zero = record["policies"]["zero"]
+    assert zero["verified"] == [False, False]
+    assert zero["closed_termination_reason"] == ["mass_not_positive"] * 2
+    assert zero["together_change"] == zero["closed_loop_change"]
+
+
 # ---- bad input ---------------------------------------------------------------------------------
 
 

@@ -7,7 +7,7 @@ import operator
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ from swim_agents.verification import (
 from swim_env import __version__
 from swim_env.envs.task import NOISE, TARGET_RADIUS, TASKS, check_task
 from swim_env.envs.vector import VECTOR_ENVIRONMENTS, SwimVectorEnv
-from swim_env.errors import OptionError
+from swim_env.errors import OptionError, SimulationEndedError
 from swim_env.files.names import shown_name
 from swim_env.files.provenance import where_and_when
 from swim_env.physics.runtime.threads import usable_threads
@@ -277,20 +277,35 @@ def hold_contest(
             **(environment or {}),
         )
 
-    def play(env: SwimVectorEnv, policy: Policy) -> list[Rollout]:
+    def play(
+        env: SwimVectorEnv, policy: Policy, starts: Sequence[Rollout] | None = None
+    ) -> list[Rollout]:
         seconds = scene.episode.control_interval * count
-        start = {"noise": noise}
-        return play_episodes(env, policy, seeds, start, progress=lambda n: report(n * seconds))
+
+        def advance(actions: int) -> None:
+            report(actions * seconds)
+
+        options = {"noise": noise}
+        return play_episodes(env, policy, seeds, options, progress=advance, starts=starts)
 
     def assess(rollout: Rollout, closed_loop: Rollout) -> tuple[Performance, Trajectory]:
         trajectory = rollout.simulate()
         verification = verify_rollout(rollout, closed_loop, progress=report)
         return measure_performance(rollout, trajectory, verification), trajectory
 
-    with closing(make(scene)) as env, closing(make(fine)) as finer:
+    with ExitStack() as stack:
+        env = stack.enter_context(closing(make(scene)))
         radius = env.task.radius
+        try:
+            finer = stack.enter_context(closing(make(fine)))
+        except SimulationEndedError as error:  # not even the scene's own start
+            finer, reason = None, error.reason
         for entry in entries:
-            rollouts, closed_loops = (play(one, entry.policy) for one in (env, finer))
+            rollouts = play(env, entry.policy)
+            if finer is None:
+                closed_loops = [one.refused(fine, reason) for one in rollouts]
+            else:
+                closed_loops = play(finer, entry.policy, rollouts)
             # The kernels release the interpreter's lock.
             with ThreadPoolExecutor(workers) as pool:
                 try:
