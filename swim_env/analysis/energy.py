@@ -23,8 +23,10 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-#: Coordinates that are no further apart (BL, rad) count as the same.
-_SAME = 1e-6
+#: Coordinates that are no further apart (BL, rad) are the same but for rounding, which an unstable
+#: motion carries on; played again they may also differ by the tolerance of the scene's steps, whose
+#: first guess depends on steps before the start.
+_ROUNDING = 1e-6
 #: Blocks of a scene that the body alone is without.
 _SURROUNDINGS = ("axial_added_mass", "cross_flow_drag", "stream", "self_contact", "fluid")
 
@@ -153,7 +155,7 @@ def velocity_of_start(trajectory: Trajectory) -> Array | None:
     try:
         simulator = Simulator(trajectory.scene)
         velocity = simulator.velocity()
-        if not _apart(simulator.coordinates, _places(trajectory)[0], trajectory) <= _SAME:
+        if not _apart(simulator.coordinates, _places(trajectory)[0], trajectory) <= _ROUNDING:
             return None
         _velocities(trajectory, velocity, np.array([trajectory.steps]))
     except SwimError:
@@ -166,6 +168,7 @@ def _velocities(trajectory: Trajectory, velocity: ArrayLike, chosen: NDArray[np.
     places = _places(trajectory)
     again = Simulator(trajectory.scene)
     again.reset_to(places[0], velocity)
+    same = max(_ROUNDING, trajectory.scene.integrator.tolerance)
     rates = np.empty((len(chosen), places.shape[1]))
     for row, instant in enumerate(chosen.tolist()):
         torques = trajectory.torques[again.steps : instant]
@@ -174,7 +177,7 @@ def _velocities(trajectory: Trajectory, velocity: ArrayLike, chosen: NDArray[np.
             again.rollout(torques)
         rates[row] = again.velocity()
         off = _apart(again.coordinates, places[again.steps], trajectory)
-        if again.steps != instant or not off <= _SAME:
+        if again.steps != instant or not off <= same:
             raise SwimError(
                 "the velocity is not the one that the run started with: played again, it is "
                 f"{off:.2g} (BL, rad) off after {again.time:g} s"

@@ -120,6 +120,24 @@ def test_another_velocity_than_the_starts_is_refused(run: Trajectory) -> None:
         split_energy(run, np.full(11, 0.3), [0, 20])
 
 
+def test_a_run_from_the_middle_of_another_is_split_within_its_scenes_tolerance():
+    """Its first steps were guessed from those before it; played again they err within tolerance."""
+    loose = {"integrator.tolerance": 1e-4, "integrator.scheme": "composed"}
+    simulator = Simulator(load_scene("paper_i", loose))
+    simulator.rollout(simulator.prescribed_torques(20))
+    start = simulator.velocity()
+    run = simulator.rollout(simulator.prescribed_torques(30))
+    again = Simulator(run.scene)
+    again.reset_to(np.concatenate([run.path[0], run.angles[0, :1], np.diff(run.angles[0])]), start)
+    replayed = again.rollout(run.torques)
+    assert 1e-6 < np.abs(np.diff(replayed.angles - run.angles, axis=1)).max() < 1e-5
+    split = split_energy(run, start)
+    assert split.body + split.fluid + split.elastic == pytest.approx(run.energy, rel=1e-12)
+    for off in (1.0, -1.0):
+        with pytest.raises(SwimError, match="not the one that the run started with"):
+            split_energy(run, start + off * 1e-3)
+
+
 def test_angles_and_instants_of_another_run_are_refused():
     """A joint's angle would be taken for every joint's, and a negative instant for a late one."""
     scene = load_scene("swimmer")
