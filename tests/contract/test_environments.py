@@ -362,6 +362,12 @@ def test_an_episode_of_a_snapshot_ends_when_the_original_does(build):
     other.restore(pickle.loads(pickle.dumps(original.snapshot())))
     ends = [[bool(np.all(env.step(action)[3])) for _ in range(4)] for env in (original, other)]
     assert ends == [[False, False, False, True]] * 2
+    # In later episodes too.
+    for env in (original, other):
+        env.reset(seed=1)
+    ends = [[bool(np.all(env.step(action)[3])) for _ in range(5)] for env in (original, other)]
+    assert ends == [[False, False, False, False, True]] * 2
+    assert other.unwrapped.episodes.limit == other.unwrapped.spec.max_episode_steps == 5
     batch = make_batch(overrides=SHORT, max_episode_steps=50)
     batch.reset(seed=0)
     single = gymnasium.make_vec(FORWARD, 1, overrides=SHORT)

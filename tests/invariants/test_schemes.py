@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from swim_env import Scene, SimulationEndedError, Simulator, load_scene
+from swim_env.physics.solve.state import KNOWN_INCREMENTS, PARTS
 from swim_env.sim.batch import Bodies, minimal_start
 from tests.analytic.probes import StepProbe
 from tests.analytic.test_derivatives import (
@@ -295,17 +296,23 @@ def test_what_the_stiffness_adds_is_the_derivative_of_the_strains_energy(
 
 @each_scheme
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-8])
-@pytest.mark.parametrize("density", [10.0, 1000.0])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"fluid.density": 1000.0},
+        {"beam.elements": 3},
+        {"beam.elements": 27},
+        {"fluid.model": "expansion"},
+    ],
+    ids=str,
+)
 def test_a_step_errs_by_less_than_its_tolerance(
-    scheme: str, tolerance: float, density: float
+    scheme: str, tolerance: float, changes: dict[str, object]
 ) -> None:
     # Also where the shape force, or the added mass of the end, was not evaluated once more.
-    changes = {
-        "integrator.scheme": scheme,
-        "integrator.tolerance": tolerance,
-        "fluid.density": density,
-    }
-    scene = load_scene("swimmer", changes)
+    settings = {"integrator.scheme": scheme, "integrator.tolerance": tolerance}
+    scene = load_scene("swimmer", {**settings, **changes})
     bodies = Bodies(scene)
     exact = Bodies(scene.replace({"integrator.tolerance": 1e-12}))
     bodies.start(0, *minimal_start(scene, scene.initial))
@@ -366,6 +373,32 @@ def test_a_step_whose_second_half_fails_is_two_of_half_the_length(case: str, str
         apart = getattr(cut, name).sum(axis=0) - getattr(two, name).sum(axis=0)
         assert largest(apart) < 1e-13 * float(two.work.sum()), name
     assert cut.residual[0] == two.residual.max()
+
+
+def test_a_cut_step_takes_over_no_lag_from_those_before() -> None:
+    """It is two of half the length, bit for bit, that know nothing of longer ones."""
+    changes = {"initial.velocity": (0.2, 0.1), "integrator.time_step": 0.02}
+    loose = {**changes, "integrator.tolerance": 1e-4}
+    whole = Bodies(_scene("composed", "averaged_directors", loose))
+    halves = Bodies(
+        _scene("composed", "averaged_directors", {**loose, "integrator.time_step": 0.01})
+    )
+    whole.start(0, *minimal_start(whole.scene, whole.scene.initial))
+    whole.advance(held_torques(whole.scene, 12, 3, 0.15)[None], 1, whole.new_record(12))
+    assert whole.outcome[0].tolist() == [12, 0]
+    halves.states[:] = whole.states
+    one, other = (bodies.views(0).state for bodies in (whole, halves))
+    assert one.lag.any() and one.counters[KNOWN_INCREMENTS] == 3.0
+    other.lag[:] = 0.0
+    other.counters[KNOWN_INCREMENTS] = 0.0
+    violent = np.array([8.0, -8.0])
+    record = whole.new_record(1)
+    whole.advance(violent[None, None], 1, record)
+    halves.advance(np.tile(violent, (1, 2, 1)), 1, halves.new_record(2))
+    assert record[0, 0, PARTS] == 2.0
+    for name in ("q", "p", "lag", "inertia"):
+        assert_same(getattr(one, name).copy(), getattr(other, name).copy(), name)
+    assert one.lag.any()
 
 
 CUT: dict[str, object] = {"initial.velocity": (0.2, 0.1), "integrator.time_step": 0.01}

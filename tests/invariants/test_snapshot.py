@@ -1,7 +1,7 @@
 """The same bits: restored, step by step, in chunks, in any process and in environments."""
 
 import hashlib
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -31,6 +31,17 @@ SCENES = {
     },
 }
 STEPS = 90
+#: Changes to the swimmer.
+TAKEN_OVER: dict[str, dict[str, object]] = {
+    "swimmer": {},
+    "composed": with_scheme("composed", "mean_angles"),
+    "composed, cut steps": {
+        **with_scheme("composed"),
+        "integrator.time_step": 0.02,
+        "actuation.torque_limit": 8.0,
+    },
+    "expansion": fluid_changes("expansion"),
+}
 
 
 def _torques(name: str) -> Array:
@@ -184,3 +195,40 @@ def test_simulator_and_environments_take_the_same_steps_bit_for_bit(
             assert_same(bodies.velocities[i].copy(), simulator.velocity())
     assert np.abs(simulators[1].joint_angles).max() > 0.01
     assert not np.array_equal(bodies.coordinates[0], bodies.coordinates[1])
+
+
+@pytest.mark.parametrize("name", TAKEN_OVER)
+def test_a_member_that_takes_over_anothers_state_in_mid_run_continues_it_bit_for_bit(
+    name: str,
+) -> None:
+    """Neither the member's number nor what its work space remembers of its own motion counts."""
+    scene = load_scene("swimmer", {**TAKEN_OVER[name], "integrator.tolerance": 1e-4})
+    batch, single = SwimVectorEnv(3, scene), SwimEnv(scene)
+    batch.reset(seed=4)
+    actions = uniform(24, 3, 8, seed=5)
+    for each in actions[:12]:
+        batch.step(each)
+    kept = batch.snapshot()
+    whose = [1, 1, 0]
+    batch.restore(
+        replace(
+            kept,
+            arrays={key: array[whose] for key, array in kept.arrays.items()},
+            randoms=[kept.randoms[member] for member in whose],
+        )
+    )
+    seen = single.restore(kept.member(1))
+    for each in actions[12:]:
+        all_seen, rewards, *_ = batch.step(each[whose])
+        seen, reward, *_ = single.step(each[1])
+        for member in (0, 1):
+            assert_same(all_seen[member], seen)
+            assert rewards[member] == reward
+            assert_same(batch.episodes.bodies.states[member], single.episodes.bodies.states[0])
+    # The other one is still itself.
+    last = batch.episodes.bodies.states[2].copy()
+    batch.restore(kept)
+    for each in actions[12:]:
+        batch.step(each)
+    assert_same(batch.episodes.bodies.states[0].copy(), last)
+    assert not np.array_equal(batch.episodes.bodies.states[1], last)
