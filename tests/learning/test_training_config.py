@@ -93,6 +93,26 @@ def test_overrides_reach_fields_blocks_scene_and_task():
     assert load_config("ppo_forward").to_dict() == before
 
 
+@pytest.mark.parametrize(
+    "overrides", ["{integrator.tolerance: 1e-4}", "[integrator.tolerance=1e-4]"]
+)
+def test_a_number_without_a_dot_is_a_number_wherever_one_is_written(overrides, tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(
+        "steps: 1e6\nlearning_rate: 1e-4\nenvironment: {effort_weight: 1e-3}\n"
+        f"scene: {{fluid: {{density: 1E3}}}}\noverrides: {overrides}\n"
+    )
+    changes = ["ppo.clip_range=1e-1", "environment.heading_weight=1e-2", "scene.damping=null"]
+    config = load_config(path, [*changes, "scene.integrator.time_step=1e-2"])
+    assert (config.steps, config.learning_rate) == (1_000_000, 1e-4)
+    assert config.environment == {"effort_weight": 1e-3, "heading_weight": 1e-2}
+    assert config.ppo is not None and config.ppo.clip_range == 0.1
+    scene = config.scene
+    assert scene.fluid is not None and scene.fluid.density == 1000.0
+    assert (scene.integrator.tolerance, scene.integrator.time_step) == (1e-4, 0.01)
+    assert load_config(path, [*changes, "steps=1e5"]).steps == 100_000
+
+
 def test_overrides_hold_together():
     assert load_config("ppo_forward", ["members=8", "members=16"]).members == 16
     config = load_config("ppo_forward", ["scene=stiff_head", "scene.beam.half_thickness=0.02"])
