@@ -179,7 +179,7 @@ def link(compiled: Function) -> Function:
         signature_of.pysig = inspect.signature(linked.compiled.py_func)  # type: ignore[attr-defined]
         return signature_of
 
-    lower_builtin(call, types.VarArg(types.Any))(linked.write_call)
+    lower_builtin(call, types.misc.VarArg(types.Any))(linked.write_call)
     return found  # type: ignore[no-any-return]
 
 
@@ -193,4 +193,4 @@ def _numba_type(annotation: str) -> Any:
     kinds = {"int": types.int64, "float": types.float64, "bool": types.boolean, "None": types.none}
     parts = annotation.removeprefix("tuple[").removesuffix("]").split(", ")
     found = [kinds[part] for part in parts]
-    return found[0] if len(found) == 1 else types.Tuple(found)
+    return found[0] if len(found) == 1 else types.containers.Tuple(found)
