@@ -38,7 +38,8 @@ from swim_env.physics.fluid.outline import (
 from swim_env.physics.fluid.panel_mass import differentiate_panels, invert_influence, sum_added_mass
 from swim_env.physics.fluid.panels import panel_costs
 from swim_env.physics.fluid.sources import POTENTIAL, influence
-from swim_env.physics.runtime.compile import inlined, kernel, linked_kernel, shared
+from swim_env.physics.runtime.compile import inlined, kernel, shared
+from swim_env.physics.runtime.linking import linked_kernel
 from swim_env.physics.status import FINE, UNDER_RESOLVED_GAP
 from swim_env.scene import Fluid
 

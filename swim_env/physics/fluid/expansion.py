@@ -19,7 +19,7 @@ from swim_env.physics.fluid.layout import FluidConstants, FluidWork, motion_coun
 from swim_env.physics.fluid.model import Costs, Model
 from swim_env.physics.fluid.outline import FluidGeometry
 from swim_env.physics.fluid.straight import NearlyStraight
-from swim_env.physics.runtime.compile import linked_kernel
+from swim_env.physics.runtime.linking import linked_kernel
 from swim_env.physics.status import FINE
 from swim_env.scene import Fluid
 

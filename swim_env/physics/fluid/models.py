@@ -17,7 +17,8 @@ from swim_env.physics.fluid.layout import FluidConstants, FluidWork, fluid_buffe
 from swim_env.physics.fluid.model import Model
 from swim_env.physics.fluid.outline import FluidGeometry
 from swim_env.physics.runtime.cache import alone
-from swim_env.physics.runtime.compile import Linked, entry_kernel, kernel, link
+from swim_env.physics.runtime.compile import entry_kernel, kernel
+from swim_env.physics.runtime.linking import Linked, link
 from swim_env.physics.status import MASS_NOT_POSITIVE
 from swim_env.scene import FLUID_MODEL_NAMES
 

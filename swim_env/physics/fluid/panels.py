@@ -22,8 +22,9 @@ from swim_env.physics.fluid.outline import (
 )
 from swim_env.physics.fluid.panel_mass import differentiate_panels, invert_influence, sum_added_mass
 from swim_env.physics.fluid.sources import POTENTIAL, influence
-from swim_env.physics.runtime.compile import inlined, linked_kernel
+from swim_env.physics.runtime.compile import inlined
 from swim_env.physics.runtime.dense import add_multiple
+from swim_env.physics.runtime.linking import linked_kernel
 from swim_env.physics.status import FINE
 
 Array = NDArray[np.float64]

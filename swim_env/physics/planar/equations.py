@@ -44,9 +44,10 @@ from swim_env.physics.planar.elastic import (
     linearise_mean_joints,
 )
 from swim_env.physics.planar.layout import Balance, Body, Drag, Increment, Pose
-from swim_env.physics.runtime.compile import inlined, kernel, linked_kernel
+from swim_env.physics.runtime.compile import inlined, kernel
 from swim_env.physics.runtime.dense import mat_vec
 from swim_env.physics.runtime.elementary import SMALL_ANGLE, cos_small, sin_small
+from swim_env.physics.runtime.linking import linked_kernel
 
 Array = NDArray[np.float64]
 

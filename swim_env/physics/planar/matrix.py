@@ -16,8 +16,9 @@ from swim_env.physics.planar.elastic import (
     add_turn_columns,
 )
 from swim_env.physics.planar.layout import Body, Drag, Increment, Mass, Newton, Pose
-from swim_env.physics.runtime.compile import inlined, kernel, linked_kernel
+from swim_env.physics.runtime.compile import inlined, kernel
 from swim_env.physics.runtime.dense import copy, multiply
+from swim_env.physics.runtime.linking import linked_kernel
 
 Array = NDArray[np.float64]
 

@@ -25,8 +25,9 @@ from swim_env.physics.planar.matrix import (
     pose_jacobian,
     step_jacobian,
 )
-from swim_env.physics.runtime.compile import inlined, kernel, linked_kernel
+from swim_env.physics.runtime.compile import inlined, kernel
 from swim_env.physics.runtime.dense import copy, lu_factor, lu_solve
+from swim_env.physics.runtime.linking import linked_kernel
 from swim_env.physics.solve.constants import SolverConstants
 from swim_env.physics.solve.prepare import find_added_mass
 from swim_env.physics.solve.state import CORRECTIONS, EVALUATED, SHAPE_FAILURE, Member, OuterStep

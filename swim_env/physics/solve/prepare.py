@@ -13,8 +13,9 @@ from swim_env.physics.planar.elastic import with_elastic_energy
 from swim_env.physics.planar.equations import set_pose
 from swim_env.physics.planar.layout import ADDED, TOTAL, Body, Mass, Newton, Pose
 from swim_env.physics.planar.matrix import mass_matrix
-from swim_env.physics.runtime.compile import inlined, kernel, linked_kernel
+from swim_env.physics.runtime.compile import inlined, kernel
 from swim_env.physics.runtime.dense import cholesky, cholesky_solve, copy, dot
+from swim_env.physics.runtime.linking import linked_kernel
 from swim_env.physics.solve.constants import SolverConstants
 from swim_env.physics.solve.state import State
 from swim_env.physics.status import FINE, MASS_NOT_POSITIVE, SELF_CONTACT, STATE_NOT_FINITE
