@@ -88,7 +88,7 @@ QUICK = Extent(
 #: tables, the workloads above and below, and what their ratio should be at least.
 _RATIOS: dict[str, tuple[str, str, str, float]] = {
     "agent_to_swimmer_v5": (
-        "swimmer (3 physics steps each), an agent's episode, to Swimmer-v5",
+        "swimmer (4 physics steps each), an agent's episode, to Swimmer-v5",
         "agent", "swimmer_v5", 0.45,
     ),
     "random_to_swimmer_v5": (

@@ -154,7 +154,6 @@ def _kernels() -> tuple[list[Callable[[], None]], list[Callable[[], None]]]:
     of_a_state = (row, row, *constants, row, numbers)
     first = [
         linked(prepare, m.state, *whole, m.body, m.fluid_buffers, m.newton, m.step.effort),
-        linked(newton_with_shortening, m, row, 0.01, True, *whole),
         linked(step_jacobian, 0.01, 0.0, *scene, m.fluid_buffers, m.newton),
         linked(adjoint_jacobian, 0.01, *scene, m.newton),
         entry(
@@ -162,15 +161,16 @@ def _kernels() -> tuple[list[Callable[[], None]], list[Callable[[], None]]]:
             *(numbers, rows, steps, 1, *constants, rows, integers),
             *(steps, steps, rows, integers),
         ),
+        entry(energy_and_velocity, *of_a_state),
+        entry(momentum_of_velocity, *of_a_state),
     ]
     second = [
         linked(evaluate_step, row, row, row, 0.01, True, True, *scene, m.fluid_buffers),
         linked(newton_in_passes, m, row, 0.01, True, *whole, True),
+        linked(newton_with_shortening, m, row, 0.01, True, *whole),
         linked(added_mass, row, fluid, m.fluid_buffers, mass),
         linked(shape_force, row, fluid, m.fluid_buffers, row),
         *(one.load for one in linked_kernels("panels")),
-        entry(energy_and_velocity, *of_a_state),
-        entry(momentum_of_velocity, *of_a_state),
         entry(centres, row, 0.5, rows),
         entry(centres_of_trajectory, rows, 0.5, steps),
         entry(influence, rows, 3, 1.0, row, steps),

@@ -59,7 +59,7 @@ VARIANTS: dict[str, tuple[str, dict[str, object]]] = {
     "axial added mass": ("swimmer", {"axial_added_mass": True}),
     "twelve panels": ("swimmer", {"fluid.panels_per_element": 12}),
     "another torque limit": ("swimmer", {"actuation.torque_limit": 0.3}),
-    "an action every step": ("swimmer", {"episode.control_interval": 0.02 / 3}),
+    "an action every step": ("swimmer", {"episode.control_interval": 0.005}),
     "another interval": ("paper_i", {"episode.control_interval": 0.07}),
 }
 

@@ -702,7 +702,7 @@ BAD_ARGUMENTS: Arguments = [
         (
             "overrides",
             {"episode.control_interval": value},
-            ("episode.control_interval", "0.00666", str(value)),
+            ("episode.control_interval", "0.005", str(value)),
         )
         for value in (0.012, 0.001)
     ),

@@ -72,7 +72,7 @@ def lines_of(axes: Axes, label: str) -> tuple[Array, Array]:
 
 def test_maps_show_the_last_second_on_one_scale(runs):
     run = runs["tuned_wave"]
-    shown = 150  # steps in a second
+    shown = 200  # steps in a second
     assert curvature(run)[300, 4] == pytest.approx(9.0 * (run.angles[300, 5] - run.angles[300, 4]))
     for draw, values in (
         (draw_kymographs, lambda run: curvature(run)[1:]),
@@ -149,7 +149,7 @@ def test_the_budget_shows_the_parts_and_what_is_left(run):
     labels = [layer.get_label() for layer in parts.collections]
     assert labels == ["elastic", "kinetic, fluid", "kinetic, body"]
     tops = [layer.get_paths()[0].vertices[:, 1].max() for layer in parts.collections]
-    shown = np.arange(350, 501)
+    shown = np.arange(300, 501)
     split = split_energy(run, start, shown)
     assert tops[0] == pytest.approx(split.elastic.max())
     assert tops[1] == pytest.approx((split.elastic + split.fluid).max())

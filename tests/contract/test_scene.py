@@ -114,7 +114,7 @@ def test_swimmer_is_paper_i_with_damping_and_settings_of_its_own():
             "damping.retardation_time": 1e-3,
             "fluid.cap_panels": 2,
             "integrator.scheme": "composed",
-            "integrator.time_step": 0.02 / 3,
+            "integrator.time_step": 0.005,
             "integrator.tolerance": 1e-4,
             "episode.duration": 20.0,
         }

@@ -77,7 +77,7 @@ def test_the_environments_as_one_json_line(tmp_path):
     ours = {"agent", "random", "violent", "paper_i_wave", "batch_1_thread"}
     assert record["speeds"].keys() >= ours
     for name, one in record["speeds"].items():
-        assert one["physics_steps_per_step"] == (2 if name.startswith("paper_i") else 3)
+        assert one["physics_steps_per_step"] == (2 if name.startswith("paper_i") else 4)
         assert one["peer"] is False
         for rate in ("steps_per_second", "microseconds_per_step", "simulated_seconds_per_second"):
             assert one[rate].keys() == SPREAD
