@@ -55,9 +55,9 @@ class Linked:
 
     def load(self) -> None:
         """Compile it as declared, or take it from the cache, and let others call it."""
-        self.compiled.compile(self.signature)
+        assert self.signature is not None, self.name
+        self.compiled.compile(self._returned(*self.signature))
         code = self.compiled.overloads[self.signature]
-        assert code.signature.return_type == self._returned, (self.name, code.signature)
         self._address[0] = code.library.get_pointer_to_function(code.fndesc.llvm_func_name)
 
     def type_of_call(self, arguments: tuple[Any, ...]) -> Any:
