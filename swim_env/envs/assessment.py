@@ -190,18 +190,22 @@ def assess(
 
         for k in range(joints):
             seen[k] = _observed(q[3 + k] / ANGLE_SCALE)
-            rate = velocity[3 + k] - velocity[2 + k]
-            if taken > 0:
+            if start:
+                rate = velocity[3 + k] - velocity[2 + k]
+                seen[joints + k] = _observed(rate / rate_of_one)
+            elif taken > 0:
                 rate = (q[3 + k] - before[3 + k]) / seconds
-            seen[joints + k] = _observed(rate / rate_of_one)
+                seen[joints + k] = _observed(rate / rate_of_one)
         at = 2 * joints
         seen[at] = min(1.0, max(-1.0, sine))
         seen[at + 1] = min(1.0, max(-1.0, cosine))
-        forward = velocity_x * ahead_x + velocity_y * ahead_y
-        leftward = velocity_y * ahead_x - velocity_x * ahead_y
-        seen[at + 2] = _observed(forward / speed_of_one)
-        seen[at + 3] = _observed(leftward / speed_of_one)
-        seen[at + 4] = _observed(turning / turning_of_one)
+        # Where not one step could be taken, all is as it was.
+        if start or taken > 0:
+            forward = velocity_x * ahead_x + velocity_y * ahead_y
+            leftward = velocity_y * ahead_x - velocity_x * ahead_y
+            seen[at + 2] = _observed(forward / speed_of_one)
+            seen[at + 3] = _observed(leftward / speed_of_one)
+            seen[at + 4] = _observed(turning / turning_of_one)
         if to_point:
             seen[at + 5] = _observed(distance / length)
         for i in range(unknowns):

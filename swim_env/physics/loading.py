@@ -22,7 +22,7 @@ import numba
 import numpy as np
 from numba.core import config as numba_config
 
-from swim_env.physics.fluid.models import SAMPLE, added_mass, linked_kernels, shape_force
+from swim_env.physics.fluid.models import MODELS, SAMPLE, added_mass, linked_kernels, shape_force
 from swim_env.physics.fluid.sources import influence, normal_influence
 from swim_env.physics.planar.chain import BeamConstants, centres, centres_of_trajectory
 from swim_env.physics.planar.equations import evaluate_step
@@ -153,6 +153,7 @@ def _kernels() -> tuple[list[Callable[[], None]], list[Callable[[], None]]]:
 
     of_a_state = (row, row, *constants, row, numbers)
     first = [
+        linked(evaluate_step, row, row, row, 0.01, True, True, *scene, m.fluid_buffers),
         linked(prepare, m.state, *whole, m.body, m.fluid_buffers, m.newton, m.step.effort),
         linked(step_jacobian, 0.01, 0.0, *scene, m.fluid_buffers, m.newton),
         linked(adjoint_jacobian, 0.01, *scene, m.newton),
@@ -165,12 +166,11 @@ def _kernels() -> tuple[list[Callable[[], None]], list[Callable[[], None]]]:
         entry(momentum_of_velocity, *of_a_state),
     ]
     second = [
-        linked(evaluate_step, row, row, row, 0.01, True, True, *scene, m.fluid_buffers),
         linked(newton_in_passes, m, row, 0.01, True, *whole, True),
         linked(newton_with_shortening, m, row, 0.01, True, *whole),
         linked(added_mass, row, fluid, m.fluid_buffers, mass),
         linked(shape_force, row, fluid, m.fluid_buffers, row),
-        *(one.load for one in linked_kernels("panels")),
+        *(one.load for model in MODELS for one in linked_kernels(model)),
         entry(centres, row, 0.5, rows),
         entry(centres_of_trajectory, rows, 0.5, steps),
         entry(influence, rows, 3, 1.0, row, steps),

@@ -240,7 +240,7 @@ def test_the_description_says_what_the_agent_is(saved):
     assert load_agent(folder).name == "small_target"
     assert about["scene"] == config.scene.to_dict()
     assert about["environment"] == {"effort_weight": 0.1}
-    assert about["observation"] == {"layout": 2, "size": 10}
+    assert about["observation"] == {"layout": 3, "size": 10}
     assert about["training"] == {"seed": 3, "steps": 0}
     assert sorted(contents(folder)) == ["agent.json", "model.zip"]
 
@@ -337,10 +337,10 @@ def test_a_description_that_is_none_is_one_clear_error(content, copied):
     ("changes", "problem"),
     [
         ({"format_version": 2}, "must be of format version 1, got 2"),
-        ({"observation": {"layout": 3, "size": 9}}, "observes layout 3 with 9 numbers, this"),
-        ({"observation": {"layout": 2, "size": 8}}, "observes layout 2 with 8 numbers, this"),
+        ({"observation": {"layout": 2, "size": 9}}, "observes layout 2 with 9 numbers, this"),
+        ({"observation": {"layout": 3, "size": 8}}, "observes layout 3 with 8 numbers, this"),
         ({"observation": []}, "agent.json"),
-        ({"task": "target"}, "gives layout 2 with 10"),
+        ({"task": "target"}, "gives layout 3 with 10"),
         ({"task": "dance"}, "agent.json does not describe an agent"),
         ({"task": ["forward"]}, "agent.json does not describe an agent"),
         ({"algorithm": "DQN"}, "algorithm must be one of PPO, SAC, got 'DQN'"),

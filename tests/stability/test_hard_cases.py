@@ -75,7 +75,7 @@ CURLED = {
     "head to tail": "under_resolved_gap",
     "head to tail, watched": "under_resolved_gap",
     "one joint": "outline_degenerate",
-    "folding rule": "outline_degenerate",
+    "folding rule": "step_not_solved",
     "held beyond 90 degrees": "outline_degenerate",
 }
 
@@ -97,12 +97,12 @@ def test_how_curling_ends(strain):
             # Without an outline only the watch for contact ends a run ...
             watched = shape.endswith("watched")
             assert verdict.reason == ("self_contact" if watched else ""), run.label
-            # ... and the energy shows joints that snapped over: 3 to 7 % of it are unexplained, and
-            # at most 1 % elsewhere. A light body that is rolled up turns over and over, and more
+            # ... and the energy shows joints that snapped over: 0.6 to 7 % of it are unexplained, and
+            # at most 0.5 % elsewhere. A light body that is rolled up turns over and over, and more
             # goes through it than is unexplained.
             snapped = shape in ("one joint", "head to tail", "folding rule")
             shown = snapped and not holds and (shape, model) != ("head to tail", "none")
-            assert (verdict.energy_drift > 0.02) == shown, run.label
+            assert (verdict.energy_drift > 0.005) == shown, run.label
 
 
 # ---- random scenes -----------------------------------------------------------------------------

@@ -17,12 +17,9 @@ def main(options: argparse.Namespace) -> int:
     """Compile, and print where the kernels are."""
     from swim_env.envs.assessment import load_assessment
     from swim_env.errors import SwimError
-    from swim_env.physics.fluid.models import MODELS, load_model
     from swim_env.physics.runtime.cache import cache_folder, why_temporary
 
     load_assessment()
-    for model in MODELS:
-        load_model(model)
     if why_temporary():
         raise SwimError(f"the kernels cannot be kept, as {why_temporary()}")
     print(cache_folder())

@@ -179,9 +179,6 @@ def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
     except (KeyError, TypeError, SettingsError) as error:
         raise AgentError(f"agent.json does not describe an agent: {error} ({where})") from None
     expected = {"layout": OBSERVATION_LAYOUT, "size": task.observation_size}
-    if layout.get("layout") == 1 and scene.episode.control_interval == 0.02:
-        # Rates were scaled in seconds, to the same numbers at this control interval.
-        layout = {**layout, "layout": 2}
     if layout != expected:
         raise AgentError(
             f"agent {name} observes layout {layout.get('layout')} with {layout.get('size')} "

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from swim_env.physics.fluid.layout import FluidConstants, FluidWork, fluid_buffers, fluid_views
 from swim_env.physics.fluid.model import Model
 from swim_env.physics.fluid.outline import FluidGeometry
-from swim_env.physics.runtime.cache import alone
 from swim_env.physics.runtime.compile import entry_kernel, kernel
 from swim_env.physics.runtime.linking import Linked, link
 from swim_env.physics.status import MASS_NOT_POSITIVE
@@ -36,15 +35,6 @@ def _load(name: str) -> Model:
 MODELS: dict[str, Model] = {name: _load(name) for name in FLUID_MODEL_NAMES}
 #: Names that a scene may use, and the code by which the kernels know each.
 FLUID_MODELS: dict[str, int] = {name: code for code, name in enumerate(MODELS)}
-
-
-def load_model(name: str) -> None:
-    """Load the kernels of a model; the first process that does so compiles them."""
-    kernels = [one for one in linked_kernels(name) if not one.is_loaded]
-    if kernels:
-        with alone():
-            for one in kernels:
-                one.load()
 
 
 def linked_kernels(name: str) -> list[Linked]:
@@ -70,9 +60,8 @@ def fluid_constants(
     drag: float = 0.0,
     stream: tuple[float, float] = (0.0, 0.0),
 ) -> FluidConstants:
-    """Return the constants of a model for the kernels, and load those; see `FluidConstants`."""
+    """Return the constants of a model for the kernels; see `FluidConstants`."""
     model = MODELS[name]
-    load_model(name)
     motions = 2 * geometry.elements + (2 if axial else 0)
     return FluidConstants(
         FLUID_MODELS[name],
@@ -83,7 +72,7 @@ def fluid_constants(
         int(model.panels(geometry)),
         model.squares(motions),
         axial,
-        np.zeros(0) if terms is None else terms,
+        np.zeros(0) if terms is None else terms.copy(),  # one that can be written to
         drag,
         *stream,
     )
