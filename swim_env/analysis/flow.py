@@ -244,7 +244,15 @@ class BodyFlow:
                 f"a flow of scene {self.scene.name} takes a centre (2,), angles ({n},), velocities "
                 f"({n}, 2) and turning ({n},), got shapes {', '.join(map(str, shapes))}"
             )
-        if added_mass(np.diff(angles), self._fluid, self._buffers, self._mass) != FINE:
+        if (
+            added_mass(
+                np.diff(np.asarray(angles, dtype=np.float64)),
+                self._fluid,
+                self._buffers,
+                self._mass,
+            )
+            != FINE
+        ):
             return None
         motion = self._motion(angles, velocities, turning)
         strengths = self._work.strengths[:, : len(motion)] @ motion

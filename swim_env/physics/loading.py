@@ -81,8 +81,8 @@ def _fill_cache(marker: Path) -> None:
 def _compile_in_own_processes() -> bool:
     """Fill the cache; return whether that went well.
 
-    Where no process can be started, this one compiles as it loads. Two processes compile half of
-    the kernels each.
+    Where no process can be started, this one compiles as it loads. Otherwise two processes compile
+    one half of the kernels each.
     """
     if not sys.executable:
         return True

@@ -336,7 +336,7 @@ def test_a_policy_with_feedback_plays_in_the_finer_scene_itself(task):
     for i, seed in enumerate(SEEDS):
         alone = play_episode(fine, _Steered(), seed, {"noise": 0.5})
         assert one["closed_displacement"][i] == alone.net_displacement
-        assert one["closed_displacement"][i] != pytest.approx(one["fine_displacement"][i], 1e-6)
+        assert one["closed_displacement"][i] != one["fine_displacement"][i]
         assert one["closed_energy_drift"][i] == alone.info["energy_drift"]
         assert one["closed_success"][i] == alone.info.get("success")
     assert one["median"]["closed_displacement"] == np.median(one["closed_displacement"])

@@ -97,9 +97,9 @@ def test_how_curling_ends(strain):
             # Without an outline only the watch for contact ends a run ...
             watched = shape.endswith("watched")
             assert verdict.reason == ("self_contact" if watched else ""), run.label
-            # ... and the energy shows joints that snapped over: 0.6 to 7 % of it are unexplained, and
-            # at most 0.5 % elsewhere. A light body that is rolled up turns over and over, and more
-            # goes through it than is unexplained.
+            # ... and the energy shows joints that snapped over: 0.6 to 7 % of it are unexplained,
+            # and at most 0.5 % elsewhere. A light body that is rolled up turns over and over, and
+            # more goes through it than is unexplained.
             snapped = shape in ("one joint", "head to tail", "folding rule")
             shown = snapped and not holds and (shape, model) != ("head to tail", "none")
             assert (verdict.energy_drift > 0.005) == shown, run.label

@@ -263,7 +263,7 @@ def adjoint_jacobian(
 ) -> None:
     """Write minus the derivative of the adjoint map's residual to `newton.jacobian`.
 
-    Call `evaluate_adjoint_step` before. The added mass of q_{n+1} and the normals that it is
+    Call `evaluate_step` with `adjoint` before. The added mass of q_{n+1} and the normals that it is
     measured with are held.
     """
     _inertia_columns(h, body.inc.new_d1, bool(0), beam, fluid, body, newton)

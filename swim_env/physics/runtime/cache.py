@@ -167,7 +167,7 @@ def alone() -> Iterator[None]:
         say("another process compiles the physics kernels; waiting for it")
         lock.acquire()
     except (OSError, NotImplementedError):
-        # A file system without locks: each compiles for itself, as before.
+        # A file system without locks: each compiles for itself.
         yield
         return
     try:

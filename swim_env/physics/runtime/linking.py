@@ -23,7 +23,7 @@ class Linked:
     """A kernel that others call at an address, without taking its code into themselves.
 
     Code is optimised again wherever it goes, which for large kernels would take most of the time to
-    compile; and one that a scene never calls need not be there.
+    compile. They cannot raise exceptions, and `load_kernels` has to come before any call.
 
     Attributes
     ----------
@@ -44,11 +44,6 @@ class Linked:
         llvmlite.binding.add_symbol(self.name, self._address.ctypes.data)
         self._returned = _numba_type(function.__annotations__["return"])
 
-    @property
-    def is_loaded(self) -> bool:
-        """Whether there is something at the address."""
-        return bool(self._address[0])
-
     def declare(self, *arguments: object) -> None:
         """Say that it is called with arguments like these."""
         self.signature = tuple(map(numba.typeof, arguments))
@@ -62,8 +57,8 @@ class Linked:
 
     def type_of_call(self, arguments: tuple[Any, ...]) -> Any:
         """Return numba's signature of a call with arguments of these types."""
-        if self.signature is not None:
-            assert arguments == self.signature, (self.name, arguments, self.signature)
+        if self.signature not in (None, arguments):
+            raise TypeError(f"{self.name} is called with {arguments}, not {self.signature}")
         return numba.core.typing.signature(self._returned, *arguments)
 
     def write_call(self, context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -82,7 +77,7 @@ class Linked:
 def link(compiled: Function) -> Function:
     """Return a kernel that others call at an address; see `Linked`, its attribute `linked`.
 
-    What it returns is annotated: int, float or None.
+    What it returns is annotated: int, float, bool, None or a tuple of them.
     """
     if numba_config.DISABLE_JIT:
         return compiled
