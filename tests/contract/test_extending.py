@@ -30,7 +30,8 @@ def play(scene, steps):
 
 
 def run(scheme, step):
-    changes = {"integrator.scheme": scheme, "integrator.time_step": step, "fluid.model": "frozen"}
+    changes = {"integrator.scheme": scheme, "integrator.time_step": step, "fluid.model": "frozen",
+               "integrator.tolerance": 1e-10}
     return play(load_scene("swimmer").replace(changes), round(1.0 / step))
 
 
