@@ -4,6 +4,7 @@ After Leyendecker & Kanso, "Locomotion of a submerged Cosserat beam" (DETC2009-8
 """
 
 from swim_env.accuracy.choice import with_chosen_settings
+from swim_env.analysis.characteristics import Characteristics, characterise, resolve
 from swim_env.analysis.modes import natural_frequencies
 from swim_env.envs.episodes import TERMINATION_CODES, TERMINATION_REASONS, EnvSnapshot
 from swim_env.envs.registration import register_environments
@@ -31,6 +32,7 @@ EFFECTS = EFFECT_NAMES
 
 register_environments()
 Scene._choose = with_chosen_settings
+Scene._resolve = resolve
 
 __all__ = [
     "EFFECTS",
@@ -38,6 +40,7 @@ __all__ = [
     "TERMINATION_CODES",
     "TERMINATION_REASONS",
     "ActionError",
+    "Characteristics",
     "EnvSnapshot",
     "Initial",
     "OptionError",
@@ -56,6 +59,7 @@ __all__ = [
     "Trajectory",
     "TrajectoryError",
     "__version__",
+    "characterise",
     "load_scene",
     "natural_frequencies",
     "scene_names",

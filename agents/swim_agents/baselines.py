@@ -6,13 +6,14 @@ depends on nothing but the clock, which is passed on in `state` as for a recurre
 
 from __future__ import annotations
 
+import os
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swim_agents.fit import TUNED_FIELDS, difference
-from swim_agents.tuned_wave import load_tuned_wave, wave_on
+from swim_agents.tuned_wave import find_tuned_wave, load_tuned_wave, wave_on
 from swim_env.envs.assessment import observation_size
 from swim_env.errors import OptionError
 from swim_env.scene import Actuation, Scene
@@ -210,10 +211,11 @@ def paper_wave(scene: Scene) -> WavePolicy:
     return WavePolicy(scene, scene.actuation or Actuation(amplitude=0.0))
 
 
-def tuned_wave(scene: Scene) -> WavePolicy:
-    """Return the wave that swims farthest on scene swimmer, see `swim_agents.tuning`.
+def tuned_wave(scene: Scene, path: str | os.PathLike[str] | None = None) -> WavePolicy:
+    """Return the wave that swims farthest, as `swim-env tune` found it.
 
-    On a scene with another body, fluid or damping its `check` refuses to play.
+    It is read from a file if one is given, else from beside the scene's own file, else it is that
+    of scene swimmer. On a scene with another body, fluid or damping its `check` refuses to play.
     """
-    record = load_tuned_wave()
+    record = find_tuned_wave(scene) if path is None else load_tuned_wave(path)
     return WavePolicy(scene, wave_on(scene, **record["wave"]), record["scene_fields"])

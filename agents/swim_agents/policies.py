@@ -15,6 +15,7 @@ from swim_agents.baselines import (
     paper_wave,
     tuned_wave,
 )
+from swim_agents.tuned_wave import SUFFIX
 from swim_env.envs.interface import SceneLike
 from swim_env.errors import OptionError
 from swim_env.files.names import file_name
@@ -102,11 +103,11 @@ def load_policy(
     ----------
     policy : str or os.PathLike
         ``paper_wave``: the scene's prescribed wave, no torque where it has none. ``tuned_wave``:
-        the wave that was found to swim farthest on scene swimmer, for this body, fluid and damping
-        alone. ``zero``: no torque. ``random``:
-        uniform torques. A trained agent that ships, see `pretrained_names`. Or a path: an agent's
-        folder, the folder of a training run (its best agent), or a model file (.zip) of
-        stable-baselines3.
+        the wave that was found to swim farthest, kept beside the scene's file by `swim-env tune`
+        (or that of scene swimmer), for its body, fluid and damping alone. ``zero``: no torque.
+        ``random``: uniform torques. A trained agent that ships, see `pretrained_names`. Or a path: an agent's
+        folder, the folder of a training run (its best agent), a model file (.zip) of
+        stable-baselines3, or a tuned wave (.tuned_wave.json).
     scene : Scene, str or os.PathLike, optional
         The scene to be played; unless given, ``swimmer`` for a baseline, and for an agent the one
         it was trained on.
@@ -139,6 +140,10 @@ def load_policy(
     if name in pretrained_names():
         return _load_agent(PRETRAINED_FOLDER / name, own, task)
     path = Path(name)
+    if name.endswith(SUFFIX) and path.is_file():
+        wave = tuned_wave(found, path)
+        wave.check(found, task)
+        return wave
     if path.is_dir() or path.is_file() or path.suffix == ".zip":
         inside = path / "agent"
         return _load_agent(inside if inside.is_dir() else path, own, task, trust)

@@ -1,40 +1,64 @@
-"""The stored result of the search for the best travelling wave."""
+"""The stored results of searches for the best travelling wave, each beside its scene."""
 
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 from swim_env.errors import SwimError
 from swim_env.scene import Actuation, Scene
 
-__all__ = ["TUNED_WAVE_FILE", "WAVE_FIELDS", "load_tuned_wave", "wave_on"]
+__all__ = [
+    "SUFFIX",
+    "TUNED_WAVE_FILE",
+    "WAVE_FIELDS",
+    "find_tuned_wave",
+    "load_tuned_wave",
+    "wave_file",
+    "wave_on",
+]
 
-#: Where the result and the record of the search are kept; see `swim_agents.tuning`.
+#: How names of records end that lie beside a scene's file.
+SUFFIX = ".tuned_wave.json"
+
+#: The record of scene swimmer, which ships; see `swim_agents.tuning`.
 TUNED_WAVE_FILE = Path(__file__).with_name("tuned_wave.json")
 
 #: The fields of an `Actuation` that define a wave.
 WAVE_FIELDS = ("amplitude", "frequency", "wave_number", "phase")
 
 
-@cache
-def load_tuned_wave() -> dict[str, Any]:
-    """Return the stored record.
+def wave_file(scene: str | os.PathLike[str]) -> Path:
+    """Return where the tuned wave of a scene's file is kept: beside it."""
+    return Path(scene).with_suffix(SUFFIX)
+
+
+def load_tuned_wave(path: str | os.PathLike[str] | None = None) -> dict[str, Any]:
+    """Return a stored record, that of scene swimmer unless a file is given.
 
     Its ``wave`` holds WAVE_FIELDS in the units of an `Actuation`, ``scene_fields`` the `Scene` that
-    it was tuned on.
+    it was tuned on. A file that is no such record is a SwimError.
     """
+    return _load(Path(TUNED_WAVE_FILE if path is None else path))
+
+
+def find_tuned_wave(scene: Scene) -> dict[str, Any]:
+    """Return the record beside a scene's file, or where there is none that of scene swimmer."""
+    beside = None if scene.source is None else wave_file(scene.source)
+    return load_tuned_wave(beside if beside is not None and beside.is_file() else None)
+
+
+def _load(path: Path) -> dict[str, Any]:
     try:
-        data = json.loads(TUNED_WAVE_FILE.read_text(encoding="utf-8"))
+        data = json.loads(path.read_text(encoding="utf-8"))
         wave = {name: float(data["wave"][name]) for name in WAVE_FIELDS}
         scene = Scene.from_dict(data["scene_fields"])
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise SwimError(
-            f"cannot read the tuned wave ({TUNED_WAVE_FILE.name}): {error!r}; "
-            "`swim-env tune` makes it again"
+            f"cannot read the tuned wave ({path.name}): {error!r}; `swim-env tune` makes it again"
         ) from None
     return {**data, "wave": wave, "scene_fields": scene}
 

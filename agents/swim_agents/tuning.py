@@ -1,17 +1,17 @@
-"""Global search for the travelling torque wave that swims farthest.
+"""Search for the travelling torque wave that swims farthest on a scene.
 
-The search runs in the environment itself, with torques held over the control interval and no
-start noise. A grid over frequency and wave number, wide enough for the first two bending
-resonances of scene swimmer and both directions of travel, shows where the good waves are; from
-there differential evolution varies amplitude, frequency, wave number and phase. A wave counts only
-if verification of `swim_agents.verification` confirms it, so candidates are checked from the best
-one down.
+The search runs in the environment itself, with torques held over the control interval and no start
+noise. Short episodes on a grid around the first two bending resonances and below them, for both
+directions of travel, show where the good waves are; from the best of them a random search with
+shrinking spread (the cross-entropy method, Rubinstein 1999) varies amplitude, frequency, wave
+number and phase; and the best waves of all play whole episodes. A wave whose energy does not add up
+does not count.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,31 +21,31 @@ from swim_agents.baselines import WavePolicy, paper_wave
 from swim_agents.rollout import play_episode
 from swim_agents.tuned_wave import WAVE_FIELDS, wave_on
 from swim_agents.verification import fine_scene, verify_rollout
-from swim_env import SwimEnv, __version__
+from swim_env import SwimEnv, __version__, natural_frequencies
 from swim_env.envs.vector import SwimVectorEnv
 from swim_env.files.provenance import where_and_when
 from swim_env.scene import Actuation, Scene
 
-__all__ = ["bounds_on", "check_candidates", "net_displacements", "search_wave"]
+__all__ = ["Point", "check_candidates", "net_displacements", "record_of", "search_wave"]
 
 Array = NDArray[np.float64]
+#: Share of the torque limit, frequency (Hz), wave number (rad per body length), phase (rad), and
+#: the actions in the episode.
+Point = tuple[float, float, float, float, int]
 
-#: Periods of the search in a control interval: 0.25 to 20 Hz at 0.02 s.
-_PERIODS_IN_ACTION = (0.005, 0.4)
 _CANDIDATE = ("share", "frequency_hz", "wave_number", "phase")
-_BATCH = 32
-
-
-def bounds_on(scene: Scene) -> dict[str, tuple[float, float]]:
-    """Return the bounds of the search: share of the torque limit, Hz, rad per body length, rad."""
-    interval = scene.episode.control_interval
-    low, high = (periods / interval for periods in _PERIODS_IN_ACTION)
-    return {
-        "amplitude": (0.1, 1.0),
-        "frequency_hz": (low, high),
-        "wave_number": (-4.0 * math.pi, 4.0 * math.pi),
-        "phase": (0.0, 2.0 * math.pi),
-    }
+_BATCH = 64
+#: The grid: frequencies as multiples of the first two natural ones, wave numbers by pi.
+_FIRST, _SECOND = (0.25, 0.5, 0.85, 0.91, 0.97, 1.03, 1.09), (0.92, 1.0)
+_WAVE_NUMBERS = (-2.0, -1.5, -1.0, 1.0, 1.5, 2.0, 3.0)
+#: Periods of the first mode in an episode of the search.
+_SHORT = 40
+#: The best of so many waves, from which the search starts and which are played to the end.
+_STARTS, _FINALISTS = 4, 8
+#: Spreads of the search at its start: the frequency's as a share of itself. The wave whose share is
+#: 1 is at the bound, so half of all draws are as strong as they can be.
+_SPREAD = np.array([0.15, 0.03, 0.8, 0.8])
+_LEAST_SHARE, _LARGEST_WAVE_NUMBER = 0.1, 4.0 * math.pi
 
 
 def net_displacements(
@@ -54,7 +54,7 @@ def net_displacements(
     """Play waves in the batched environment, without start noise.
 
     Returns the net displacements along the scene's heading over an episode, (len(waves),) (BL); NaN
-    where the episode ended early.
+    where the episode ended early, or more of its energy is unexplained than the scene allows.
     """
     reached = np.full(len(waves), np.nan)
     times = np.arange(scene.actions_per_episode) * scene.episode.control_interval
@@ -67,6 +67,7 @@ def net_displacements(
         for n in range(len(times)):
             *_, terminated, truncated, infos = env.step(torques[:, n] / scene.torque_limit)
             done = truncated & ~terminated & ~ended
+            done &= infos["energy_drift"] <= scene.integrator.energy_tolerance
             reached[first : first + len(some)][done] = infos["progress"][done]
             ended |= terminated
         if progress is not None:
@@ -79,142 +80,245 @@ def _wave(scene: Scene, numbers: Sequence[float]) -> Actuation:
     return wave_on(scene, share * scene.torque_limit, 2.0 * math.pi * hertz, wave_number, phase)
 
 
+class _Search:
+    """The waves that were played so far, each once."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        known: dict[Point, float],
+        keep: Callable[[dict[Point, float]], object] | None,
+        progress: Callable[[float], object] | None,
+    ) -> None:
+        self.scene, self.known, self._keep, self._progress = scene, known, keep, progress
+
+    def play(self, waves: Iterable[Sequence[float]], actions: int) -> list[float]:
+        """Return what waves reach in so many actions; one that does not count less than nothing."""
+        points: list[Point] = [(*map(float, wave), actions) for wave in waves]  # type: ignore[misc]
+        scene = self.scene.replace(
+            "episode.duration", actions * self.scene.episode.control_interval
+        )
+        new = [point for point in dict.fromkeys(points) if point not in self.known]
+        for first in range(0, len(new), _BATCH):
+            some = new[first : first + _BATCH]
+            reached = net_displacements(scene, [_wave(scene, point[:4]) for point in some])
+            values = [-1.0 if math.isnan(value) else float(value) for value in reached]
+            found = dict(zip(some, values, strict=True))
+            self.known.update(found)
+            if self._keep is not None:
+                self._keep(found)
+            if self._progress is not None:
+                self._progress(len(some) * actions)
+        if self._progress is not None:
+            self._progress((len(points) - len(new)) * actions)
+        return [self.known[point] for point in points]
+
+
+def actions_to_play(
+    scene: Scene, frequencies: int | None, wave_numbers: int | None, generations: int, size: int
+) -> int:
+    """Return the actions that `search_wave` plays, of all waves together."""
+    grid = [len(axis) for axis in _grid(scene, frequencies, wave_numbers)]
+    short = (math.prod(grid) + generations * size) * _short_actions(scene)
+    return short + _FINALISTS * scene.actions_per_episode
+
+
+def _short_actions(scene: Scene) -> int:
+    """Return the number of actions in an episode of the search."""
+    seconds = _SHORT / natural_frequencies(scene, 1)[0]
+    return min(scene.actions_per_episode, math.ceil(seconds / scene.episode.control_interval))
+
+
+def _grid(
+    scene: Scene, frequencies: int | None, wave_numbers: int | None
+) -> tuple[list[float], list[float]]:
+    """Return the axes of the grid: Hz, and rad per body length.
+
+    Frequencies that are counted reach up to four tenths of the actions' rate, 20 Hz at 0.02 s.
+    """
+    first, *rest = natural_frequencies(scene, 2)
+    hertz = [factor * first for factor in _FIRST] + [f * factor for f in rest for factor in _SECOND]
+    kappa = [math.pi * factor for factor in _WAVE_NUMBERS]
+    if frequencies is not None:
+        high = 0.4 / scene.episode.control_interval
+        hertz = np.linspace(high / frequencies, high, frequencies).tolist()
+    if wave_numbers is not None:
+        kappa = np.linspace(-_LARGEST_WAVE_NUMBER, _LARGEST_WAVE_NUMBER, wave_numbers).tolist()
+    return hertz, kappa
+
+
 def search_wave(
     scene: Scene,
-    frequencies: int = 40,
-    wave_numbers: int = 17,
-    generations: int = 20,
-    population: int = 32,
+    frequencies: int | None = None,
+    wave_numbers: int | None = None,
+    generations: int = 5,
+    population: int = 24,
     seed: int = 0,
-    progress: Callable[[int], object] | None = None,
+    progress: Callable[[float], object] | None = None,
+    known: dict[Point, float] | None = None,
+    keep: Callable[[dict[Point, float]], object] | None = None,
 ) -> dict[str, Any]:
     """Search for the wave with the largest net displacement.
 
     Parameters
     ----------
-    frequencies, wave_numbers : int
-        Size of the grid.
+    frequencies, wave_numbers : int, optional
+        Size of an even grid over all frequencies and wave numbers, for a picture of them; by
+        default the grid lies around the body's first two natural frequencies.
     generations, population, seed : int
-        Of the differential evolution (Storn & Price 1997). Half of its first population is the best
-        of the grid, at full amplitude and phase 0; the other half is drawn within the bounds.
+        Of the random search.
     progress : callable, optional
-        Called with the number of waves played since the last call.
+        Called with the number of actions played since the last call, of all waves together.
+    known : dict, optional
+        What waves have reached in a search that was interrupted (BL); they are not played again.
+    keep : callable, optional
+        Called with what waves have reached, batch by batch.
 
     Returns
     -------
     dict
-        ``bounds``, ``grid`` (axes and net displacements in BL), ``evolution`` (settings, the best
-        of every generation) and ``candidates``: distinct waves, the best first, each with its
-        ``share`` of the torque limit, ``frequency_hz``, ``wave_number``, ``phase`` and
-        ``net_displacement``.
-    """
-    from scipy.optimize import differential_evolution
+        ``grid`` (axes and net displacements in BL), ``generations`` (the best of each) and
+        ``candidates``: distinct waves, the best first, each with its ``share`` of the torque limit,
+        ``frequency_hz``, ``wave_number``, ``phase`` and ``net_displacement`` in a whole episode.
 
-    bounds = bounds_on(scene)
-    low, high = np.array(list(bounds.values())).T
-    hertz = np.linspace(high[1] / frequencies, high[1], frequencies)
-    kappa = np.linspace(low[2], high[2], wave_numbers)
-    grid: list[tuple[float, ...]] = [(1.0, float(f), float(k), 0.0) for f in hertz for k in kappa]
-    seen = dict(zip(grid, _values(scene, grid, progress), strict=True))
-    landscape = np.array(list(seen.values())).reshape(frequencies, wave_numbers)
+    Raises
+    ------
+    SceneError
+        If joints have no stiffness, so that the body has no frequencies.
+    """
+    search = _Search(scene, dict(known or {}), keep, progress)
+    short = _short_actions(scene)
+    hertz, kappa = _grid(scene, frequencies, wave_numbers)
+    grid = [(1.0, f, k, 0.0) for f in hertz for k in kappa]
+    reached = dict(zip(grid, search.play(grid, short), strict=True))
+    landscape = np.array(list(reached.values())).reshape(len(hertz), len(kappa))
 
     random = np.random.default_rng(seed)
-    best = sorted(seen, key=lambda point: -seen[point])[: population // 2]
-    first = random.uniform(low, high, (population, 4))
-    first[: len(best)] = best
-    history: list[float] = []
-
-    def objective(points: Array) -> Array:
-        asked = [tuple(float(x) for x in point) for point in np.atleast_2d(points.T)]
-        values = _values(scene, asked, progress)
-        seen.update(zip(asked, values, strict=True))
-        history.append(max(seen.values()))
-        return -np.array(values)
-
-    differential_evolution(
-        objective,
-        list(zip(low, high, strict=True)),
-        init=first,
-        maxiter=generations,
-        tol=0.0,
-        mutation=(0.4, 0.9),
-        recombination=0.8,
-        polish=False,
-        updating="deferred",
-        vectorized=True,
-        rng=random,
-    )
-    ranked = sorted(seen, key=lambda point: -seen[point])
+    best = np.array(sorted(reached, key=lambda wave: -reached[wave])[:_STARTS])
+    centres, spread = best, _SPREAD
+    history = []
+    for _ in range(generations):
+        drawn = centres[np.arange(population) % len(centres)]
+        noise = random.standard_normal(drawn.shape) * spread
+        noise[:, 1] *= drawn[:, 1]
+        waves = [tuple(wave) for wave in _bounded(scene, drawn + noise).tolist()]
+        reached.update(zip(waves, search.play(waves, short), strict=True))
+        elite = np.array(sorted(reached, key=lambda wave: -reached[wave])[: population // 4])
+        # Half of what the best ones vary by, and half of what was tried: it shrinks steadily.
+        centres, spread = (
+            elite[:1],
+            0.5 * spread
+            + 0.5 * np.minimum(spread, elite.std(axis=0) / np.array([1.0, elite[0, 1], 1.0, 1.0])),
+        )
+        history.append(max(reached.values()))
+    finalists = sorted(reached, key=lambda wave: -reached[wave])[:_FINALISTS]
+    values = search.play(finalists, scene.actions_per_episode)
+    ranked = sorted(zip(values, finalists, strict=True), reverse=True)
     return {
-        "bounds": {name: list(pair) for name, pair in bounds.items()},
         "grid": {
-            "frequency_hz": hertz.tolist(),
-            "wave_number": kappa.tolist(),
+            "frequency_hz": hertz,
+            "wave_number": kappa,
             "net_displacement": [[round(x, 6) for x in row] for row in landscape.tolist()],
         },
-        "evolution": {
-            "seed": seed,
-            "population": population,
-            "generations": generations,
-            "best_of_generation": history,
-        },
-        "evaluations": len(seen),
+        "seed": seed,
+        "population": population,
+        "generations": history,
+        "periods_in_episode": _SHORT,
+        "evaluations": len(search.known),
         "candidates": [
-            {**dict(zip(_CANDIDATE, point, strict=True)), "net_displacement": seen[point]}
-            for point in ranked[:20]
+            {**dict(zip(_CANDIDATE, wave, strict=True)), "net_displacement": value}
+            for value, wave in ranked
         ],
     }
 
 
-def _values(
-    scene: Scene, points: Sequence[tuple[float, ...]], progress: Callable[[int], object] | None
-) -> list[float]:
-    """Return net displacements; an episode that ended early counts as less than standing still."""
-    waves = [_wave(scene, point) for point in points]
-    reached = net_displacements(scene, waves, progress)
-    return [-1.0 if math.isnan(value) else float(value) for value in reached]
+def _bounded(scene: Scene, waves: Array) -> Array:
+    """Return waves within the bounds of the search, phases within a turn."""
+    share, hertz, kappa, phase = waves.T
+    high = 0.4 / scene.episode.control_interval
+    bounded: Array = np.stack(
+        (
+            np.clip(share, _LEAST_SHARE, 1.0),
+            np.clip(hertz, 0.01 * high, high),
+            np.clip(kappa, -_LARGEST_WAVE_NUMBER, _LARGEST_WAVE_NUMBER),
+            np.mod(phase, 2.0 * math.pi),
+        ),
+        axis=1,
+    )
+    return bounded
 
 
-def check_candidates(
-    scene: Scene, found: dict[str, Any], progress: Callable[[float], object] | None = None
+def record_of(
+    scene: Scene, found: dict[str, Any], checked: Sequence[dict[str, Any]] = ()
 ) -> dict[str, Any]:
-    """Check the result of `search_wave`, from the best wave down, until one can be trusted.
+    """Return what is kept of a search: the wave and how it was found.
 
-    Progress counts seconds as that of `verify_rollout`.
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    found : dict
+        The result of `search_wave`.
+    checked : sequence of dict, optional
+        The result of `check_candidates`; then the wave is the one that is verified.
 
     Returns
     -------
     dict
         The record: ``wave`` (WAVE_FIELDS; None where no candidate can be trusted), its
-        ``net_displacement`` and ``fine_displacement`` (BL), the ``ratio`` to the scene's prescribed
-        wave, all that was ``checked``, the ``search``, the scene, version, machine and commit.
+        ``net_displacement`` and, where checked, ``fine_displacement`` (BL), the ``ratio`` to the
+        scene's prescribed wave, all that was ``checked``, the ``search``, the scene, version,
+        machine and commit.
     """
-    env, fine = SwimEnv(scene), SwimEnv(fine_scene(scene))
+    best: dict[str, Any] | None = found["candidates"][0]
+    if checked:
+        best = checked[-1] if checked[-1]["verified"] else None
+    elif best is not None:
+        wave = _wave(scene, [best[name] for name in _CANDIDATE])
+        best = {"wave": _fields(wave), "net_displacement": best["net_displacement"]}
+        if best["net_displacement"] <= 0.0:
+            best = None
     quiet = {"noise": 0.0}
-    paper = play_episode(env, paper_wave(scene), options=quiet).net_displacement
-    checked: list[dict[str, Any]] = []
-    for candidate in found["candidates"]:
-        wave = _wave(scene, [candidate[name] for name in _CANDIDATE])
-        policy = WavePolicy(scene, wave)
-        rollout, closed_loop = (play_episode(one, policy, options=quiet) for one in (env, fine))
-        verification = verify_rollout(rollout, closed_loop, progress=progress)
-        fields = {name: float(getattr(wave, name)) for name in WAVE_FIELDS}
-        checked.append({"wave": fields, **verification.to_dict()})
-        if verification.verified:
-            break
-    best = checked[-1] if checked[-1]["verified"] else None
+    paper = play_episode(SwimEnv(scene), paper_wave(scene), options=quiet).net_displacement
     return {
         "wave": best and best["wave"],
         "scene": scene.name,
         "objective": "net displacement along the scene's heading over one episode (BL), torques "
         "held over the control interval, no start noise",
         "net_displacement": best and best["net_displacement"],
-        "fine_displacement": best and best["fine_displacement"],
+        "fine_displacement": best and best.get("fine_displacement"),
         "paper_wave": paper,
         "ratio": best["net_displacement"] / paper if best and paper else None,
-        "checked": checked,
+        "checked": list(checked),
         "version": __version__,
         **where_and_when(),
         "search": {name: value for name, value in found.items() if name != "candidates"},
         "scene_fields": scene.to_dict(),
     }
+
+
+def _fields(wave: Actuation) -> dict[str, float]:
+    """Return what defines a wave."""
+    return {name: float(getattr(wave, name)) for name in WAVE_FIELDS}
+
+
+def check_candidates(
+    scene: Scene, found: dict[str, Any], progress: Callable[[float], object] | None = None
+) -> list[dict[str, Any]]:
+    """Verify the result of `search_wave`, from the best wave down, until one is verified.
+
+    Returns the ``wave`` and the `Verification` of each. Progress counts seconds as that of
+    `verify_rollout`.
+    """
+    env, fine = SwimEnv(scene), SwimEnv(fine_scene(scene))
+    quiet = {"noise": 0.0}
+    checked: list[dict[str, Any]] = []
+    for candidate in found["candidates"]:
+        wave = _wave(scene, [candidate[name] for name in _CANDIDATE])
+        policy = WavePolicy(scene, wave)
+        rollout, closed_loop = (play_episode(one, policy, options=quiet) for one in (env, fine))
+        verification = verify_rollout(rollout, closed_loop, progress=progress)
+        checked.append({"wave": _fields(wave), **verification.to_dict()})
+        if verification.verified:
+            break
+    return checked

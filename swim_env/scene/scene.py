@@ -8,9 +8,11 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
+
+import numpy as np
 
 from swim_env.errors import SceneError
 from swim_env.files.names import file_name
@@ -47,6 +49,28 @@ _OPTIONAL = ("fluid", *EFFECT_BLOCKS, "actuation")
 #: Blocks without fields, which are there or not.
 _BARE = tuple(name for name, cls in _BLOCKS.items() if not fields(cls))
 _NOTHING: Any = object()
+
+AUTOMATIC: tuple[str, ...] = (
+    "integrator.time_step",
+    "episode.control_interval",
+    "episode.duration",
+    "damping.retardation_time",
+    "actuation.torque_limit",
+    "actuation.amplitude",
+    "actuation.frequency",
+)
+"""Fields that may be ``auto``: their values follow from the body, see `Scene.from_dict`."""
+
+AUTO = "auto"
+"""What these fields, and a scene's whole integrator, may be instead of a value."""
+
+#: The integrator that learning needs, where a file leaves it to the body.
+_LEARNING = {"scheme": "composed", "tolerance": 1e-4, "time_step": AUTO}
+#: What a file that says nothing of them leaves to the body, where it has the block at all.
+_LEFT_OUT = ("integrator.time_step", "episode.control_interval", "episode.duration")
+_LEFT_OUT_OPTIONAL = ("actuation.torque_limit",)
+#: Static bend of a body (rad) by the torque limit that follows from it: that of scene swimmer.
+BEND_AT_LIMIT = 0.2
 
 #: Frames of moving pictures in a period of a fast drive, about.
 _FRAMES_IN_PERIOD = 10
@@ -101,8 +125,13 @@ class Scene:
     integrator: Integrator = Integrator()
     episode: Episode = Episode()
 
-    #: What `for_accuracy` calls. It plays scenes, so it is in a higher room, which puts it here.
+    #: What `for_accuracy` and ``auto`` call. They compute motions, so they are in a higher room,
+    #: which puts them here.
     _choose: ClassVar[Callable[[Scene, float, bool, float | None], Scene]]
+    _resolve: ClassVar[Callable[[Scene, Collection[str]], Scene]]
+
+    #: The file that the scene was read from; None for others. It is no part of the scene.
+    source: ClassVar[str | None] = None
 
     def __post_init__(self) -> None:
         """Check what the blocks cannot check alone."""
@@ -186,9 +215,22 @@ class Scene:
     def torque_limit(self) -> float:
         """Torque of an environment's action of 1 [N m].
 
-        A scene without a prescribed torque has the default limit.
+        A scene without a prescribed torque has the limit that ``auto`` means, or 1 N m where
+        joints have no stiffness.
         """
-        return (self.actuation or Actuation(amplitude=0.0)).torque_limit
+        if self.actuation is not None:
+            return self.actuation.torque_limit
+        bend = self.bend_per_torque
+        return BEND_AT_LIMIT / bend if bend else 1.0
+
+    @property
+    def bend_per_torque(self) -> float | None:
+        """Static bend of the whole body under the same torque everywhere [rad / (N m)].
+
+        It is l times the mean of 1/EI over the joints; None where some have no stiffness.
+        """
+        stiffness = self.beam.stiffness_at_joints()
+        return float(self.beam.length * np.mean(1.0 / stiffness)) if stiffness.all() else None
 
     @property
     def actions_per_episode(self) -> int:
@@ -243,7 +285,13 @@ class Scene:
         mapping : mapping
             Fields and blocks by name; what is left out has its default, optional blocks left
             out or null are absent. Only those that have no fields may not be null, since a bare
-            ``axial_added_mass:`` might be meant as its presence.
+            ``axial_added_mass:`` might be meant as its presence. The fields of `AUTOMATIC` may be
+            ``auto``; the scene that is returned has numbers. With T1 the period of the straight
+            body's first bending mode in its fluid: a control interval of T1/10, time steps of
+            about T1/40 (T1/80 with the scheme ``paper``), a whole number of them in an action,
+            episodes of 100 T1, a retardation time of T1/200; a torque limit that bends the body by
+            0.2 rad (0.2 EI/l of a uniform one), a wave of this amplitude with the period T1.
+            ``integrator: auto`` is the scheme ``composed`` with a tolerance of 1e-4 and that step.
         source : str, optional
             Where the mapping came from, for messages.
 
@@ -251,20 +299,26 @@ class Scene:
         ------
         SceneError
             If a field is unknown, missing, of the wrong type, out of range, or if fields do not
-            fit together.
+            fit together; or if one is ``auto`` and joints have no stiffness.
         """
         try:
             given = check_fields(mapping, "", [spec.name for spec in fields(cls)])
+            given, automatic = _without_auto(given)
             for name, block in _BLOCKS.items():
                 if name in given:
                     given[name] = _build(name, block, given[name])
-            return cls(**given)
+            scene = cls(**given)
+            return scene._resolve(automatic) if automatic else scene
         except SceneError as error:
             raise error.located(source) from None
 
     @classmethod
     def from_yaml(cls, path: str | os.PathLike[str]) -> Scene:
         """Read a scene from a YAML file; without a name it takes the file's.
+
+        What a file leaves out of time step, control interval, duration and, with an actuation,
+        torque limit is ``auto``, see `from_dict`, unless joints have no stiffness. So is its
+        integrator if it has no such block.
 
         Parameters
         ----------
@@ -277,7 +331,7 @@ class Scene:
             If the file cannot be read or does not hold a valid scene.
         """
         source = os.fspath(path)
-        return cls.from_dict(read_scene_file(source, source), source)
+        return _from_file(path, source, {})
 
     def replace(self, path: str | Mapping[str, object], value: object = _NOTHING) -> Scene:
         """Return a scene with one or several fields changed; it is checked with all changes.
@@ -314,21 +368,14 @@ class Scene:
             raise TypeError("replace needs a value for the path")
         else:
             changes = {path: value}
-        data = self.to_dict()
-        for key, new in changes.items():
-            block, _, field = _known_path(key).partition(".")
-            if field:
-                inner = data.setdefault(block, {})
-                if not isinstance(inner, Mapping):
-                    inner = plain(_build(block, _BLOCKS[block], inner))
-                data[block] = {**inner, field: new}
-            elif new is None and block in _OPTIONAL:
-                data.pop(block, None)
-            else:
-                data[block] = new
-        if changes.get("fluid.model") == NO_FLUID and "fluid.density" not in changes:
-            data["fluid"].pop("density", None)
-        return Scene.from_dict(data)
+        scene = Scene.from_dict(_changed(self.to_dict(), changes))
+        return scene._from(self.source)
+
+    def _from(self, source: str | None) -> Scene:
+        """Remember the file that a new scene comes from."""
+        if source is not None:
+            object.__setattr__(self, "source", source)
+        return self
 
     def for_accuracy(
         self, tolerance: float, keep_elements: bool = False, duration: float | None = None
@@ -421,19 +468,78 @@ def load_scene(
     >>> load_scene("paper_i", ["beam.elements=27"]).beam.elements
     27
     """
-    source = None
+    changes = {} if overrides is None else parse_overrides(overrides)
     if isinstance(scene, Mapping):
         scene = Scene.from_dict(scene)
-    elif not isinstance(scene, Scene):
-        path, source = find_scene_file(scene)
-        scene = Scene.from_dict(read_scene_file(path, source), source)
-    changes = {} if overrides is None else parse_overrides(overrides)
-    if not changes:
-        return scene
+    if isinstance(scene, Scene):
+        return scene.replace(changes) if changes else scene
+    path, source = find_scene_file(scene)
+    return _from_file(path, source, changes)
+
+
+def _from_file(path: str | os.PathLike[str], source: str, changes: Mapping[str, object]) -> Scene:
+    """Read a file with changes by dotted path; what it leaves out is left to the body."""
+    data = read_scene_file(path, source)
+    if changes:
+        Scene.from_dict(data, source)  # errors of the file are not those of the changes
+        source = f"{source} with overrides"
     try:
-        return scene.replace(changes)
+        data = _changed(data, changes)
     except SceneError as error:
-        raise error.located(source and f"{source} with overrides") from None
+        raise error.located(source) from None
+    plainly = Scene.from_dict(data, source)
+    if plainly.bend_per_torque is not None:
+        plainly = Scene.from_dict(_left_to_the_body(data), source)
+    return plainly._from(os.path.abspath(path))
+
+
+def _changed(data: dict[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
+    """Return the fields of a scene with changes by dotted path."""
+    data = dict(data)
+    for key, new in changes.items():
+        block, _, field = _known_path(key).partition(".")
+        if field:
+            inner = {} if data.get(block) is None else data[block]
+            if not isinstance(inner, Mapping):
+                inner = _LEARNING if inner == AUTO else plain(_build(block, _BLOCKS[block], inner))
+            data[block] = {**inner, field: new}
+        elif new is None and block in _OPTIONAL:
+            data.pop(block, None)
+        else:
+            data[block] = new
+    if changes.get("fluid.model") == NO_FLUID and "fluid.density" not in changes:
+        data["fluid"].pop("density", None)
+    return data
+
+
+def _left_to_the_body(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of a file with ``auto`` for what it leaves out."""
+    found = dict(data)
+    if found.get("integrator") is None:
+        found["integrator"] = AUTO
+    paths = [*_LEFT_OUT, *(path for path in _LEFT_OUT_OPTIONAL if found.get(path.split(".")[0]))]
+    for block, field in (path.split(".") for path in paths):
+        inner = found.get(block) or {}
+        if isinstance(inner, Mapping):
+            found[block] = {field: AUTO, **inner}
+    return found
+
+
+def _without_auto(given: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Return the fields of a scene without those that are ``auto``, and the paths of these."""
+    found = dict(given)
+    if found.get("integrator") == AUTO:
+        found["integrator"] = _LEARNING
+    automatic = []
+    for path in AUTOMATIC:
+        block, field = path.split(".")
+        inner = found.get(block)
+        if isinstance(inner, Mapping) and isinstance(inner.get(field), str):
+            if inner[field] == AUTO:
+                automatic.append(path)
+                # A field without a default needs a number until it has its own.
+                found[block] = {**inner, field: 1.0}
+    return found, automatic
 
 
 def scene_label(scene: Scene) -> str:

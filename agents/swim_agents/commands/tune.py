@@ -1,28 +1,40 @@
-"""Search for the travelling wave that swims farthest, check it, and keep it with its record."""
+"""Search for the travelling wave that swims farthest, and keep it beside the scene."""
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import math
+import os
 import time
+from pathlib import Path
 
 from swim_agents.commands import command_line as cli
 from swim_agents.files import as_json, check_file
-from swim_agents.tuning import check_candidates, search_wave
+from swim_agents.tuned_wave import SUFFIX, wave_file
+from swim_agents.tuning import (
+    Point,
+    actions_to_play,
+    check_candidates,
+    record_of,
+    search_wave,
+)
 from swim_agents.verification import finer_scenes
+from swim_env.envs.assessment import load_assessment
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
 from swim_env.plots import draw_wave_search, require_matplotlib, save_figure
+from swim_env.scene import Scene, scene_names
 from swim_env.sim.replay import steps_of
 
 #: Options that are whole numbers: least value, default, help.
 _NUMBERS = {
-    "frequencies": (1, 40, "frequencies on the grid"),
-    "wave_numbers": (1, 17, "wave numbers on the grid"),
-    "generations": (1, 20, "of differential evolution"),
-    "population": (8, 32, "of differential evolution"),
-    "seed": (0, 0, "of differential evolution"),
+    "frequencies": (1, None, "an even grid of so many frequencies, for a picture"),
+    "wave_numbers": (1, None, "an even grid of so many wave numbers, for a picture"),
+    "generations": (0, 5, "of the search from the best of the grid, 5 unless given"),
+    "population": (8, 24, "waves of a generation, 24 unless given"),
+    "seed": (0, 0, "of the search"),
 }
 
 
@@ -33,47 +45,111 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         option = f"--{name.replace('_', '-')}"
         parser.add_argument(option, type=int, default=default, metavar="N", help=text)
     parser.add_argument(
+        "--verify",
+        action="store_true",
+        help="check the best waves with finer steps and panels, from the best one down until one "
+        "is confirmed; takes several times as long",
+    )
+    parser.add_argument(
         "--output",
         metavar="FILE",
-        required=True,
-        help="where the record goes; the wave that ships is in swim_agents/tuned_wave.json",
+        help="where the record goes; unless given it lies beside the scene's file, where "
+        f"tuned_wave is looked for. If its name ends with {SUFFIX}, it can be played as a policy",
     )
     parser.add_argument("--plot", metavar="FILE", help="draw the grid into this PNG file")
 
 
 def main(options: argparse.Namespace) -> int:
-    """Search, check the best waves and write the record."""
+    """Search and write the record; a search that was interrupted goes on where it was."""
     for name, (least, *_) in _NUMBERS.items():
-        if getattr(options, name) < least:
-            raise SwimError(
-                f"--{name.replace('_', '-')} must be at least {least}, got {getattr(options, name)}"
-            )
-    check_file(options.output)
+        value = getattr(options, name)
+        if value is not None and value < least:
+            raise SwimError(f"--{name.replace('_', '-')} must be at least {least}, got {value}")
+    output = _output(options)
+    check_file(output)
     if options.plot is not None:
         require_matplotlib()
         check_file(options.plot)
-    cli.check_places([options.scene], {"--output": options.output, "--plot": options.plot})
+    cli.check_places([options.scene], {"--output": output, "--plot": options.plot})
     scene = cli.scene_of(options)
     steps_of(scene)  # refuses an episode that is too long for any run
 
     start = time.perf_counter()
-    total = options.frequencies * options.wave_numbers
-    total += options.population * (options.generations + 1)
-    with cli.progress_bar(total, "wave", "search") as progress:
-        numbers = {name: getattr(options, name) for name in _NUMBERS}
-        found = search_wave(scene, **numbers, progress=progress)
-    seconds = math.ceil(len(finer_scenes(scene)) * scene.episode.duration)
-    with cli.progress_bar(seconds, "s", "check") as bar:
-        record = check_candidates(scene, found, bar)
+    load_assessment()
+    numbers = {name: getattr(options, name) for name in _NUMBERS}
+    sizes = [value for name, value in numbers.items() if name != "seed"]
+    progress_file = Path(f"{output}.part")
+    known = _read_known(progress_file, scene)
+    total = actions_to_play(scene, *sizes)
+    with (
+        cli.progress_bar(total, "action", "search", unit_scale=True) as progress,
+        open(progress_file, "a", encoding="utf-8") as log,
+    ):
+
+        def keep(found: dict[Point, float]) -> None:
+            log.writelines(json.dumps([*point, value]) + "\n" for point, value in found.items())
+            log.flush()
+
+        found = search_wave(scene, **numbers, progress=progress, known=known, keep=keep)
+    checked = []
+    if options.verify:
+        seconds = math.ceil(len(finer_scenes(scene)) * scene.episode.duration)
+        with cli.progress_bar(seconds, "s", "check") as bar:
+            checked = check_candidates(scene, found, bar)
+    record = record_of(scene, found, checked)
     record["seconds"] = round(time.perf_counter() - start, 1)
-    write_atomically(options.output, lambda file: file.write(as_json(record)))
+    write_atomically(output, lambda file: file.write(as_json(record)))
+    progress_file.unlink()
     if options.plot is not None:
         save_figure(draw_wave_search(record), options.plot)
     if record["wave"] is None:
-        raise SwimError(
-            f"none of the {len(record['checked'])} best waves is verified; the record "
-            f"is in {options.output}"
-        )
+        why = f"none of the {len(checked)} best waves is verified" if checked else "no wave swims"
+        raise SwimError(f"{why}; the record is in {output}")
     brief = {name: record[name] for name in record if name not in ("search", "scene_fields")}
-    cli.print_result(brief, options.json, lambda: json.dumps(brief, indent=2, allow_nan=False))
+    cli.print_result(brief, options.json, lambda: _text(record, output))
     return 0
+
+
+def _output(options: argparse.Namespace) -> str:
+    """Return where the record goes."""
+    if options.output is not None:
+        return str(options.output)
+    if options.scene in scene_names():
+        raise SwimError(
+            f"scene {options.scene} ships with the package: name the record's file with --output"
+        )
+    if options.set:
+        raise SwimError(
+            "beside a scene's file lies the wave of the scene as it is there: name another file "
+            "with --output, or leave out --set"
+        )
+    return os.fspath(wave_file(options.scene))
+
+
+def _read_known(file: Path, scene: Scene) -> dict[Point, float]:
+    """Return what an interrupted search of this scene has found, and begin its log otherwise."""
+    head = json.dumps(hashlib.sha256(scene.to_yaml().encode("utf-8")).hexdigest())
+    try:
+        first, *lines = file.read_text(encoding="utf-8").splitlines()
+        if first == head:
+            rows = [json.loads(line) for line in lines]
+            return {(*row[:4], int(row[4])): float(row[5]) for row in rows}
+    except (OSError, ValueError, IndexError, TypeError):  # there is none, or a line is cut short
+        pass
+    write_atomically(file, lambda log: log.write(f"{head}\n".encode()))
+    return {}
+
+
+def _text(record: dict[str, object], output: str) -> str:
+    """Return the result as text."""
+    wave = record["wave"]
+    assert isinstance(wave, dict)
+    hertz = wave["frequency"] / (2.0 * math.pi)
+    lines = [
+        f"tuned wave of scene {record['scene']}: {record['net_displacement']:.3f} BL in an episode"
+        + ("" if record["checked"] else " (not verified)"),
+        f"amplitude {wave['amplitude']:.4g} N m, {hertz:.4g} Hz, wave number "
+        f"{wave['wave_number']:.4g} rad per body length, phase {wave['phase']:.3g} rad",
+        f"found in {record['seconds']} s, kept in {output}",
+    ]
+    return "\n".join(lines)

@@ -20,7 +20,7 @@ from swim_agents.comparison.gait import Gait
 from swim_agents.comparison.performance import Performance, measure_performance
 from swim_agents.policies import load_policy, policy_names
 from swim_agents.rollout import Rollout, check_policy, play_episodes
-from swim_agents.tuned_wave import load_tuned_wave
+from swim_agents.tuned_wave import find_tuned_wave
 from swim_agents.verification import (
     SOURCE_TOLERANCE,
     SOURCES,
@@ -351,7 +351,7 @@ def _record(
         "duration": scene.episode.duration,
         **settings,
         # Where the tuned wave comes from, if it takes part.
-        "tuned_on": str(load_tuned_wave()["scene"]) if "tuned_wave" in policies else None,
+        "tuned_on": str(find_tuned_wave(scene)["scene"]) if "tuned_wave" in policies else None,
         "seeds": list(seeds),
         "tolerance": TOLERANCE,
         "source_tolerance": SOURCE_TOLERANCE,
