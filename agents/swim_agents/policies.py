@@ -105,8 +105,8 @@ def load_policy(
         ``paper_wave``: the scene's prescribed wave, no torque where it has none. ``tuned_wave``:
         the wave that was found to swim farthest, kept beside the scene's file by `swim-env tune`
         (or that of scene swimmer), for its body, fluid and damping alone. ``zero``: no torque.
-        ``random``: uniform torques. A trained agent that ships, see `pretrained_names`. Or a path: an agent's
-        folder, the folder of a training run (its best agent), a model file (.zip) of
+        ``random``: uniform torques. A trained agent that ships, see `pretrained_names`. Or a path:
+        an agent's folder, the folder of a training run (its best agent), a model file (.zip) of
         stable-baselines3, or a tuned wave (.tuned_wave.json).
     scene : Scene, str or os.PathLike, optional
         The scene to be played; unless given, ``swimmer`` for a baseline, and for an agent the one

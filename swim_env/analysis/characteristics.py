@@ -186,6 +186,12 @@ def _advice(scene: Scene, found: dict[str, Any]) -> tuple[str, ...]:
             f"a time step of {_seconds(found['time_step'])} hardly resolves the first bending "
             f"mode's period of {_seconds(period)}; take integrator.time_step={step:.3g} (or auto)"
         )
+    if scene.damping is None:
+        advice.append(
+            "nothing damps the body, so near a natural frequency its motion grows until it breaks "
+            "down; take damping.retardation_time="
+            f"{period / _RETARDATIONS_IN_PERIOD:.3g} (or auto)"
+        )
     bend = found["bend_at_limit"]
     if not _LITTLE_BEND <= bend <= _MUCH_BEND:
         advice.append(

@@ -17,13 +17,23 @@ from swim_agents import (
     play_episode,
     play_episodes,
     tuned_wave,
+    tuning,
     verify_rollout,
 )
+from swim_agents.commands import INTERRUPTED
+from swim_agents.commands.main import main as call_main
 from swim_agents.comparison.performance import measure_performance
 from swim_agents.replay import replay_episode
 from swim_agents.rollout import score
 from swim_agents.tuned_wave import load_tuned_wave
-from swim_agents.tuning import check_candidates, net_displacements, search_wave
+from swim_agents.tuning import (
+    Point,
+    actions_to_play,
+    check_candidates,
+    net_displacements,
+    record_of,
+    search_wave,
+)
 from swim_agents.verification import fine_scene, finer_scenes
 
 from swim_env import (
@@ -478,32 +488,99 @@ def test_waves_score_in_a_batch_what_they_score_alone(env):
     assert second == 0.0
 
 
-def test_the_search_finds_the_best_of_what_it_tried(env):
-    seen: list[int] = []
-    record = search_wave(
-        env.scene, frequencies=4, wave_numbers=3, generations=2, population=8, progress=seen.append
-    )
-    assert sum(seen) >= 4 * 3 + 8
+def test_the_search_finds_the_best_of_what_it_tried():
+    scene = load_scene("swimmer", ["episode.duration=10"])
+    seen: list[float] = []
+    sizes = {"frequencies": 4, "wave_numbers": 3, "generations": 2, "population": 8}
+    log: dict[Point, float] = {}
+    record = search_wave(scene, **sizes, progress=seen.append, keep=log.update)
+    assert sum(seen) == actions_to_play(scene, *sizes.values())
     best = record["candidates"][0]
-    assert best["net_displacement"] >= np.max(record["grid"]["net_displacement"]) - 1e-6
-    checked = check_candidates(env.scene, record)
-    wave = Actuation(**checked["wave"])
-    assert checked["net_displacement"] in [one["net_displacement"] for one in record["candidates"]]
-    assert net_displacements(env.scene, [wave])[0] == checked["net_displacement"]
-    assert checked["checked"][-1]["verified"]
-    assert checked["versions"]["numpy"] == np.__version__
+    whole = {wave: value for wave, value in log.items() if wave[4] == 500}
+    assert len(whole) == 8
+    assert best["net_displacement"] == max(whole.values())
+    short = [value for wave, value in log.items() if wave[4] < 500]
+    assert len(short) == 4 * 3 + 2 * 8
+    assert np.max(record["grid"]["net_displacement"]) <= max(short) + 1e-6
+    # What was played is not played again, and the result is the same.
+    again = search_wave(scene, **sizes, known=log, keep=lambda _: pytest.fail("was played"))
+    assert again == record
+    checked = check_candidates(scene, record)
+    kept = record_of(scene, record, checked)
+    wave = Actuation(**kept["wave"])
+    assert kept["net_displacement"] in [one["net_displacement"] for one in record["candidates"]]
+    assert net_displacements(scene, [wave])[0] == kept["net_displacement"]
+    assert kept["checked"][-1]["verified"]
+    assert kept["versions"]["numpy"] == np.__version__
+
+
+def test_waves_whose_energy_does_not_add_up_do_not_count(env):
+    wave = Actuation(amplitude=1.0, frequency=31.7, wave_number=-4.7)
+    (counts,) = net_displacements(env.scene, [wave])
+    assert counts > 2.0
+    strict = env.scene.replace("integrator.energy_tolerance", 1e-9)
+    assert np.isnan(net_displacements(strict, [wave])).all()
+
+
+def test_a_scene_of_ones_own_has_its_own_tuned_wave(tmp_path, capsys):
+    file = tmp_path / "eel.yaml"
+    file.write_text(
+        "beam: {length: 0.5, elements: 5, half_thickness: 0.005, line_density: 0.156,"
+        " bending_stiffness: 0.156}\nfluid: {density: 10.0}\ndamping: {retardation_time: auto}\n"
+    )
+    command = ["tune", "--scene", str(file), "--generations", "1", "--population", "8", "--json"]
+    assert call_main(command) == 0
+    told = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert told["net_displacement"] > 0.5
+    assert not list(tmp_path.glob("*.part"))
+    kept = tmp_path / "eel.tuned_wave.json"
+    scene = load_scene(file)
+    for name in ("tuned_wave", kept):
+        policy = load_policy(name, scene)
+        played = play_episode(SwimEnv(scene), policy, options=QUIET)
+        assert played.net_displacement == pytest.approx(told["net_displacement"], rel=1e-12)
+    # Of the body as it was tuned.
+    with pytest.raises(OptionError, match=r"beam.length is 0.6, it was 0.5 in tuning"):
+        load_policy("tuned_wave", scene.replace("beam.length", 0.6))
+    assert call_main(["tune", "--scene", "swimmer"]) == 2
+    assert "name the record's file with --output" in capsys.readouterr().err
+
+
+def test_a_search_that_was_interrupted_goes_on(tmp_path, capsys, monkeypatch):
+    file = tmp_path / "record.json"
+    command = ["tune", "--scene", "swimmer", "--generations", "1", "--output", str(file)]
+    command += ["--population", "8"]
+    sizes = ["--frequencies", "3", "--wave-numbers", "2", "--set", "episode.duration=2"]
+    played: list[int] = []
+
+    def stop(scene, waves, *rest):
+        if played:
+            raise KeyboardInterrupt
+        played.append(len(waves))
+        return net_displacements(scene, waves, *rest)
+
+    monkeypatch.setattr(tuning, "net_displacements", stop)
+    assert call_main([*command, *sizes]) == INTERRUPTED
+    assert played == [6] and not file.exists()
+    log = tmp_path / "record.json.part"
+    assert len(log.read_text().splitlines()) == 1 + 6
+    played.clear()
+    monkeypatch.setattr(
+        tuning,
+        "net_displacements",
+        lambda *given: played.append(len(given[1])) or net_displacements(*given),
+    )
+    assert call_main([*command, *sizes]) == 0
+    assert played == [8], "the finalists are among them, as all episodes are as short"
+    assert file.exists() and not log.exists()
 
 
 def test_a_damaged_record_is_refused(tmp_path, monkeypatch):
     damaged = tmp_path / "tuned_wave.json"
     damaged.write_text('{"wave": {"amplitude": 1.0}}')
     monkeypatch.setattr(tuned_wave, "TUNED_WAVE_FILE", damaged)
-    load_tuned_wave.cache_clear()
-    try:
-        with pytest.raises(SwimError, match="cannot read the tuned wave"):
-            load_policy("tuned_wave")
-    finally:
-        load_tuned_wave.cache_clear()
+    with pytest.raises(SwimError, match="cannot read the tuned wave"):
+        load_policy("tuned_wave")
 
 
 # ---- replay --env ------------------------------------------------------------------------------

@@ -1,15 +1,18 @@
 """Scenes: the values of Table 1, validation and its messages, YAML, overrides, files."""
 
 import dataclasses
+import json
 import math
 import os
 import pickle
+import re
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from swim_env import characterise, natural_frequencies
 from swim_env.errors import SceneError, SwimError
 from swim_env.scene import (
     EFFECT_NAMES,
@@ -34,6 +37,7 @@ from swim_env.scene import (
     load_scene,
     scene_names,
 )
+from swim_env.scene.scene import AUTOMATIC
 from tests.support import ROOT, full_disk, refuses, run_python
 
 PAPER = ["i", "ii", "iii", "iv", "v", "vi", "vii", "viii", "ix", "x", "xi", "xii"]
@@ -743,7 +747,144 @@ def test_a_file_may_say_1e_3_and_be_without_a_name(tmp_path):
     scene = load_scene(path)
     assert scene.damping == Damping(1e-3)
     assert (scene.name, scene.beam) == ("mine", Beam(length=2.0))
-    assert (scene.episode, scene.integrator) == (Episode(20.0), Integrator())
+    assert scene.source == str(path)
+    assert scene.replace("beam.length", 1.0).source == str(path)
+
+
+# ---- what is left to the body ------------------------------------------------------------------
+
+EEL = """
+beam: {length: 0.5, elements: 15, half_thickness: 0.005, line_density: 0.156,
+       bending_stiffness: 0.156}
+fluid: {density: 10.0}
+"""
+
+
+#: Stiffnesses of a body with one joint that has none.
+LIMP = [0.0, *[5.0] * 7]
+
+
+def _file(folder, text):
+    path = folder / "eel.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_what_a_file_leaves_out_follows_from_the_body(tmp_path):
+    scene = load_scene(_file(tmp_path, EEL))
+    period = 1.0 / natural_frequencies(scene, 1)[0]
+    assert scene.episode.control_interval == pytest.approx(period / 10, rel=1e-12)
+    assert scene.episode.duration == pytest.approx(100 * period, rel=1e-12)
+    assert scene.integrator == Integrator(
+        time_step=scene.episode.control_interval / 4, tolerance=1e-4, scheme="composed"
+    )
+    assert scene.torque_limit == pytest.approx(0.2 * 0.156 / 0.5, rel=1e-12)
+    assert scene.damping is scene.actuation is None, "effects are there only where they are named"
+    assert Scene.from_yaml(tmp_path / "eel.yaml") == scene
+    assert Scene.from_dict(scene.to_dict()) == scene
+
+
+def test_what_a_file_says_stays(tmp_path):
+    text = EEL + "integrator: {time_step: 0.003}\nepisode: {duration: 7.0}\n"
+    text += "actuation: {amplitude: 0.01, frequency: auto}\n"
+    scene = load_scene(_file(tmp_path, text))
+    assert scene.integrator == Integrator(time_step=0.003)
+    # A whole number of time steps.
+    assert scene.episode.control_interval == pytest.approx(7 * 0.003, rel=1e-12)
+    assert scene.episode.duration == 7.0
+    assert scene.actuation.torque_limit == pytest.approx(0.2 * 0.156 / 0.5)
+    assert scene.actuation.amplitude == 0.01
+    first = natural_frequencies(scene, 1)[0]
+    assert scene.actuation.frequency == pytest.approx(2 * np.pi * first)
+
+
+def test_changes_count_before_the_body_sets_the_rest(tmp_path):
+    path = _file(tmp_path, EEL)
+    scene = load_scene(path, ["beam.length=1.0", "episode.control_interval=0.3"])
+    period = 1.0 / natural_frequencies(scene, 1)[0]
+    assert period > 4 / natural_frequencies(load_scene(path), 1)[0]
+    assert scene.episode.duration == pytest.approx(100 * period)
+    assert scene.steps_per_action == pytest.approx(0.3 / period * 40, abs=1.0)
+    finer = load_scene(path, ["integrator.scheme=paper"])
+    assert finer.steps_per_action == 8
+    with pytest.raises(SceneError, match=r"control_interval must be a number.*with overrides"):
+        load_scene(path, ["episode.control_interval=automatic"])
+
+
+def test_a_scene_holds_numbers_and_can_be_asked_again():
+    scene = load_scene("swimmer", {"damping.retardation_time": "auto", "integrator": "auto"})
+    period = 1.0 / natural_frequencies(scene, 1)[0]
+    assert scene.damping.retardation_time == pytest.approx(period / 200)
+    assert scene.integrator.time_step == pytest.approx(0.02 / 5), "a whole part of 0.02 s"
+    longer = scene.replace({"beam.length": 2.0, "episode.control_interval": "auto"})
+    assert longer.damping == scene.damping
+    assert longer.episode.control_interval > 3 * 0.02
+
+
+@pytest.mark.parametrize("path", AUTOMATIC)
+def test_without_stiffness_nothing_is_automatic(tmp_path, path):
+    limp = {"beam.bending_stiffness": LIMP, path: "auto"}
+    with pytest.raises(SceneError, match="cannot be auto without bending stiffness"):
+        load_scene("swimmer", {"actuation": {"amplitude": 1.0}, **limp})
+    text = "beam: {bending_stiffness: 0}\nfluid: {density: 10}\n"
+    scene = load_scene(_file(tmp_path, text))
+    assert (scene.episode, scene.integrator, scene.torque_limit) == (Episode(), Integrator(), 1.0)
+
+
+def test_only_what_follows_from_the_body_is_automatic():
+    with pytest.raises(SceneError, match=r"beam.length must be a number in m, got text 'auto'"):
+        load_scene("swimmer", {"beam.length": "auto"})
+
+
+# ---- what a body is like -----------------------------------------------------------------------
+
+
+def test_characteristics_of_the_swimmer():
+    found = characterise(load_scene("swimmer"))
+    assert found.natural_frequencies == tuple(natural_frequencies(load_scene("swimmer"), 8))
+    assert found.mass == pytest.approx(0.31)
+    # A flat plate's, pi/4 density length^2, and what the thickness and the ends add.
+    assert found.added_mass_across == pytest.approx(np.pi / 4 * 10.0, rel=0.06)
+    assert found.added_rotary_inertia == pytest.approx(np.pi / 128 * 10.0, rel=0.09)
+    assert found.added_mass_along == pytest.approx(0.0, abs=1e-12)
+    assert found.rotary_inertia == pytest.approx(0.31 / 12, rel=0.02)
+    assert (found.bend_per_torque, found.bend_at_limit) == pytest.approx((0.2, 0.2))
+    assert found.actions_per_period == pytest.approx(found.period / 0.02)
+    assert (found.commanded_modes, found.resolved_modes) == (1, 2)
+    assert found.advice == ()
+    assert "first period T1 = 196 ms" in str(found)
+    assert json.loads(json.dumps(found.to_dict()))["period"] == found.period
+
+
+def test_advice_says_what_would_help_and_following_it_helps():
+    scene = load_scene(
+        "swimmer",
+        {
+            "beam.length": 0.5,
+            "damping": None,
+            "episode.duration": 0.5,
+            "integrator.time_step": 0.02,
+            "actuation.torque_limit": 1e-3,
+        },
+    )
+    advice = characterise(scene).advice
+    parts = ("torques are held for 20 ms", "time step", "damps", "torque limit", "an episode of")
+    assert len(advice) == len(parts)
+    for part, text in zip(parts, advice, strict=True):
+        assert part in text
+        assert "(or auto)" in text
+    paths = [re.search(r"take (\S+)=(\S+) \(or auto\)", one).groups() for one in advice]
+    assert characterise(scene.replace(dict.fromkeys(dict(paths), "auto"))).advice == ()
+    # In the order of the names a control interval comes before the time step.
+    taken = scene.replace({path: float(value) for path, value in paths})
+    assert characterise(taken).advice == ()
+
+
+def test_a_body_without_stiffness_has_no_period():
+    found = characterise(load_scene("swimmer", {"beam.bending_stiffness": LIMP}))
+    assert found.period is None and found.natural_frequencies == ()
+    assert "no bending stiffness" in found.advice[0]
+    assert "bending modes" not in str(found)
 
 
 @pytest.mark.parametrize(

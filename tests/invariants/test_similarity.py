@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
-from swim_agents.tuned_wave import load_tuned_wave
-from swim_agents.tuning import bounds_on
+from swim_agents.learning.saved import AgentError
+from swim_agents.policies import load_policy
+from swim_agents.rollout import play_episode
+from swim_agents.tuning import _grid
 
-from swim_env import OptionError, Scene, SwimTargetEnv, load_scene, scene_names
+from swim_env import OptionError, Scene, SwimEnv, SwimTargetEnv, load_scene, scene_names
 from swim_env.accuracy import choose
 from swim_env.analysis.continuous import integrate
 from swim_env.plots import draw_energy
@@ -157,16 +159,49 @@ def test_frames_and_the_search_for_waves_follow_the_bodys_own_time(units, tmp_pa
     assert [(one.frames, one.flow_frames) for one in files] == [(51, 26)] * 2
     read = read_recording(tmp_path / "1.rrd").swimmers["x"]
     assert read.time == pytest.approx(runs[1].time[::3], rel=1e-6, abs=1e-9)
-    here, there = (np.array(bounds_on(scene)["frequency_hz"]) for scene in scenes)
+    here, there = (np.array(_grid(scene, None, None)[0]) for scene in scenes)
     assert there * time == pytest.approx(here, rel=1e-12)
 
 
-def test_shipped_scenes_have_fifty_frames_a_second_and_waves_of_a_quarter_to_twenty_hertz() -> None:
+def test_shipped_scenes_have_fifty_frames_a_second() -> None:
     for name in scene_names():
         assert load_scene(name).frame_interval == 0.02
-    assert bounds_on(load_scene("swimmer"))["frequency_hz"] == (0.25, 20.0)
-    searched = load_tuned_wave()["search"]["bounds"]
-    assert {name: list(pair) for name, pair in bounds_on(load_scene("swimmer")).items()} == searched
+
+
+@pytest.mark.parametrize("units", [(2.0, 1.0, 1.0), (2.0, 3.0, 0.5), (1e-3, 100.0, 7.0)], ids=str)
+def test_an_agent_plays_on_a_similar_body_as_on_its_own(units) -> None:
+    scene = load_scene("swimmer", {"episode.duration": 4.0})
+    policy = load_policy("ppo_forward")
+    own, other = (
+        play_episode(SwimEnv(one), policy, seed=5) for one in (scene, in_units(scene, units))
+    )
+    assert own.net_displacement > 0.3
+    # Observations have single precision.
+    assert other.net_displacement == pytest.approx(own.net_displacement, rel=1e-4)
+    for field in ("beam.bending_stiffness", "actuation.torque_limit", "fluid.density"):
+        unlike = in_units(scene, units)
+        block, name = field.split(".")
+        unlike = unlike.replace(field, 1.01 * getattr(getattr(unlike, block), name))
+        with pytest.raises(AgentError, match="was trained on scene swimmer"):
+            play_episode(SwimEnv(unlike), policy, seed=5)
+
+
+@each_unit
+def test_what_a_body_sets_for_itself_is_similar(units) -> None:
+    automatic = dict.fromkeys(
+        (
+            *("integrator.time_step", "episode.control_interval", "episode.duration"),
+            *("damping.retardation_time", "actuation.torque_limit", "actuation.frequency"),
+        ),
+        "auto",
+    )
+    here = load_scene("swimmer", automatic)
+    there = in_units(load_scene("swimmer"), units).replace(automatic)
+    expected = in_units(here, units)
+    for path in automatic:
+        block, name = path.split(".")
+        values = (getattr(getattr(scene, block), name) for scene in (there, expected))
+        assert next(values) == pytest.approx(next(values), rel=1e-9), path
 
 
 def test_fast_drives_have_as_many_frames_in_a_period_whatever_the_control_interval() -> None:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swim_agents.files import DAMAGED, as_json, read_json
-from swim_agents.fit import AGENT_FIELDS, difference
+from swim_agents.fit import AGENT_FIELDS, difference, is_similar
 from swim_agents.learning.config import TrainingConfig
 from swim_agents.learning.settings import ALGORITHMS, Network
 from swim_agents.learning.smoothing import WIDTH, SmoothedPolicy, Smoothing
@@ -101,14 +101,15 @@ class AgentPolicy:
         """Refuse a scene or a task that the agent was not trained for (AgentError).
 
         The body, its fluid with drag and stream, the torque limit and the control interval must be
-        the same. The time step, the panels, damping, the start and its noise may differ.
+        the same in body units: a body of twice the length may be played, with stiffness, torques
+        and times to match. The time step, the panels, damping, the start and its noise may differ.
         """
         trained = self.description["task"]
         if task is not None and task != trained:
             raise AgentError(f"agent {self.name} was trained for task {trained}, not for {task}")
         own = self.scene
         found = difference(own, scene, AGENT_FIELDS, "training")
-        if found:
+        if found and not is_similar(own, scene):
             raise AgentError(
                 f"agent {self.name} was trained on scene {own.name} and cannot play scene "
                 f"{scene.name}: {found}"
