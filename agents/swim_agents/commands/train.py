@@ -8,11 +8,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from tqdm import tqdm
+
 from swim_agents.commands import INTERRUPTED
 from swim_agents.commands import command_line as cli
 from swim_agents.files import check_file, writing
 from swim_agents.learning.config import TrainingConfig, config_names, load_config
 from swim_agents.tables import text_table
+from swim_env import characterise
 from swim_env.envs.assessment import load_assessment
 from swim_env.errors import SwimError
 from swim_env.files.names import file_name
@@ -24,7 +27,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "config",
         metavar="CONFIG",
-        help=f"a shipped configuration ({', '.join(config_names())}) or the path of a YAML file",
+        nargs="?",
+        default="ppo",
+        help="what to learn and how; ppo unless given, which suits any body: "
+        f"a shipped configuration ({', '.join(config_names())}) or the path of a YAML file",
+    )
+    parser.add_argument(
+        "--scene",
+        metavar="NAME",
+        help="a shipped scene or the path of a scene file, instead of the configuration's own",
     )
     cli.add_overrides(parser, "configuration", "steps=500000 ppo.epochs=10 scene.beam.elements=18")
     parser.add_argument(
@@ -65,7 +76,7 @@ def main(options: argparse.Namespace) -> int:
         raise SwimError(f"--seeds must differ, got {' '.join(map(str, options.seeds))}")
     if options.threads is not None and options.threads < 1:
         raise SwimError(f"--threads must be at least 1, got {options.threads}")
-    config = load_config(options.config, options.set)
+    config = load_config(options.config, options.set, options.scene)
     base = Path(options.output or f"results/train/{file_name(config.name)}")
     try:
         runs = _train_all(options, config, base)
@@ -103,6 +114,8 @@ def _train_all(
             folder.mkdir(parents=True, exist_ok=True)
         check_file(folder / "run.json")
     load_assessment()
+    for advice in characterise(config.scene).advice:
+        _say(f"advice: {advice}")
     runs = []
     bar = {"unit_scale": True, "mininterval": 0.5, "leave": True}
     for seed, folder in folders.items():
@@ -117,9 +130,15 @@ def _train_all(
                 command=shlex.join(options.command_line),
                 record=options.record,
                 progress=progress,
+                notice=_say,
             )
         runs.append({**result, "folder": str(folder)})
     return runs
+
+
+def _say(text: str) -> None:
+    """Show a line on stderr, above the progress bar."""
+    tqdm.write(text, file=sys.stderr)
 
 
 def _table(runs: list[dict[str, Any]], task: str) -> str:

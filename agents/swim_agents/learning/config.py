@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any
 
+from swim_agents.learning.automatic import resolve
 from swim_agents.learning.settings import (
     ALGORITHMS,
     MOST,
@@ -21,6 +22,7 @@ from swim_agents.learning.smoothing import WIDTH
 from swim_env.envs.task import TASKS, Task
 from swim_env.errors import SceneError, SettingsError, SwimError
 from swim_env.files.atomic import write_atomically
+from swim_env.files.names import file_name
 from swim_env.scene import Scene, load_scene
 from swim_env.scene.block import Block, block, plain
 from swim_env.scene.checks import Check, check_fields, got, integer, nearest, one_of, real, text
@@ -95,7 +97,7 @@ class TrainingConfig(Block):
     members: Annotated[int, integer(1, 100_000)] = 64
     #: Environment steps (actions) in all.
     steps: Annotated[int, integer(1, MOST)] = 1_000_000
-    #: gamma, in (0, 1).
+    #: gamma, in (0, 1); a file may have ``auto``, as for `noise_hold`.
     discount: Annotated[float, _discount] = 0.998
     #: Of Adam, at the start and at the end, linear in between; constant where the final one is not
     #: given.
@@ -215,7 +217,9 @@ class TrainingConfig(Block):
         """Make a configuration from plain values, or raise ConfigError.
 
         ``scene`` is a shipped name, a path, or the scene's own fields; beside it there may be
-        ``overrides``, changes to the scene by dotted path. Messages name the source.
+        ``overrides``, changes to the scene by dotted path. ``discount``, ``noise_hold`` and
+        ``ppo.gae_lambda`` may be ``auto``: then they follow from the body's first period, see
+        `swim_agents.learning.automatic`. Messages name the source.
         """
         known = [spec.name for spec in fields(cls)]
         with _located(source):
@@ -226,6 +230,9 @@ class TrainingConfig(Block):
             given = check_fields(mapping, "", [*known, "overrides"])
             with _located(source, "scene: "):
                 given["scene"] = _scene(given.pop("scene", "swimmer"), given.pop("overrides", None))
+            kind = given.get("algorithm", "PPO")
+            if kind in ALGORITHMS:  # another one is refused below
+                given = resolve(given, given["scene"], kind)
             absent = [name for name in _BLOCKS if given.get(name) is None]
             return cls(**{name: value for name, value in given.items() if name not in absent})
 
@@ -281,9 +288,11 @@ def config_names() -> tuple[str, ...]:
 
 
 def load_config(
-    config: str | os.PathLike[str], overrides: list[str] | Mapping[str, Any] | None = None
+    config: str | os.PathLike[str],
+    overrides: list[str] | Mapping[str, Any] | None = None,
+    scene: str | os.PathLike[str] | None = None,
 ) -> TrainingConfig:
-    """Read a configuration and change fields of it.
+    """Read a configuration, put another scene into it, and change fields of it.
 
     Parameters
     ----------
@@ -291,6 +300,9 @@ def load_config(
         A shipped name (see `config_names`) or the path of a YAML file.
     overrides : list of str or mapping, optional
         Changes such as ``"steps=100000"`` or ``"ppo.epochs=10"``, the values read as YAML.
+    scene : str or os.PathLike, optional
+        A shipped scene or a scene's file, in the place of the configuration's own; the agent is
+        named after both. What is ``auto`` follows from this scene.
 
     Raises
     ------
@@ -322,8 +334,15 @@ def load_config(
         raise ConfigError("the file is empty, must hold a training configuration", source)
     if isinstance(data, dict):
         data = {"name": path.stem, **data}
+    changes = parse_overrides(overrides or {})
+    if scene is not None and isinstance(data, dict):
+        # Before the body sets what is automatic.
+        of_scene = {key: changes.pop(key) for key in list(changes) if key.startswith("scene.")}
+        body = load_scene(scene, {key.removeprefix("scene."): of_scene[key] for key in of_scene})
+        data = {**data, "name": file_name(f"{data['name']}_{body.name}"), "scene": body.to_dict()}
+        data.pop("overrides", None)
     found = TrainingConfig.from_dict(data, source)
-    if not overrides:
+    if not changes:
         return found
     with _located(f"{source} with overrides"):
-        return found.change(parse_overrides(overrides))
+        return found.change(changes)

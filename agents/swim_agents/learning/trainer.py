@@ -4,6 +4,7 @@ A run is one folder:
 
 ============================  ======================================================================
 ``config.yaml``               the resolved configuration, the scene in full
+``scene.yaml``                the scene alone
 ``run.json``                  seed, device, versions, machine and commit; its progress
 ``progress.csv``              a line per log interval; ``tensorboard/`` has the same
 ``evaluations.csv``           a line per periodic evaluation
@@ -53,7 +54,7 @@ from swim_agents.learning.saved import save_agent
 from swim_agents.learning.smoothing import SmoothedPolicy
 from swim_agents.policies import run_label
 from swim_agents.rollout import play_episodes
-from swim_env import __version__
+from swim_env import __version__, characterise
 from swim_env.errors import SwimError, require_packages
 from swim_env.files.atomic import write_atomically
 from swim_env.files.provenance import where_and_when
@@ -96,6 +97,10 @@ EVALUATION_COLUMNS = (
 #: Environment steps between lines of ``progress.csv``, unless a round is longer.
 _LOG_EVERY = 8192
 
+#: Nothing was learned if after this share of the steps the best evaluation's mean return is no more
+#: than this (BL) above that of the untrained policy.
+_ENOUGH, _LITTLE = 0.25, 0.05
+
 
 class RunExistsError(SwimError):
     """A folder holds a run already, or another process uses it."""
@@ -128,6 +133,7 @@ def train(
     command: str | None = None,
     record: str | os.PathLike[str] | None = None,
     progress: Callable[[int, str], object] | None = None,
+    notice: Callable[[str], object] | None = None,
 ) -> dict[str, Any]:
     """Train an agent, or continue a run.
 
@@ -156,6 +162,9 @@ def train(
     progress : callable, optional
         Called with the number of environment steps since the last call (or since the start, after
         a resume) and a short text on the latest evaluation.
+    notice : callable, optional
+        Called with a line of text once, if evaluations show that nothing is being learned: what
+        was found, and what to look at.
 
     Returns
     -------
@@ -187,7 +196,7 @@ def train(
             return before
         run = _Run(config, place, seed, device, threads, command, before, recordings)
         with contextlib.closing(run):
-            return run.play(progress)
+            return run.play(progress, notice)
 
 
 def _recordings_label(config: TrainingConfig, folder: Path, seed: int) -> str:
@@ -326,6 +335,7 @@ class _Run:
         self.config, self.folder, self.recordings = config, folder, recordings
         self.seconds = 0.0
         self.best: dict[str, float] | None = None
+        self.first: dict[str, float] | None = None
         self.last: dict[str, float] | None = None
         self.env = make_training_env(config, seed, threads)
         self.evaluation_env = make_batch(
@@ -353,6 +363,7 @@ class _Run:
             self.env.set_state(state["environment"])
             set_model_state(self.model, state["model"])
             self.seconds, self.best, self.last = state["seconds"], state["best"], state["last"]
+            self.first = state.get("first")
         else:
             # The numbers that a run draws do not depend on what was played before in the process.
             self.model._last_obs = self.env.reset()
@@ -367,6 +378,7 @@ class _Run:
         self.board = TensorBoardLog(folder / "tensorboard", steps)
         with writing("the run's configuration", folder):
             config.save(folder / "config.yaml")
+            config.scene.save(folder / "scene.yaml")
         self._write_record(finished=False)
 
     @property
@@ -380,7 +392,11 @@ class _Run:
         self.env.close()
         self.evaluation_env.close()
 
-    def play(self, progress: Callable[[int, str], object] | None) -> dict[str, Any]:
+    def play(
+        self,
+        progress: Callable[[int, str], object] | None,
+        notice: Callable[[str], object] | None,
+    ) -> dict[str, Any]:
         """Train to the end."""
         config, model = self.config, self.model
         reported = 0
@@ -400,6 +416,8 @@ class _Run:
             if ends or _passed(before, now, config.evaluation.every):
                 self._evaluate()
                 self.seconds = time.perf_counter() - begin
+                if notice is not None and self._has_just_failed(before):
+                    notice(self._why_nothing_is_learned())
             if ends or _passed(before, now, config.checkpoint_every):
                 self._save_checkpoint()
             if progress is not None:
@@ -450,6 +468,7 @@ class _Run:
         }
         self.board.add("evaluation", values, self.steps)
         self.last = {"steps": self.steps, "seconds": round(self.seconds, 3), **values}
+        self.first = self.first or self.last
         self.evaluation_log.add(self.last)
         if self.recordings is not None:
             name, radius = f"{config.name}-{self.steps}", self.evaluation_env.task.radius
@@ -459,6 +478,26 @@ class _Run:
         if self.best is None or self._merit(values) > self._merit(self.best):
             self.best = self.last
             save_agent(self.folder / "agent", self.model, config, self._record())
+
+    def _has_just_failed(self, before: int) -> bool:
+        """Return whether nothing was learned when this evaluation passed a share of the run."""
+        due = _ENOUGH * self.config.steps
+        if self.first is None or not before < due <= self.steps or self.best is None:
+            return False
+        return self.best["return_mean"] - self.first["return_mean"] < _LITTLE
+
+    def _why_nothing_is_learned(self) -> str:
+        """Return a line on what was found and what to look at."""
+        assert self.best is not None and self.first is not None
+        gain = self.best["return_mean"] - self.first["return_mean"]
+        advice = characterise(self.config.scene).advice or (
+            "the body's modes can be commanded and are resolved: look at the returns and, of PPO, "
+            "explained_variance (above 0) in progress.csv, at reward_scale, and try more steps",
+        )
+        return (
+            f"nothing learned after {self.steps:,} steps: returns have gained {gain:.2g}; "
+            + "; ".join(advice)
+        )
 
     def _merit(self, values: dict[str, float]) -> tuple[float, float]:
         """Return what decides which of two evaluations is better."""
@@ -495,6 +534,7 @@ class _Run:
             "environment": self.env.state(),
             "seconds": self.seconds,
             "best": self.best,
+            "first": self.first,
             "last": self.last,
         }
         save_checkpoint(self._checkpoint, state)

@@ -1,0 +1,41 @@
+"""Settings of a training that follow from the body: times that are counted in actions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from swim_env import natural_frequencies
+from swim_env.scene import Scene
+from swim_env.scene.scene import AUTO
+
+#: How far a learner looks ahead, and how long exploration is held, in periods of the body's first
+#: bending mode. A critic that is fitted to its own guesses learns a shorter horizon sooner.
+_HORIZON = {"PPO": 50.0, "SAC": 20.0}
+_HOLD = {"PPO": 0.4, "SAC": 0.8}
+#: Periods over which PPO's advantages are estimated from rewards rather than by the critic.
+_ESTIMATE = 2.0
+#: Actions in a period where the body has none.
+_ACTIONS = 10.0
+
+
+def resolve(settings: dict[str, Any], scene: Scene, algorithm: str) -> dict[str, Any]:
+    """Return the settings of a configuration with numbers for those that are ``auto``.
+
+    Those are ``discount`` (1 - 1/n for a horizon of n actions: 50 periods for PPO, 20 for SAC),
+    ``noise_hold`` (0.4 and 0.8 periods) and ``ppo.gae_lambda`` (two periods).
+    """
+    ppo = settings.get("ppo")
+    ppo = ppo if isinstance(ppo, dict) and ppo.get("gae_lambda") == AUTO else None
+    if ppo is None and AUTO not in (settings.get("discount"), settings.get("noise_hold")):
+        return settings
+    actions = _ACTIONS
+    if scene.bend_per_torque is not None:
+        actions = 1.0 / (natural_frequencies(scene, 1)[0] * scene.episode.control_interval)
+    found = dict(settings)
+    if found.get("discount") == AUTO:
+        found["discount"] = 1.0 - 1.0 / max(2.0, _HORIZON[algorithm] * actions)
+    if found.get("noise_hold") == AUTO:
+        found["noise_hold"] = max(1, round(_HOLD[algorithm] * actions))
+    if ppo is not None:
+        found["ppo"] = {**ppo, "gae_lambda": 1.0 - 1.0 / max(2.0, _ESTIMATE * actions)}
+    return found
