@@ -178,6 +178,28 @@ def test_the_record_says_how_the_run_ended(whole):
     assert hidden(folder) == []
 
 
+def test_where_nothing_is_learned_a_line_says_so_once_and_what_to_look_at(tmp_path):
+    config = small_config(**{"learning_rate": 1e-9, "final_learning_rate": None})
+    told: list[str] = []
+    train(config, tmp_path / "a", notice=told.append)
+    (line,) = told
+    assert line.startswith("nothing learned after 640 steps: returns have gained ")
+    assert "nothing damps" not in line
+    assert "explained_variance" in line or "an episode of" in line
+    # Whoever resumes is told as well, if that point was not reached before.
+    told.clear()
+    with pytest.raises(Stopped):
+        train(config, tmp_path / "b", progress=stop_at(500), notice=told.append)
+    assert told == []
+    train(config, tmp_path / "b", resume=True, notice=told.append)
+    assert told == [line]
+
+
+def test_where_something_is_learned_no_line_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr("swim_agents.learning.trainer._LITTLE", -1.0)
+    train(small_config(), tmp_path / "a", notice=lambda line: pytest.fail(line))
+
+
 def test_the_number_of_pytorchs_threads_is_left_as_it_was(tmp_path):
     before, inside = torch.get_num_threads(), set()
 

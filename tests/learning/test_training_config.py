@@ -263,3 +263,44 @@ def test_the_learning_rate_goes_from_the_first_to_the_last_and_no_further():
 def test_a_round_is_a_rollout_of_all_members():
     assert load_config("ppo_forward").round_steps == 64 * 128
     assert load_config("sac_forward", ["members=10", "sac.rollout=3"]).round_steps == 30
+
+
+# ---- any body ----------------------------------------------------------------------------------
+
+EEL = """
+beam: {length: 0.5, elements: 5, half_thickness: 0.005, line_density: 0.156,
+       bending_stiffness: 0.156}
+fluid: {density: 10.0}
+damping: {retardation_time: auto}
+"""
+
+
+@pytest.mark.parametrize(("name", "periods", "held"), [("ppo", 50.0, 4), ("sac", 20.0, 8)])
+def test_what_is_counted_in_actions_follows_from_the_body(name, periods, held, tmp_path):
+    scene = written(tmp_path, EEL, "eel.yaml")
+    config = load_config(name, scene=scene)
+    assert (config.name, config.scene) == (f"{name}_eel", load_scene(scene))
+    # Ten actions in a period.
+    assert 1.0 / (1.0 - config.discount) == pytest.approx(10.0 * periods)
+    assert config.noise_hold == held
+    quick = load_config(name, scene=scene, overrides={"scene.episode.control_interval": 0.002})
+    times = config.scene.episode.control_interval / 0.002
+    assert 1.0 / (1.0 - quick.discount) == pytest.approx(10.0 * periods * times)
+    assert quick.noise_hold == round(held * times)
+    if config.ppo is not None:
+        assert config.ppo.gae_lambda == pytest.approx(0.95)
+        assert quick.ppo.gae_lambda == pytest.approx(1.0 - 0.05 / times)
+    assert load_config(name, ["discount=0.9"], scene).discount == 0.9
+
+
+def test_changes_of_the_scene_count_before_the_body_sets_the_rest(tmp_path):
+    scene = written(tmp_path, EEL, "eel.yaml")
+    config = load_config("ppo", ["scene.beam.length=1.0", "steps=1000"], scene)
+    assert (config.scene, config.steps) == (load_scene(scene, ["beam.length=1.0"]), 1000)
+
+
+def test_automatic_settings_of_a_body_without_a_period():
+    limp = {"beam.bending_stiffness": [0.0, *[5.0] * 7]}
+    data = {"discount": "auto", "noise_hold": "auto", "scene": "swimmer", "overrides": limp}
+    config = TrainingConfig.from_dict(data)
+    assert (config.discount, config.noise_hold) == (pytest.approx(1.0 - 1.0 / 500.0), 4)

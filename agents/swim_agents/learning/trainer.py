@@ -414,9 +414,10 @@ class _Run:
             if ends or _passed(before, now, max(_LOG_EVERY, config.round_steps)):
                 self._log()
             if ends or _passed(before, now, config.evaluation.every):
+                earlier = self.last["steps"] if self.last else 0
                 self._evaluate()
                 self.seconds = time.perf_counter() - begin
-                if notice is not None and self._has_just_failed(before):
+                if notice is not None and self._has_just_failed(earlier):
                     notice(self._why_nothing_is_learned())
             if ends or _passed(before, now, config.checkpoint_every):
                 self._save_checkpoint()
@@ -479,10 +480,10 @@ class _Run:
             self.best = self.last
             save_agent(self.folder / "agent", self.model, config, self._record())
 
-    def _has_just_failed(self, before: int) -> bool:
-        """Return whether nothing was learned when this evaluation passed a share of the run."""
+    def _has_just_failed(self, earlier: float) -> bool:
+        """Return whether nothing was learned, at the first evaluation after a share of the run."""
         due = _ENOUGH * self.config.steps
-        if self.first is None or not before < due <= self.steps or self.best is None:
+        if self.first is None or not earlier < due <= self.steps or self.best is None:
             return False
         return self.best["return_mean"] - self.first["return_mean"] < _LITTLE
 
