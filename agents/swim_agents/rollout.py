@@ -262,6 +262,24 @@ def check_policy(policy: Policy, task: Task) -> None:
         check(task.scene, names[0] if names else None)
 
 
+def _check_starts(starts: Sequence[Rollout], task: Task, count: int) -> None:
+    """Refuse starts (OptionError) of another number, kind of goal or body than a batch's."""
+    if len(starts) != count:
+        raise OptionError(f"starts must be {count} episodes, one for each seed, got {len(starts)}")
+    for number, start in enumerate(starts):
+        if start.goal_is_point != task.goal_is_point:
+            goals = ["a direction", "a point"]
+            raise OptionError(
+                f"starts[{number}] must be an episode whose goal is {goals[task.goal_is_point]}, "
+                f"got one whose goal is {goals[start.goal_is_point]}"
+            )
+        if start.scene.beam != task.scene.beam:
+            raise OptionError(
+                f"starts[{number}], an episode of scene {start.scene.name}, cannot begin in scene "
+                f"{task.scene.name}: beam differs"
+            )
+
+
 def _begin_like(episodes: Episodes, member: int, start: Rollout) -> str:
     """Put a member where an episode began, or return why it cannot be simulated there."""
     try:
@@ -291,7 +309,8 @@ def play_episodes(
 
     With `starts`, the episodes of these seeds in another scene, each begins exactly as that one
     did, whatever the options and what this scene would draw; one whose pose the physics refuses
-    here is its `Rollout.refused`.
+    here is its `Rollout.refused`. It is an OptionError if they are not as many as the seeds, or of
+    another task or body.
     """
     if not isinstance(env, SwimVectorEnv):
         raise OptionError(f"play_episodes needs a SwimVectorEnv, got {type(env).__name__}")
@@ -304,6 +323,7 @@ def play_episodes(
             f"{env.num_envs} in mode {env.autoreset_mode.value}"
         )
     if starts is not None:
+        _check_starts(starts, env.task, count)
         options = {"noise": 0.0}  # what is drawn with noise may be refused
     observations, infos = env.reset(
         seed=list(seeds), options=None if options is None else dict(options)

@@ -9,17 +9,19 @@ finds the cache empty has another one fill it.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numba
 import numpy as np
+from filelock import FileLock, Timeout
 from numba.core import config as numba_config
 
 from swim_env.physics.fluid.models import MODELS, SAMPLE, added_mass, linked_kernels, shape_force
@@ -27,7 +29,7 @@ from swim_env.physics.fluid.sources import influence, normal_influence
 from swim_env.physics.planar.chain import BeamConstants, centres, centres_of_trajectory
 from swim_env.physics.planar.equations import evaluate_step
 from swim_env.physics.planar.matrix import adjoint_jacobian, step_jacobian
-from swim_env.physics.runtime.cache import ForgivingCache, alone, cache_folder, say, why_temporary
+from swim_env.physics.runtime.cache import ForgivingCache, cache_folder, say, why_temporary
 from swim_env.physics.solve.advance import advance, energy_and_velocity, momentum_of_velocity
 from swim_env.physics.solve.constants import SolverConstants, pack_constants
 from swim_env.physics.solve.newton import newton_in_passes, newton_with_shortening
@@ -48,10 +50,29 @@ def load_kernels() -> None:
         return
     marker = cache_folder() / "compiled"
     if not marker.exists():
-        with alone():
+        with _alone():
             if not marker.exists():
                 _fill_cache(marker)
     _load_all()
+
+
+@contextlib.contextmanager
+def _alone() -> Iterator[None]:
+    """Wait while another process compiles into the same folder."""
+    lock = FileLock(cache_folder() / "lock")
+    try:
+        lock.acquire(blocking=False)
+    except Timeout:
+        say("another process compiles the physics kernels; waiting for it")
+        lock.acquire()
+    except (OSError, NotImplementedError):
+        # A file system without locks: each compiles for itself.
+        yield
+        return
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def _fill_cache(marker: Path) -> None:

@@ -152,7 +152,7 @@ def test_rl_zoo3(install):
 
 
 def test_rl_zoo3_learns_with_the_shipped_hyperparameters(install):
-    """An eighth of the shipped training swims more than twice as far as the paper's wave."""
+    """Less than half of the shipped training swims ten times as far as the paper's wave."""
     zoo = install("rl-zoo3")
     printed = zoo.run(
         *("-m", "rl_zoo3.train", "--algo", "ppo", "--env", FORWARD, "--gym-packages", "swim_env"),
@@ -164,7 +164,7 @@ def test_rl_zoo3_learns_with_the_shipped_hyperparameters(install):
     assert matched(r"total_timesteps\s+\|\s+(\d+)", printed) == 131072
     # Episodes of the whole scene, 20 s, with exploration: the paper's wave reaches 0.05 BL.
     assert matched(r"ep_len_mean\s+\|\s+(\S+)", printed) == 1000
-    assert matched(r"ep_rew_mean\s+\|\s+(\S+)", printed) > 0.1
+    assert matched(r"ep_rew_mean\s+\|\s+(\S+)", printed) > 0.5
 
 
 def test_torchrl(install):

@@ -121,6 +121,21 @@ def test_a_batch_of_another_size_or_mode_is_refused():
         play_episodes(batch, policy, SEEDS)
 
 
+def test_starts_of_another_number_task_or_body_are_refused():
+    scene = short()
+    policy, batch = load_policy("zero", scene), SwimVectorEnv(2, scene)
+    start = play_episode(SwimEnv(scene), policy, 0)
+    with refuses(OptionError, "starts must be 2 episodes, one for each seed, got 1"):
+        play_episodes(batch, policy, [0, 1], starts=[start])
+    aimed = play_episode(SwimTargetEnv(scene), policy, 1)
+    with refuses(OptionError, "starts[1] must be", "is a direction, got one whose goal is a point"):
+        play_episodes(batch, policy, [0, 1], starts=[start, aimed])
+    longer = scene.replace("beam.length", 1.5)
+    other = play_episode(SwimEnv(longer), load_policy("zero", longer), 0)
+    with refuses(OptionError, "starts[0], an episode of scene swimmer,", "beam differs"):
+        play_episodes(batch, policy, [0, 1], starts=[other, start])
+
+
 # ---- figures of a contest ----------------------------------------------------------------------
 
 
@@ -262,6 +277,19 @@ def test_progress_adds_up_to_what_is_announced():
     assert one["panels_change"] == one["ends_change"] == [None]
     assert one["time_step_change"] == one["together_change"] == [one["largest_change"]["together"]]
     assert one["largest_change"]["panels"] is None
+
+
+def test_progress_comes_to_its_end_where_episodes_end_early():
+    seconds: list[float] = []
+    scene, entries = thin(), entries_of([], thin())  # finer panels refuse the second start
+    hold_contest(scene, entries, [1, 13], threads=1, progress=seconds.append)
+    assert sum(seconds) == pytest.approx(1.2, abs=1e-9), "an entry, two starts, six runs of 0.1 s"
+    seconds.clear()
+    scene = short("episode.velocity_noise=1.0")
+    entries = entries_of([], scene, "target")
+    record = hold_contest(scene, entries, [6], "target", threads=1, progress=seconds.append).record
+    assert record["policies"]["paper_wave"]["duration"][0] < 1.0
+    assert sum(seconds) == pytest.approx(steps_to_play(scene, 2, 1), abs=1e-9) == 12
 
 
 def test_without_noise_all_starts_are_the_same():

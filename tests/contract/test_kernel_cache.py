@@ -126,6 +126,40 @@ def test_processes_wait_for_the_one_that_compiles(tmp_path: Path) -> None:
     assert process.returncode == 0
 
 
+CALLS = """
+import inspect
+import numpy as np
+from swim_env.physics.fluid.models import SAMPLE, added_mass
+from swim_env.physics.loading import load_kernels
+from swim_env.physics.planar.equations import evaluate_step
+
+def attempt(kernel, *arguments):
+    try:
+        return kernel(*arguments)
+    except RuntimeError as error:
+        return error
+
+print(evaluate_step.__name__, *inspect.signature(evaluate_step).parameters)
+print(inspect.getdoc(evaluate_step).split()[0])
+print(attempt(added_mass, np.zeros(1), SAMPLE, None, np.zeros((4, 4))))
+load_kernels()
+print(attempt(evaluate_step, np.zeros(4)))
+"""
+
+
+def test_a_linked_kernel_refuses_calls_from_python_that_would_jump_to_nowhere() -> None:
+    found = run_python("-c", CALLS)
+    assert found.code == 0, found.err
+    assert found.out.splitlines() == [
+        "evaluate_step p torques z h adjoint held beam fluid body fluid_buffers",
+        "Evaluate",
+        "swim_env.physics.fluid.models.added_mass was called before it was loaded; call "
+        "swim_env.physics.loading.load_kernels() first",
+        "swim_env.physics.planar.equations.evaluate_step is compiled for other kernels to call, "
+        "not for Python",
+    ]
+
+
 def test_without_compilation_kernels_run_as_python() -> None:
     code = (
         "import swim_env; s = swim_env.Simulator(swim_env.load_scene('paper_i', "

@@ -171,8 +171,13 @@ def _labels(name: str, run: Path | None, policy: Policy) -> tuple[str, str]:
 
 def steps_to_play(scene: Scene, entries: int, seeds: int) -> int:
     """Return what the progress of `hold_contest` adds up to: seconds simulated and checked."""
+    return math.ceil(entries * _seconds_to_play(scene, seeds))
+
+
+def _seconds_to_play(scene: Scene, seeds: int) -> float:
+    """Return how long an entry plays and is checked (s) where nothing ends early."""
     runs = 2 + len(finer_scenes(scene))  # the episode, the closed loop, the torques played again
-    return math.ceil(runs * entries * seeds * scene.episode.duration)
+    return runs * seeds * scene.episode.duration
 
 
 def checked_seeds(seeds: Sequence[int]) -> list[int]:
@@ -218,7 +223,8 @@ def hold_contest(
     threads : int, optional
         As many as numba uses unless given.
     progress : callable, optional
-        Called with the simulated seconds that were played or checked since the last call.
+        Called with the simulated seconds that were played or checked since the last call; what
+        ends early counts as played to its end, so they come to `steps_to_play`.
 
     Returns
     -------
@@ -260,12 +266,15 @@ def hold_contest(
     trajectories: dict[str, list[Trajectory]] = {}
     fine = fine_scene(scene)
     lock, stopped = threading.Lock(), threading.Event()
+    reported = 0.0
 
     def report(seconds: float) -> None:
+        nonlocal reported
         if stopped.is_set():
             raise KeyboardInterrupt
         if progress is not None:
             with lock:
+                reported += seconds
                 progress(seconds)
 
     def make(played: Scene) -> SwimVectorEnv:
@@ -300,7 +309,7 @@ def hold_contest(
             finer = stack.enter_context(closing(make(fine)))
         except SimulationEndedError as error:  # not even the scene's own start
             finer, reason = None, error.reason
-        for entry in entries:
+        for number, entry in enumerate(entries, start=1):
             rollouts = play(env, entry.policy)
             if finer is None:
                 closed_loops = [one.refused(fine, reason) for one in rollouts]
@@ -313,6 +322,9 @@ def hold_contest(
                 except BaseException:
                     stopped.set()  # what still plays would hold up the end
                     raise
+            left_out = number * _seconds_to_play(scene, count) - reported
+            if left_out > 1e-9 * reported:
+                report(left_out)
             performances[entry.name] = [performance for performance, _ in assessed]
             kept[entry.name] = rollouts[:keep]
             trajectories[entry.name] = [trajectory for _, trajectory in assessed[:keep]]

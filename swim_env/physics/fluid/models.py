@@ -96,7 +96,7 @@ def _no_shape_force(motion: Array, fluid: FluidConstants, work: FluidWork, out: 
 
 
 def _by_model(name: str, unknown: Any, returned: str) -> Any:
-    """Return an entry kernel that calls this kernel of the model whose code `fluid.model` is.
+    """Return a linked kernel that calls this kernel of the model whose code `fluid.model` is.
 
     Numba knows functions one by one and not in tables, so the comparisons are written out here: one
     level of them, as nested functions would be optimised once per level.

@@ -11,14 +11,12 @@ A file that cannot be read or written costs a compilation and one line, no more.
 from __future__ import annotations
 
 import atexit
-import contextlib
 import hashlib
 import os
 import platform
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -26,7 +24,6 @@ import llvmlite
 import llvmlite.binding
 import numba
 import numpy as np
-from filelock import FileLock, Timeout
 from numba.core import config as numba_config
 
 
@@ -155,22 +152,3 @@ class ForgivingCache:
         if what not in self.complaints:
             self.complaints.add(what)
             say(f"{what} ({self._cache.cache_path}): {type(error).__name__}: {error}")
-
-
-@contextlib.contextmanager
-def alone() -> Iterator[None]:
-    """Wait while another process compiles into the same folder."""
-    lock = FileLock(cache_folder() / "lock")
-    try:
-        lock.acquire(blocking=False)
-    except Timeout:
-        say("another process compiles the physics kernels; waiting for it")
-        lock.acquire()
-    except (OSError, NotImplementedError):
-        # A file system without locks: each compiles for itself.
-        yield
-        return
-    try:
-        yield
-    finally:
-        lock.release()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -55,6 +56,16 @@ class Linked:
         code = self.compiled.overloads[self.signature]
         self._address[0] = code.library.get_pointer_to_function(code.fndesc.llvm_func_name)
 
+    def check_call(self) -> None:
+        """Refuse a call from Python that would jump to nowhere (RuntimeError)."""
+        if self.compiled.targetoptions.get("no_cpython_wrapper"):
+            raise RuntimeError(f"{self.name} is compiled for other kernels to call, not for Python")
+        if self._address[0] == 0:
+            raise RuntimeError(
+                f"{self.name} was called before it was loaded; call "
+                "swim_env.physics.loading.load_kernels() first"
+            )
+
     def type_of_call(self, arguments: tuple[Any, ...]) -> Any:
         """Return numba's signature of a call with arguments of these types."""
         if self.signature not in (None, arguments):
@@ -82,11 +93,15 @@ def link(compiled: Function) -> Function:
     if numba_config.DISABLE_JIT:
         return compiled
 
+    linked = Linked(compiled)
+
+    @functools.wraps(linked.compiled.py_func)
     def call(*arguments: Any) -> Any:
+        linked.check_call()
         return compiled(*arguments)
 
     found: Any = call
-    found.linked = linked = Linked(compiled)
+    found.linked = linked
 
     @type_callable(call)
     def _type(context: Any) -> Any:

@@ -106,17 +106,17 @@ def _evaluate(
     """
     step.effort[0] += solver.evaluation_cost
     step.tally[EVALUATED] += 1
-    if not adjoint:
-        return evaluate_step(p, torques, z, h, False, False, beam, fluid, body, fluid_buffers)
-    mass = body.mass
-    shape = mass.trial_shape[: torques.size]
-    for j in range(torques.size):
-        shape[j] = q[3 + j] + z[3 + j]
-    status = find_added_mass(shape, fluid, solver, fluid_buffers, mass, step.effort)
-    step.tally[SHAPE_FAILURE] = status
-    if status != FINE:
-        return np.inf
-    return evaluate_step(p, torques, z, h, True, True, beam, fluid, body, fluid_buffers)
+    if adjoint:
+        mass = body.mass
+        shape = mass.trial_shape[: torques.size]
+        for j in range(torques.size):
+            shape[j] = q[3 + j] + z[3 + j]
+        status = find_added_mass(shape, fluid, solver, fluid_buffers, mass, step.effort)
+        step.tally[SHAPE_FAILURE] = status
+        if status != FINE:
+            return np.inf
+    # The residual of the adjoint has no shape force.
+    return evaluate_step(p, torques, z, h, adjoint, adjoint, beam, fluid, body, fluid_buffers)
 
 
 @inlined
