@@ -145,10 +145,10 @@ def characterise(scene: Scene) -> Characteristics:
     found: dict[str, Any] = {
         "scene": scene.name,
         "mass": mass,
-        "added_mass_along": max(0.0, float(whole[0, 0]) - mass),
-        "added_mass_across": max(0.0, float(whole[1, 1]) - mass),
+        "added_mass_along": _added(whole[0, 0], mass),
+        "added_mass_across": _added(whole[1, 1], mass),
         "rotary_inertia": float(inertia),
-        "added_rotary_inertia": max(0.0, float(whole[2, 2] - inertia)),
+        "added_rotary_inertia": _added(whole[2, 2], inertia),
         "natural_frequencies": frequencies,
         "period": period,
         "bend_per_torque": bend,
@@ -162,6 +162,12 @@ def characterise(scene: Scene) -> Characteristics:
         "resolved_modes": sum(one * step * _LEAST_STEPS <= 1.0 for one in frequencies),
     }
     return Characteristics(**found, advice=_advice(scene, found))
+
+
+def _added(whole: float, own: float) -> float:
+    """Return what the fluid adds, none where the difference is rounding."""
+    added = float(whole) - float(own)
+    return added if added > 1e-9 * whole else 0.0
 
 
 def _advice(scene: Scene, found: dict[str, Any]) -> tuple[str, ...]:
