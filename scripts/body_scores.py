@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""Tune a wave and train an agent, with the settings that ship, on bodies that are unlike each other.
+"""Tune a wave and train an agent, with the settings that ship, on eight unlike bodies.
 
 The bodies are those of studies/bodies. Runs go into a folder each and are continued if it is there.
 """
@@ -23,6 +23,7 @@ from swim_agents.tuning import search_wave
 
 from swim_env import SwimEnv, load_scene, natural_frequencies
 from swim_env.files.atomic import write_atomically
+from swim_env.files.provenance import where_and_when
 
 BODIES = Path(__file__).parents[1] / "studies" / "bodies"
 #: Seed of the start from which the trained agent is judged; no training draws it.
@@ -72,6 +73,10 @@ def _table(rows: list[dict[str, Any]]) -> str:
     return text_table([heads, *cells])
 
 
+def _write(path: str, record: dict[str, Any]) -> None:
+    write_atomically(path, lambda file: file.write(as_json(record)))
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the command."""
     names = sorted(file.stem for file in BODIES.glob("*.yaml"))
@@ -92,9 +97,8 @@ def main(arguments: list[str] | None = None) -> int:
         steps = load_config(options.config, scene=file).steps
         with progress_bar(steps, "step", name, unit_scale=True) as progress:
             rows.append(measure(file, options.config, Path(options.runs), progress))
-        if options.output is not None:  # a row of hours of work at once
-            content = as_json({"config": options.config, "bodies": rows})
-            write_atomically(options.output, lambda out, text=content: out.write(text))
+        if options.output is not None:
+            _write(options.output, {"config": options.config, **where_and_when(), "bodies": rows})
     print_result({"bodies": rows}, options.json, lambda: _table(rows))
     return 0
 
