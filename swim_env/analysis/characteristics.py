@@ -137,7 +137,9 @@ def characterise(scene: Scene) -> Characteristics:
     rigid[2, 2:] = 1.0
     whole = rigid @ matrix @ rigid.T
     centres = (np.arange(n) - 0.5 * (n - 1)) * segment
-    inertia = beam.rotary_inertia * beam.length + beam.line_density * segment * centres @ centres
+    inertia = beam.rotary_inertia * beam.length + beam.line_density * segment * float(
+        centres @ centres
+    )
     bend = scene.bend_per_torque
     frequencies = () if bend is None else tuple(bending_frequencies(straight, matrix))
     period = 1.0 / frequencies[0] if frequencies else None
