@@ -33,9 +33,9 @@ SceneLike = Scene | str | os.PathLike[str] | Mapping[str, Any]
 Overrides = str | Iterable[str] | Mapping[str, object]
 
 
-def action_space_of(task: Task) -> gymnasium.spaces.Box:
+def action_space_of(scene: Scene) -> gymnasium.spaces.Box:
     """Return the space of actions, (N - 1,) in [-1, 1]."""
-    joints = task.scene.beam.elements - 1
+    joints = scene.beam.elements - 1
     return gymnasium.spaces.Box(-1.0, 1.0, (joints,), np.float32)
 
 

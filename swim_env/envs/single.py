@@ -139,7 +139,7 @@ class SwimEnv(SharedInterface, gymnasium.Env[Observation, NDArray[Any]]):
     ) -> None:
         made = task_of(task, scene, overrides, task_options, effort_weight, heading_weight)
         self._set_up_episodes(made, render_mode, num_threads, limit=max_episode_steps)
-        self.action_space = action_space_of(made)
+        self.action_space = action_space_of(made.scene)
         self.observation_space = observation_space_of(made)  # type: ignore[assignment]
 
     @property

@@ -124,7 +124,7 @@ class SwimVectorEnv(
                 "num_envs must be smaller"
             ) from None
         self.metadata["autoreset_mode"] = self.autoreset_mode
-        self.single_action_space = action_space_of(made)
+        self.single_action_space = action_space_of(made.scene)
         self.single_observation_space = observation_space_of(made)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
