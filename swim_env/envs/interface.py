@@ -61,7 +61,9 @@ def task_of(
         scene = task.scene
     weights = {"effort_weight": effort_weight, "heading_weight": heading_weight}
     given = {name: one for name, one in weights.items() if type(one) not in (int, float) or one}
-    return make_task(task, load_scene(scene, overrides), {**(options or {}), **given})
+    if given and isinstance(options, (Mapping, NoneType)):
+        options = {**(options or {}), **given}
+    return make_task(task, load_scene(scene, overrides), options)
 
 
 def checked_render_mode(mode: object) -> str | None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from swim_env.envs.assessment import END_CODE, OBSERVATION_LIMIT
 from swim_env.envs.tasks.base import Task
 from swim_env.envs.tasks.layout import METHODS, STATE, checked, checked_state, named, standard_parts
-from swim_env.envs.tasks.moment import COLUMNS, Arrays, Moment
+from swim_env.envs.tasks.moment import COLUMNS, Arrays, Moment, columns
 from swim_env.errors import TaskError
 
 Array = NDArray[np.float64]
@@ -58,12 +58,13 @@ class Hooks:
         standard = standard_parts(task.scene.beam.elements - 1, task.goal_is_point)
         self._aim, self._distance = standard["goal_direction"], standard.get("distance")
         self._copied: list[tuple[slice, slice]] = []
-        self._placed: dict[str, slice] = {}
-        at = 0
+        #: Of parts of the task's own: columns in the observation, and in their own array.
+        self._placed: dict[str, tuple[slice, slice]] = {}
+        at = own = 0
         for name, size in layout.parts.items():
             here = slice(at, at := at + size)
             if name in layout.own_parts:
-                self._placed[name] = here
+                self._placed[name] = here, slice(own, own := own + size)
             elif (
                 self._copied
                 and (last := self._copied[-1])[0].stop == here.start
@@ -75,6 +76,7 @@ class Hooks:
                 )
             else:
                 self._copied.append((here, standard[name]))
+        self._own_values = np.zeros((count, own))
         self.observations = arrays.seen
         if list(layout.parts) != list(standard):
             self.observations = np.zeros((count, at), dtype=np.float32)
@@ -110,6 +112,8 @@ class Hooks:
 
     def run(self, members: Indices, start: bool) -> None:
         """Call the task's methods after a start or an action that the kernel has assessed."""
+        if not len(members):  # all have ended
+            return
         arrays, task, own = self._arrays, self._task, self._own
         whole = len(members) == len(self._all)
         if whole:
@@ -186,18 +190,23 @@ class Hooks:
         if not self._placed:
             return
         found = named(self._task, "observe", self._task.observe(now))
-        for name, here in self._placed.items():
+        own = self._own_values[: len(now.members)]
+        for name, (_, there) in self._placed.items():
             value = self._checked("observe", found, name, now)
-            if not np.isfinite(value).all():
-                self._not_finite("observe", {name: value}, now)
             if value.ndim == 1:
                 value = value[:, None]
-            if value.shape[1] != here.stop - here.start:
+            if value.shape[1] != there.stop - there.start:
                 raise TaskError(
                     f"task {self._task.name}: {name!r} of observe must keep its shape, "
-                    f"(m, {here.stop - here.start}) for m members, got {value.shape}"
+                    f"(m, {there.stop - there.start}) for m members, got {value.shape}"
                 )
-            observations[index, here] = np.clip(value, -OBSERVATION_LIMIT, OBSERVATION_LIMIT)
+            own[:, there] = value
+        if not np.isfinite(own).all():
+            self._not_finite("observe", found, now)
+        np.minimum(own, OBSERVATION_LIMIT, out=own)
+        np.maximum(own, -OBSERVATION_LIMIT, out=own)
+        for here, there in self._placed.values():
+            observations[index, here] = own[:, there]
 
     def _aim_at(self, now: Moment, index: Any) -> None:
         """Give members their new goals, and all that the kernel has derived from the old ones."""
@@ -213,23 +222,28 @@ class Hooks:
         self._arrays.goals[index] = goals
         if not now.__dict__["_whole"]:
             now.goal = goals
-        ahead, way = now.ahead, goals
+        ahead_x, ahead_y = now.ahead.T
+        way_x, way_y = goals.T
         if self._distance is not None:
-            away = goals - now.coordinates[:, :2]
-            length = np.hypot(away[:, 0], away[:, 1])
-            # At the very point every direction is as good as straight ahead.
-            there = length > 0.0
-            way = np.where(there[:, None], away / np.where(there, length, 1.0)[:, None], ahead)
+            away_x, away_y = way_x - now.coordinates[:, 0], way_y - now.coordinates[:, 1]
+            length = np.hypot(away_x, away_y)
             distance = length / task.scene.beam.length
             figures[index, COLUMNS["distance"]] = distance
-            self._arrays.seen[index, self._distance] = np.minimum(distance, OBSERVATION_LIMIT)[
-                :, None
-            ]
-        cosine = ahead[:, 0] * way[:, 0] + ahead[:, 1] * way[:, 1]
-        sine = ahead[:, 0] * way[:, 1] - ahead[:, 1] * way[:, 0]
+            distance = np.minimum(distance, OBSERVATION_LIMIT)
+            self._arrays.seen[index, self._distance] = distance[:, None]
+            if length.min() > 0.0:
+                way_x, way_y = away_x / length, away_y / length
+            else:  # at the very point every direction is as good as straight ahead
+                there = length > 0.0
+                some = np.where(there, length, 1.0)
+                way_x = np.where(there, away_x / some, ahead_x)
+                way_y = np.where(there, away_y / some, ahead_y)
+        cosine = ahead_x * way_x + ahead_y * way_y
+        sine = ahead_x * way_y - ahead_y * way_x
         figures[index, COLUMNS["heading_error"]] = np.arctan2(sine, cosine)
-        both = np.stack([sine, cosine], axis=1)
-        self._arrays.seen[index, self._aim] = np.clip(both, -1.0, 1.0)
+        both = columns(sine, cosine)
+        np.minimum(both, 1.0, out=both)
+        self._arrays.seen[index, self._aim] = np.maximum(both, -1.0, out=both)
         now.__dict__.pop("_figures", None)
 
     def _not_finite(self, method: str, found: Mapping[str, Any], now: Moment) -> None:

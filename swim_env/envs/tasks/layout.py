@@ -188,6 +188,8 @@ def _reasons(task: Task, found: Mapping[str, Any]) -> tuple[str, ...]:
 
 def named(task: Task, method: str, found: object) -> dict[str, Any]:
     """Return what a method has returned if it is arrays by name."""
+    if type(found) is dict:  # in every step; a name that is none is missed where it is read
+        return found
     if not isinstance(found, Mapping) or not all(isinstance(name, str) for name in found):
         raise TaskError(
             f"task {task.name}: {method} must return arrays by name, got {type(found).__name__}"
@@ -199,12 +201,11 @@ def checked(
     task: Task, method: str, name: str, value: object, count: int, wide: bool = False
 ) -> NDArray[Any]:
     """Return an array of one of a task's methods, or say in a TaskError what it should be."""
-    array = np.asarray(value)
+    array = value if type(value) is np.ndarray else np.asarray(value)
     booleans = method == "ends"
-    kinds = "b" if booleans else "fiu" if not wide else "fiub"
-    if array.dtype.kind in kinds and len(array.shape) in ((1, 2) if wide else (1,)):
-        if len(array) == count and array.size:
-            return array
+    shape_fits = array.shape == (count,) or (wide and array.ndim == 2 and len(array) == count)
+    if shape_fits and array.size and array.dtype.kind in ("b" if booleans else "fiu"):
+        return array
     shape = f"({count},) or ({count}, k)" if wide else f"({count},)"
     raise TaskError(
         f"task {task.name}: {name!r} of {method} must be {'bools' if booleans else 'numbers'} of "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -36,6 +37,20 @@ class Arrays:
     counters: NDArray[np.int64]
     seen: NDArray[np.float32]
     state: dict[str, NDArray[Any]] = field(default_factory=dict)
+
+
+def columns(*values: Array) -> Array:
+    """Return arrays (m,) as the columns of one, (m, k): `numpy.stack` for tasks in a hurry."""
+    joined: Array = np.empty((len(values[0]), len(values)))
+    for column, value in enumerate(values):
+        joined[:, column] = value
+    return joined
+
+
+@functools.cache
+def _shares(elements: int) -> Array:
+    """Return the share of the elements that each joint angle turns, (N - 1,)."""
+    return np.arange(elements - 1, 0, -1) / elements
 
 
 class Moment:
@@ -113,7 +128,7 @@ class Moment:
     def ahead(self) -> Array:
         """The head's direction, (m, 2) unit vectors."""
         angle = self._mean_angle(self.coordinates)
-        return -np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        return columns(-np.cos(angle), -np.sin(angle))
 
     @cached_property
     def turning_rate(self) -> Array:
@@ -125,9 +140,8 @@ class Moment:
         return turned / self._some_seconds
 
     def _mean_angle(self, coordinates: Array) -> Array:
-        elements = self.scene.beam.elements
-        share = np.arange(elements - 1, 0, -1) / elements
-        angle: Array = coordinates[:, 2] + (coordinates[:, 3:] * share).sum(axis=1)
+        bending = coordinates[:, 3:] * _shares(self.scene.beam.elements)
+        angle: Array = coordinates[:, 2] + np.add.reduce(bending, axis=1)
         return angle
 
     # ---- the goal ------------------------------------------------------------------------------

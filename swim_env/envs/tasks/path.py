@@ -15,9 +15,11 @@ from swim_env.errors import OptionError
 from swim_env.scene import Scene
 from swim_env.scene.checks import checked_option, listed, pair, real
 
-#: Distance of the samples of a curve (BL), and how many of them around the present one are looked
-#: at for the nearest: a body does not get farther in an action.
-_SPACING, _WINDOW = 0.02, 10
+#: Distance of the samples of a curve (BL), and how many of them on either side of the present one
+#: are looked at for the nearest: a body does not get farther in an action.
+_SPACING, _WINDOW = 0.02, 4
+
+_AROUND = np.arange(2 * _WINDOW + 1)
 
 
 def bends() -> tuple[tuple[float, float], ...]:
@@ -85,7 +87,9 @@ class PathTask(Task):
         forward = np.array(scene.episode.heading)
         sideways = turned(scene.episode.heading, 0.5 * math.pi)
         self._curve = along[:, None] * forward + left[:, None] * sideways
-        self._tangents = np.gradient(self._curve, self._marks, axis=0)
+        tangents = np.gradient(self._curve, self._marks, axis=0)
+        self._samples = np.column_stack([self._curve, tangents, self._marks])
+        self._padded = np.pad(self._curve, ((_WINDOW, _WINDOW), (0, 0)), "edge").T.copy()
         self._ahead = max(1, round(self.lookahead / float(self._marks[1])))
 
     def state(self, count: int) -> dict[str, NDArray[Any]]:
@@ -103,20 +107,21 @@ class PathTask(Task):
         state, last = now.state, len(self._marks) - 1
         if now.start:
             state["origin"][:] = now.position
-        place = now.position - state["origin"]
-        around = state["nearest"][:, None] + np.arange(-_WINDOW, _WINDOW + 1)
-        some = np.clip(around, 0, last)
-        away = place[:, None] - self._curve[some]
-        squares = away[..., 0] ** 2 + away[..., 1] ** 2
-        best = np.argmin(squares, axis=1)[:, None]
-        nearest = np.take_along_axis(some, best, axis=1)[:, 0]
-        offset = place - self._curve[nearest]
+        place_x, place_y = (now.position - state["origin"]).T
+        before = state["nearest"]
+        around = before[:, None] + _AROUND
+        x, y = self._padded
+        away_x, away_y = place_x[:, None] - x[around], place_y[:, None] - y[around]
+        squares = away_x * away_x + away_y * away_y
+        best = squares.argmin(axis=1)
+        nearest = np.minimum(np.maximum(before + best - _WINDOW, 0), last)
+        x, y, along_x, along_y, mark = self._samples[nearest].T
         # Between the samples, along the tangent.
-        tangent = self._tangents[nearest]
-        more = offset[:, 0] * tangent[:, 0] + offset[:, 1] * tangent[:, 1]
-        along = np.clip(self._marks[nearest] + np.clip(more, -_SPACING, _SPACING), 0.0, self.length)
+        more = (place_x - x) * along_x + (place_y - y) * along_y
+        along = mark + np.minimum(np.maximum(more, -_SPACING), _SPACING)
+        along = np.minimum(np.maximum(along, 0.0), self.length)
         state["gained"][:] = along - state["along"]
-        state["deviation"][:] = np.sqrt(np.take_along_axis(squares, best, axis=1)[:, 0])
+        state["deviation"][:] = np.sqrt(squares.min(axis=1))
         state["along"][:], state["nearest"][:] = along, nearest
 
     def update_goal(self, now: Moment) -> Array:

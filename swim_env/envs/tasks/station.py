@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.envs.tasks.base import Array, StartPlan, Task
-from swim_env.envs.tasks.moment import Moment
+from swim_env.envs.tasks.moment import Moment, columns
 from swim_env.errors import OptionError
 from swim_env.scene import Scene
 from swim_env.scene.checks import checked_option, real
@@ -50,7 +50,7 @@ class StationTask(Task):
             )
         self.reach = checked_option(real("BL", above=0.0), reach, "reach")
         flow = np.array(scene.stream.velocity)
-        self._upstream = -flow / np.hypot(*flow)
+        self._upstream = (-flow / np.hypot(*flow)).tolist()
 
     def plan_start(self, options: Mapping[str, Any] | None = None) -> StartPlan:
         """Check the options of a reset; unless they say otherwise the body starts adrift."""
@@ -63,12 +63,11 @@ class StationTask(Task):
     def observe(self, now: Moment) -> Mapping[str, Array]:
         """Return, as seen from the head, the way to the place (BL) and the upstream direction."""
         x, y = now.ahead.T
-        away = now.goal / self.scene.beam.length - now.position
+        away_x, away_y = (now.goal / self.scene.beam.length - now.position).T
         up_x, up_y = self._upstream
-        place = (x * away[:, 0] + y * away[:, 1], x * away[:, 1] - y * away[:, 0])
         return {
-            "place": np.stack(place, axis=1),
-            "upstream": np.stack([x * up_x + y * up_y, x * up_y - y * up_x], axis=1),
+            "place": columns(x * away_x + y * away_y, x * away_y - y * away_x),
+            "upstream": columns(x * up_x + y * up_y, x * up_y - y * up_x),
         }
 
     def reward(self, now: Moment) -> Mapping[str, Array]:
