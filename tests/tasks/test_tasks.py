@@ -251,7 +251,7 @@ def test_station_starts_adrift_and_its_reward_counts_the_time_near_the_place():
 
 def test_turn_ends_with_success_where_the_head_points_along_the_goal():
     env = SwimEnv("swimmer", SMALL, task="turn")
-    quiet = {"noise": 0.0, "turn": 0.7, "turning_rate": 0.5, "velocity_slope": 0.5}
+    quiet = {"noise": 0.0, "turn": 0.15, "turning_rate": 0.5, "velocity_slope": 0.5}
     env.reset(seed=0, options=quiet)
     total, ended = 0.0, False
     while not ended:
@@ -259,7 +259,7 @@ def test_turn_ends_with_success_where_the_head_points_along_the_goal():
         total, ended = total + reward, terminated or truncated
     assert info["is_success"] and info["termination_reason"] == "heading_reached"
     assert abs(info["heading_error"]) < 0.1
-    assert total == pytest.approx(0.7 - abs(info["heading_error"]) - 0.05 * info["time"], abs=1e-9)
+    assert total == pytest.approx(0.15 - abs(info["heading_error"]) - 0.05 * info["time"], abs=1e-9)
     turns = {np.sign(env.reset(seed=seed)[1]["heading_error"]) for seed in range(8)}
     assert turns == {-1.0, 1.0}
 
