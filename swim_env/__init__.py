@@ -9,6 +9,17 @@ from swim_env.analysis.modes import natural_frequencies
 from swim_env.envs.episodes import TERMINATION_CODES, TERMINATION_REASONS, EnvSnapshot
 from swim_env.envs.registration import register_environments
 from swim_env.envs.single import SwimEnv, SwimTargetEnv
+from swim_env.envs.tasks import (
+    TASKS,
+    EfficientTask,
+    ForwardTask,
+    Moment,
+    PathTask,
+    StationTask,
+    TargetTask,
+    Task,
+    TurnTask,
+)
 from swim_env.envs.vector import SwimTargetVectorEnv, SwimVectorEnv
 from swim_env.errors import (
     ActionError,
@@ -17,6 +28,7 @@ from swim_env.errors import (
     SceneError,
     SimulationEndedError,
     SwimError,
+    TaskError,
     TorqueError,
     TrajectoryError,
 )
@@ -37,27 +49,37 @@ Scene._resolve = resolve
 __all__ = [
     "EFFECTS",
     "FLUID_MODELS",
+    "TASKS",
     "TERMINATION_CODES",
     "TERMINATION_REASONS",
     "ActionError",
     "Characteristics",
+    "EfficientTask",
     "EnvSnapshot",
+    "ForwardTask",
     "Initial",
+    "Moment",
     "OptionError",
     "OutlineError",
+    "PathTask",
     "Scene",
     "SceneError",
     "SimulationEndedError",
     "Simulator",
     "Snapshot",
+    "StationTask",
     "SwimEnv",
     "SwimError",
     "SwimTargetEnv",
     "SwimTargetVectorEnv",
     "SwimVectorEnv",
+    "TargetTask",
+    "Task",
+    "TaskError",
     "TorqueError",
     "Trajectory",
     "TrajectoryError",
+    "TurnTask",
     "__version__",
     "characterise",
     "load_scene",

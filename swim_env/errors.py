@@ -84,6 +84,10 @@ class OptionError(SwimError, ValueError):
     """An option or argument of an environment is unknown or cannot be used."""
 
 
+class TaskError(OptionError):
+    """A task's methods return what cannot be used: other names or shapes, or not finite."""
+
+
 class TrajectoryError(SwimError, ValueError):
     """A trajectory file cannot be written or read."""
 

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from swim_agents.fit import TUNED_FIELDS, difference
 from swim_agents.tuned_wave import find_tuned_wave, load_tuned_wave, wave_on
-from swim_env.envs.assessment import observation_size
 from swim_env.errors import OptionError
 from swim_env.scene import Actuation, Scene
 
@@ -72,9 +71,7 @@ class _Baseline:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        elements = scene.beam.elements
-        self.joints = elements - 1
-        self._sizes = (observation_size(elements, False), observation_size(elements, True))
+        self.joints = scene.beam.elements - 1
 
     def predict(
         self,
@@ -90,12 +87,8 @@ class _Baseline:
         the scene is an OptionError.
         """
         shape = np.shape(observation)
-        if len(shape) not in (1, 2) or shape[-1] not in self._sizes:
-            raise OptionError(
-                f"observation must have shape (n,) or (M, n) with n = {self._sizes[0]} (or "
-                f"{self._sizes[1]} with a target), as scene {self.scene.name} gives them, "
-                f"got {shape}"
-            )
+        if len(shape) not in (1, 2):
+            raise OptionError(f"observation must have shape (n,) or (M, n), got {shape}")
         members = 1 if len(shape) == 1 else shape[0]
         clock = np.zeros(members, dtype=np.int64) if state is None else np.array(state)
         if clock.shape != (members,) or clock.dtype.kind != "i":

@@ -17,6 +17,7 @@ from swim_agents.baselines import (
 )
 from swim_agents.tuned_wave import SUFFIX
 from swim_env.envs.interface import SceneLike
+from swim_env.envs.tasks import check_task
 from swim_env.errors import OptionError
 from swim_env.files.names import file_name
 from swim_env.scene import Scene, load_scene, scene_label
@@ -79,10 +80,12 @@ def run_label(
     settings : object
         All else that may differ; with any that is not None a digest of them is added.
     """
-    parts = [scene_label(scene), *([] if task == "forward" else [task]), *labels]
+    parts = [scene_label(scene), *([] if task == "forward" else [task.rpartition(":")[2]]), *labels]
     if seed:
         parts.append(f"seed_{seed}")
     found = {name: value for name, value in settings.items() if value is not None}
+    if ":" in task:
+        found["task"] = task
     if parts[0] == scene.name:  # else the digest of the scene knows
         duration = scene.episode.duration
         if load_scene(scene.name).episode.duration != duration:
@@ -114,7 +117,8 @@ def load_policy(
     seed : int, optional
         Seed of a random policy.
     task : str, optional
-        ``forward`` or ``target``, to refuse an agent that was trained for the other one.
+        A task, as for `swim_env.envs.tasks.find_task`, to refuse an agent that was trained for
+        another one.
     trust : bool
         Whether to unpickle a model file that comes without an ``agent.json``, which runs its code.
         Agents with that file are read without running any.
@@ -130,6 +134,7 @@ def load_policy(
     """
     found = load_scene("swimmer" if scene is None else scene)
     own = None if scene is None else found
+    task = None if task is None else check_task(task)
     name = os.fspath(policy)
     if name == "random":
         return RandomPolicy(found, seed)
@@ -167,6 +172,6 @@ def _load_agent(path: Path, scene: Scene | None, task: str | None, trust: bool =
         agent = load_agent(path)
     else:
         scene = scene or load_scene("swimmer")
-        agent = load_bare_model(path, scene, trust)
+        agent = load_bare_model(path, scene, trust, task)
     agent.check(scene or agent.scene, task)
     return agent

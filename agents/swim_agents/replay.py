@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import math
 import os
 import tempfile
 import time
@@ -17,8 +18,8 @@ import gymnasium
 from swim_agents.files import check_file, writing
 from swim_agents.policies import load_policy, policy_label, run_label
 from swim_agents.rollout import Rollout, play_episode
-from swim_env.envs.registration import FORWARD_ID, TARGET_ID
-from swim_env.envs.task import NOISE, SEED, check_task
+from swim_env.envs.registration import FORWARD_ID
+from swim_env.envs.tasks import NOISE, SEED, check_task
 from swim_env.errors import SwimError, require_packages
 from swim_env.files.atomic import write_atomically
 from swim_env.scene import Scene
@@ -26,9 +27,6 @@ from swim_env.scene.checks import checked_option
 from swim_env.sim.trajectory import Trajectory
 
 __all__ = ["replay_episode"]
-
-#: Environment of each task.
-_ENVIRONMENTS = {"forward": FORWARD_ID, "target": TARGET_ID}
 
 
 def replay_episode(
@@ -49,7 +47,7 @@ def replay_episode(
     policy : str
         A name or a path that `load_policy` knows.
     task : str
-        A key of `swim_env.envs.task.TASKS`.
+        As for `swim_env.envs.tasks.find_task`.
     seed, noise
         Of the start's noise (and of a random policy), and the factor on it.
     video_folder : path, optional
@@ -69,7 +67,7 @@ def replay_episode(
         rewards, and ``net_displacement`` (BL); ``terminated``, ``truncated`` and the last
         ``info``; ``video``, where one was made.
     """
-    check_task(task)
+    task = check_task(task)
     seed = checked_option(SEED, seed, "the seed")
     noise = checked_option(NOISE, noise, "the noise")
     chosen = load_policy(policy, scene, seed, task)
@@ -84,7 +82,7 @@ def replay_episode(
         check_file(video, "the video")
     with tempfile.TemporaryDirectory() as scratch:
         mode = None if video is None else "rgb_array"
-        env = gymnasium.make(_ENVIRONMENTS[task], scene=scene, render_mode=mode)
+        env = gymnasium.make(FORWARD_ID, scene=scene, task=task, render_mode=mode)
         if video is not None:
             env = _recorded(env, scratch)
         with contextlib.closing(env):
@@ -108,15 +106,18 @@ def replay_episode(
         "net_displacement": rollout.net_displacement,
         "terminated": rollout.terminated,
         "truncated": rollout.truncated,
-        "info": {
-            key: value.tolist() if hasattr(value, "tolist") else value
-            for key, value in rollout.info.items()
-            if key != "episode"
-        },
+        "info": {key: _plain(value) for key, value in rollout.info.items() if key != "episode"},
     }
     if video is not None:
         summary["video"] = os.fspath(video)
     return rollout, trajectory, summary
+
+
+def _plain(value: Any) -> Any:
+    """Return a value of an info for JSON, what is not finite as None."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 def _recorded(env: gymnasium.Env[Any, Any], folder: str) -> gymnasium.Env[Any, Any]:

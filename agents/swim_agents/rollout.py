@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from swim_agents.baselines import Policy
 from swim_env.envs.episodes import Episodes
 from swim_env.envs.single import SwimEnv
-from swim_env.envs.task import TARGET_RADIUS, TASKS, Start, Task
+from swim_env.envs.tasks import Start, Task
 from swim_env.envs.vector import SwimVectorEnv
 from swim_env.errors import OptionError, SimulationEndedError
 from swim_env.scene import Scene
@@ -44,8 +44,10 @@ class Rollout:
         The start, as for `Simulator.reset_to`.
     goal : (2,) array
         Direction in which the task counts displacement, or its point (m).
-    goal_is_point : bool
-        Which of the two.
+    task : Task
+        What it was about.
+    drawn : dict
+        What the task has drawn of its own state at the start.
     torques : (T, N - 1) array
         Torques held over each control interval (N m).
     steps : int
@@ -66,7 +68,8 @@ class Rollout:
     coordinates: Array
     velocity: Array
     goal: Array
-    goal_is_point: bool
+    task: Task
+    drawn: dict[str, Any]
     torques: Array
     steps: int
     rewards: Array
@@ -74,6 +77,18 @@ class Rollout:
     info: dict[str, Any]
     terminated: bool
     truncated: bool
+
+    @property
+    def goal_is_point(self) -> bool:
+        """Whether the goal is a point."""
+        return self.task.goal_is_point
+
+    @property
+    def score(self) -> float:
+        """The score, `Task.score_name`: the net displacement, or the sum of the rewards."""
+        if self.task.scored_by_displacement:
+            return self.net_displacement
+        return float(self.rewards.sum())
 
     @property
     def net_displacement(self) -> float:
@@ -129,13 +144,11 @@ class Rollout:
             truncated=False,
         )
 
-    def swimmer(
-        self, name: str, trajectory: Trajectory | None = None, target_radius: float = TARGET_RADIUS
-    ) -> Swimmer:
+    def swimmer(self, name: str, trajectory: Trajectory | None = None) -> Swimmer:
         """Return the episode for a recording.
 
         Its torques are played again unless its motion is given (another scene's is an
-        OptionError). The target's radius (BL) counts where the goal is a point.
+        OptionError).
         """
         from swim_env.recording import Swimmer
 
@@ -144,7 +157,7 @@ class Rollout:
             self.simulate() if trajectory is None else self.own(trajectory),
             self.rewards,
             self.goal,
-            target_radius if self.goal_is_point else None,
+            self.task.radius if self.goal_is_point else None,
             self.velocity,
         )
 
@@ -179,7 +192,8 @@ class _EpisodeLog:
             "coordinates": episodes.bodies.coordinates[member].copy(),
             "velocity": episodes.bodies.velocities[member].copy(),
             "goal": episodes.goals[member].copy(),
-            "goal_is_point": episodes.task.goal_is_point,
+            "task": episodes.task,
+            "drawn": episodes.drawn(member),
         }
         self._torques: list[Array] = []
         self._rewards: list[float] = []
@@ -258,8 +272,7 @@ def check_policy(policy: Policy, task: Task) -> None:
     """Let a policy refuse a scene or a task that it was not made for, where it has a `check`."""
     check = getattr(policy, "check", None)
     if check is not None:
-        names = [name for name, kind in TASKS.items() if type(task) is kind]
-        check(task.scene, names[0] if names else None)
+        check(task.scene, task.name)
 
 
 def _check_starts(starts: Sequence[Rollout], task: Task, count: int) -> None:
@@ -286,7 +299,8 @@ def _begin_like(episodes: Episodes, member: int, start: Rollout) -> str:
         state = episodes.bodies.prepared(member, start.coordinates, start.velocity)
     except SimulationEndedError as error:
         return error.reason
-    episodes.begin(member, Start(start.coordinates, start.velocity, start.goal), state)
+    begun = Start(start.coordinates, start.velocity, start.goal, start.drawn)
+    episodes.begin(member, begun, state)
     return ""
 
 

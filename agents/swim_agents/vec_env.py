@@ -46,37 +46,47 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
 
     `get_attr` and `env_method` read what `SwimVectorEnv.call` lists, and `set_attr` sets
     ``render_mode`` and ``spec``, for all members together. A member is no object of its own and
-    cannot be moved without the others: `reset`, `step`, and `restore` of the batch itself, `env`,
+    cannot be moved without the others: `reset`, `step`, and `restore` of the batch itself, `batch`,
     move them all.
 
     Parameters
     ----------
-    env : SwimVectorEnv
-        The batch, in autoreset mode SAME_STEP; another environment or mode is an OptionError.
+    env : gymnasium.vector.VectorEnv
+        A `SwimVectorEnv` in autoreset mode SAME_STEP, with or without wrappers of Gymnasium for
+        batches; another environment or mode is an OptionError.
+
+    Attributes
+    ----------
+    env : gymnasium.vector.VectorEnv
+        What is stepped, with its wrappers.
+    batch : SwimVectorEnv
+        The batch inside.
     """
 
-    env: SwimVectorEnv
+    env: gymnasium.vector.VectorEnv[Any, Any, Any]
 
     def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
-        if not isinstance(env, SwimVectorEnv):
+        batch = getattr(env, "unwrapped", env)
+        if not isinstance(batch, SwimVectorEnv):
             raise OptionError(
-                f"env must be a SwimVectorEnv or SwimTargetVectorEnv, got {type(env).__name__}"
+                "env must be a SwimVectorEnv, with or without wrappers for batches, got "
+                f"{type(batch).__name__}"
             )
-        if env.autoreset_mode is not AutoresetMode.SAME_STEP:
+        if batch.autoreset_mode is not AutoresetMode.SAME_STEP:
             raise OptionError(
                 "stable-baselines3 starts members in the step of their end: make the environment "
-                f"with autoreset_mode='SameStep', not {env.autoreset_mode.value!r}"
+                f"with autoreset_mode='SameStep', not {batch.autoreset_mode.value!r}"
             )
-        self.env = env
+        self.env, self.batch = env, batch
         self._actions: NDArray[Any] | None = None
         self._was_reset = False
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
-        self.metadata = env.get_attr("metadata")[0]
+        self.metadata = batch.get_attr("metadata")[0]
 
     @property
     def spec(self) -> gymnasium.envs.registration.EnvSpec | None:
         """What `gymnasium.make_vec` made the batch of; None without it."""
-        return self.env.spec
+        return self.batch.spec
 
     # ---- running -------------------------------------------------------------------------------
 
@@ -108,7 +118,7 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
         for member, options in enumerate(self._options):
             groups.setdefault(id(options) if options else 0, []).append(member)
         for members in groups.values():
-            self.env.task.plan_start(self._options[members[0]] or {})
+            self.batch.task.plan_start(self._options[members[0]] or {})
         self._actions = None
         for members in groups.values():
             options = dict(self._options[members[0]] or {})
@@ -122,7 +132,8 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
                 self.reset_infos[member] = info
         self._reset_seeds()
         self._reset_options()
-        return observations
+        found: NDArray[np.float32] = observations
+        return found
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep actions, (M, N - 1), for `step_wait`."""
@@ -170,7 +181,7 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
         members = self._members(indices)
         if attr_name in MEMBER_METHODS:
             return [partial(self._call, attr_name, member) for member in members]
-        values = self.env.get_attr(attr_name)
+        values = self.batch.get_attr(attr_name)
         return [values[member] for member in members]
 
     def set_attr(self, attr_name: str, value: Any, indices: Members = None) -> None:
@@ -181,8 +192,8 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
                 f"all members share {attr_name}: it cannot be set for {len(set(members))} of "
                 f"{self.num_envs}"
             )
-        self.env.set_attr(attr_name, value)
-        self.render_mode = self.env.render_mode
+        self.batch.set_attr(attr_name, value)
+        self.render_mode = self.batch.render_mode
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: Members = None, **method_kwargs: Any
@@ -196,13 +207,13 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
         members = self._members(indices)
         if method_name not in MEMBER_METHODS:
             hint = ""
-            if callable(getattr(self.env, method_name, None)):
-                hint = f"; call it for the whole batch, as SwimVecEnv.env.{method_name}"
+            if callable(getattr(self.batch, method_name, None)):
+                hint = f"; call it for the whole batch, as SwimVecEnv.batch.{method_name}"
             raise AttributeError(
                 f"a member of the batch has no method {method_name!r} of its own, only "
                 f"{', '.join(MEMBER_METHODS)}{hint}"
             )
-        values = self.env.call(method_name, *method_args, **method_kwargs)
+        values = self.batch.call(method_name, *method_args, **method_kwargs)
         return [values[member] for member in members]
 
     def _call(self, name: str, member: int, *args: Any, **kwargs: Any) -> Any:

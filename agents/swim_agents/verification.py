@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from swim_agents.rollout import Rollout, score
 from swim_env.errors import OptionError, SceneError, SimulationEndedError
+from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
 from swim_env.scene import Integrator, Scene
 from swim_env.scene.fluid import FLUID_TABLE
 
@@ -60,8 +61,9 @@ class Verification:
     net_displacement: float
     fine_displacement: float
     closed_displacement: float | None
-    #: By how much the score changes as a share of itself, signed: each of the scene's SOURCES
-    #: refined by itself, ``together``, and in the ``closed_loop`` if there is one.
+    #: By how much the net displacement changes as a share of itself, signed: each of the scene's
+    #: SOURCES refined by itself, ``together``, and in the ``closed_loop`` if there is one; there it
+    #: is the score that changes, which in some tasks is the return.
     changes: dict[str, float]
     #: Whether the score counts, see `verify_rollout`.
     verified: bool
@@ -79,14 +81,17 @@ class Verification:
     #: Why the episode or, if not, a finer computation of its torques was ended by the physics;
     #: empty where none was.
     termination_reason: str
-    #: Why the closed loop ended early, empty where it did not; ``target_reached`` is a reason.
+    #: Why the closed loop ended early, empty where it did not; the task's own reasons count.
     closed_termination_reason: str | None
     #: How near the torques, played in the finer scene for as long as the episode lasted, and the
     #: policy come to the target (BL); None where there is none.
     fine_distance: float | None = None
     closed_distance: float | None = None
-    #: Whether the policy reaches the target in the finer scene.
+    #: Whether the policy succeeds in the finer scene, such as reaches the target; None where there
+    #: is no success.
     closed_success: bool | None = None
+    #: The sum of the rewards in the closed loop.
+    closed_return: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and text, for JSON; a change that is infinite as null."""
@@ -108,7 +113,8 @@ class _Run(NamedTuple):
     @property
     def broken(self) -> str:
         """Why the physics ended it, empty where it did not."""
-        return "" if self.termination_reason == "target_reached" else self.termination_reason
+        reason = self.termination_reason
+        return reason if reason in PHYSICS_REASONS.values() else ""
 
     def is_sound(self, energy_tolerance: float) -> bool:
         """Return whether it came to its end, and its energy adds up."""
@@ -182,9 +188,11 @@ def verify_rollout(
     A displacement is verified if it changes by at most `source_tolerance` with any one source of
     error refined, and by at most `tolerance` with all of them refined and in the closed loop;
     whether a target is reached, if the closed loop says the same, since torques without feedback
-    miss what a policy hits. The energy of all that counts must add up to the scene's
-    ``energy_tolerance``, and the physics must not have ended any of it: an episode that broke down
-    proves nothing. Where a finer scene refuses the start, the episode ends there with the reason.
+    miss what a policy hits. That goes for every task that can succeed; where the score is a return,
+    it is verified if it changes by at most `tolerance` in the closed loop. The energy of all that
+    counts must add up to the scene's ``energy_tolerance``, and the physics must not have ended any
+    of it: an episode that broke down proves nothing. Where a finer scene refuses the start, the
+    episode ends there with the reason.
 
     Parameters
     ----------
@@ -225,9 +233,14 @@ def verify_rollout(
     if closed is not None:
         runs["closed_loop"] = closed
     changes = {name: _change(run.displacement, own.displacement) for name, run in runs.items()}
+    if closed_loop is not None:
+        changes["closed_loop"] = _change(closed_loop.score, rollout.score)
 
-    if closed is not None and rollout.goal_is_point:
-        agrees = own.success == closed.success
+    task = rollout.task
+    if closed is not None and (task.has_success or not task.scored_by_displacement):
+        agrees = abs(changes["closed_loop"]) <= tolerance
+        if task.has_success:
+            agrees = own.success == closed.success
         counted = [own, closed]
     else:
         agrees = all(
@@ -255,13 +268,15 @@ def verify_rollout(
         fine_distance=together.distance,
         closed_distance=closed and closed.distance,
         closed_success=closed and closed.success,
+        closed_return=None if closed_loop is None else float(closed_loop.rewards.sum()),
     )
 
 
 def _check_closed_loop(rollout: Rollout, closed_loop: Rollout, fine: Scene) -> None:
     """Refuse an episode that is not the same one in the finer scene (OptionError)."""
-    starts = ("coordinates", "velocity", "goal", "goal_is_point")
+    starts = ("coordinates", "velocity", "goal")
     differs = ["scene"] if closed_loop.scene != fine else []
+    differs += ["task"] if closed_loop.task.name != rollout.task.name else []
     differs += [
         name
         for name in starts

@@ -23,7 +23,6 @@ from swim_agents.rollout import Rollout, play_episodes
 from studies.benchmark.timing import spread_of
 from swim_env.envs.interface import action_space_of
 from swim_env.envs.registration import FORWARD_ID
-from swim_env.envs.task import TASKS
 from swim_env.envs.vector import SwimVectorEnv
 from swim_env.scene import Scene, load_scene
 from swim_env.sim.simulator import Simulator
@@ -184,7 +183,7 @@ def swim_workloads(
     """
     episode = agent_episode()
     played, paper = agent_actions(episode), load_scene("paper_i")
-    violent = violent_actions(action_space_of(TASKS["forward"](episode.scene)), len(played))
+    violent = violent_actions(action_space_of(episode.scene), len(played))
     agent, wave = "swimmer, an agent's episode", "paper_i, the paper's wave"
     workloads = {
         "agent": environment_workload(agent, "swimmer", single_steps, actions=played),

@@ -26,7 +26,7 @@ from studies.gallery.runs import (
 )
 from studies.store import page_of
 from swim_env import plots
-from swim_env.envs.task import TARGET_RADIUS
+from swim_env.envs.tasks import TARGET_RADIUS
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
 from swim_env.files.folders import check_folder, write_folder

@@ -17,9 +17,13 @@ from swim_env.envs.assessment import (
     assess,
     collect,
     load_assessment,
+    observation_size,
     torques_of_actions,
 )
-from swim_env.envs.task import Start, StartPlan, Task
+from swim_env.envs.tasks import Start, StartPlan, Task
+from swim_env.envs.tasks.hooks import Hooks
+from swim_env.envs.tasks.layout import TERMS, TOLD
+from swim_env.envs.tasks.moment import COLUMNS, Arrays
 from swim_env.errors import ActionError, OptionError, SimulationEndedError, SwimError
 from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
 from swim_env.physics.status import describe
@@ -42,7 +46,8 @@ TERMINATION_REASONS: dict[str, str] = {
     if reason
 }
 
-#: What ``termination_code`` of an info means: the reason for each code, empty for none.
+#: What ``termination_code`` of an info means: the reason for each code, empty for none. The reasons
+#: of a task's own have the codes after these, see `Episodes.reasons`.
 TERMINATION_CODES: dict[int, str] = dict(sorted(_REASON_BY_CODE.items()))
 
 
@@ -52,8 +57,20 @@ class Reasons(np.ndarray[Any, Any]):
     They take arrays by ``__dlpack__``, as in `gymnasium.wrappers.vector.NumpyToTorch`.
     """
 
+    codes: dict[str, int]
+
+    @classmethod
+    def of(cls, texts: NDArray[Any], codes: dict[str, int]) -> Reasons:
+        """Return reasons of an array of text, with the codes of a task."""
+        reasons = texts.view(cls)
+        reasons.codes = codes
+        return reasons
+
+    def __array_finalize__(self, other: Any) -> None:
+        self.codes = getattr(other, "codes", _CODES)
+
     def __dlpack__(self, **options: Any) -> Any:
-        codes = {reason: code for code, reason in TERMINATION_CODES.items()}
+        codes = self.codes
         found = np.array([codes[reason or ""] for reason in self.tolist()], dtype=np.int64)
         return found.__dlpack__(**options)
 
@@ -72,21 +89,14 @@ class LastObservations(np.ndarray[Any, Any]):
         return found.__dlpack__(**options)
 
 
-_REASONS = np.array(list(TERMINATION_CODES.values()), dtype=object).view(Reasons)
-assert list(TERMINATION_CODES) == list(range(len(_REASONS)))
+_CODES = {reason: code for code, reason in TERMINATION_CODES.items()}
+assert list(TERMINATION_CODES) == list(range(len(TERMINATION_CODES)))
 
 #: A start that cannot be simulated is drawn again with less noise, down to this share and then 0.
 _SMALLEST_SHARE = 1e-3
 
-_COLUMNS = {name: column for column, name in enumerate(FIGURES.names or ())}
-#: What `info` holds of the figures, for every task and for targets.
-_FORWARD_INFO = (
-    *("progress", "reward_progress", "reward_effort", "reward_heading"),
-    *("heading_error", "work", "positive_work", "energy_drift"),
-)
-_TARGET_INFO = (*_FORWARD_INFO, "distance")
-_TIME, _REWARD = _COLUMNS["time"], _COLUMNS["reward"]
-_POSITION = slice(_COLUMNS["x"], _COLUMNS["y"] + 1)
+_TIME, _REWARD = COLUMNS["time"], COLUMNS["reward"]
+_POSITION = slice(COLUMNS["x"], COLUMNS["y"] + 1)
 
 
 @dataclass(frozen=True)
@@ -178,6 +188,10 @@ class Episodes:
         Whether any member was at its end at the last call of `results`.
     is_reset : bool
         Whether an episode has begun.
+    reasons : dict of str to int
+        Every reason for an end with its code: TERMINATION_CODES, and those of the task's own.
+    meanings : dict of str to str
+        What each of them means.
 
     Raises
     ------
@@ -185,6 +199,8 @@ class Episodes:
         If the control interval is not a whole number of time steps.
     OptionError
         If max_episode_steps is not such a number.
+    TaskError
+        If what the task's methods return cannot be used.
     SimulationEndedError
         If the scene's own start cannot be simulated.
     """
@@ -207,17 +223,45 @@ class Episodes:
         self.goals: Array = np.zeros((count, 2))
         self.someone_ended = self.is_reset = False
         self._earlier = np.zeros((count, self.bodies.unknowns))
-        self.observations = np.zeros((count, task.observation_size), dtype=np.float32)
-        self._figures = np.zeros((count, len(_COLUMNS)))
+        size = observation_size(scene.beam.elements, task.goal_is_point)
+        self._seen = self.observations = np.zeros((count, size), dtype=np.float32)
+        self._figures = np.zeros((count, len(COLUMNS)))
         self.counters = np.zeros((count, 3), dtype=np.int64)
         start = task.draw_start(np.random.default_rng(0), task.plan_start({"noise": 0.0}))
         # Not `start`, with which a recording would begin.
         self.bodies.states[0] = self.bodies.prepared(0, start.coordinates, start.velocity)
         self.bodies.velocities[0] = start.velocity
-        names = _TARGET_INFO if task.goal_is_point else _FORWARD_INFO
-        self._info_columns = [(name, _COLUMNS[name]) for name in names]
+        layout = task.layout
+        own = {reason: len(_CODES) + i for i, reason in enumerate(layout.reasons)}
+        self.reasons = {**_CODES, **own}
+        self.meanings = {**TERMINATION_REASONS, **{one: task.reasons[one] for one in own}}
+        self._texts = Reasons.of(np.array(list(self.reasons), dtype=object), self.reasons)
+        reached = [REACHED] if task.ends_at_goal else []
+        self._successes = [*reached, *(self.reasons[one] for one in task.successes)]
+        self._hooks: Hooks | None = None
+        if layout.is_own:
+            arrays = Arrays(
+                self._earlier,
+                np.zeros_like(self._earlier),
+                self.bodies.velocities,
+                self.torques,
+                self.bodies.outcome,
+                self.goals,
+                self._figures,
+                self.counters,
+                self._seen,
+            )
+            self._hooks = Hooks(task, arrays, own)
+            self.observations = self._hooks.observations
+        self._info_columns = [(name, COLUMNS[name]) for name in TOLD]
+        if task.goal_is_point:
+            self._info_columns.append(("distance", COLUMNS["distance"]))
+        if not task.overrides("reward"):
+            self._info_columns[1:1] = [
+                (name, COLUMNS[name]) for name in (f"reward_{one}" for one in TERMS)
+            ]
         self._all_there = np.ones(count, dtype=np.bool_)
-        self._no_reasons = np.full(count, "", dtype=object).view(Reasons)
+        self._no_reasons = Reasons.of(np.full(count, "", dtype=object), self.reasons)
         for constant in (self._all_there, self._no_reasons):
             constant.flags.writeable = False
         self._masks = [f"_{name}" for name in self.info(0)]
@@ -271,6 +315,8 @@ class Episodes:
         self.is_reset = True
         self.goals[member] = start.goal
         self.torques[member] = 0.0
+        if self._hooks is not None:
+            self._hooks.begin(member, start.state)
         self._assess(self.all_members[member : member + 1], True)
 
     def take(self, actions: object, single: bool, members: Indices) -> None:
@@ -308,6 +354,9 @@ class Episodes:
         self._assess(members, False)
 
     def _assess(self, members: Indices, start: bool) -> None:
+        hooks = self._hooks
+        if hooks is not None:
+            hooks.before()
         assess(
             members,
             start,
@@ -320,10 +369,16 @@ class Episodes:
             self.goals,
             self._settings,
             self._earlier,
-            self.observations,
+            self._seen,
             self._figures.view(FIGURES)[:, 0],
             self.counters,
         )
+        if hooks is not None:
+            hooks.run(members, start)
+
+    def drawn(self, member: int) -> dict[str, Any]:
+        """Return what the task has drawn of a member's state at its start."""
+        return {} if self._hooks is None else dict(self._hooks.drawn[member])
 
     # ---- results -------------------------------------------------------------------------------
 
@@ -351,10 +406,13 @@ class Episodes:
         """Return the info of one member."""
         code = int(self.counters[member, END_CODE])
         position = self._figures[member, _POSITION].copy()
-        info = self._info(self._figures[member].tolist(), position, TERMINATION_CODES[code], code)
+        info = self._info(self._figures[member].tolist(), position, self._texts[code], code)
+        if self._hooks is not None:
+            info.update(self._hooks.told(member))
         if self.task.goal_is_point:
             info["target"] = self.goals[member].copy()
-            info["success"] = info["is_success"] = code == REACHED
+        if self._successes:
+            info["success"] = info["is_success"] = code in self._successes
         return info
 
     def _info(self, figures: Any, position: Array, reason: Any, code: Any) -> dict[str, Any]:
@@ -369,22 +427,31 @@ class Episodes:
         """Return new arrays of all members' observations, rewards, ends and infos."""
         count = len(self.all_members)
         observations = np.empty(self.observations.shape, dtype=np.float32)
-        columns = np.empty((len(_COLUMNS), count))
+        columns = np.empty((len(COLUMNS), count))
         flags = np.empty((2, count), dtype=np.bool_)
         ended = collect(
             self.observations, self._figures, self.counters, observations, columns, flags
         )
         self.someone_ended = ended > 0
         codes = self.counters[:, END_CODE].copy()
-        reasons = _REASONS[codes] if ended else self._no_reasons
+        reasons = self._texts[codes] if ended else self._no_reasons
         infos = self._info(columns, columns[_POSITION].T, reasons, codes)
+        if self._hooks is not None:
+            infos.update(self._hooks.told_of_all())
         if self.task.goal_is_point:
             infos["target"] = self.goals.copy()
-            infos["success"] = self.counters[:, END_CODE] == REACHED
+        if self._successes:
+            infos["success"] = self._succeeded(codes)
             infos["is_success"] = infos["success"].copy()
         for name in self._masks:
             infos[name] = self._all_there
         return BatchResults(observations, columns[_REWARD], flags[0], flags[1], infos)
+
+    def _succeeded(self, codes: Indices) -> NDArray[np.bool_]:
+        found: NDArray[np.bool_] = codes == self._successes[0]
+        for code in self._successes[1:]:
+            found |= codes == code
+        return found
 
     def recorded(self, member: int) -> Trajectory:
         """Return a member's trajectory since its start; OptionError if the scene records none."""
@@ -396,6 +463,9 @@ class Episodes:
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
         bodies = self.bodies
+        own = {} if self._hooks is None else self._hooks.arrays()
+        if self.observations is not self._seen:
+            own["seen"] = self._seen
         return {
             "states": bodies.states,
             "velocities": bodies.velocities,
@@ -407,6 +477,7 @@ class Episodes:
             "observations": self.observations,
             "figures": self._figures,
             "counters": self.counters,
+            **own,
         }
 
     def snapshot(self, randoms: list[np.random.Generator]) -> EnvSnapshot:

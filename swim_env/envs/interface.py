@@ -16,11 +16,10 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from swim_env.envs.assessment import OBSERVATION_LIMIT
 from swim_env.envs.episodes import EnvSnapshot, Episodes, whole_number
-from swim_env.envs.task import Task
+from swim_env.envs.tasks import Task, TaskLike, make_task
 from swim_env.errors import OptionError
-from swim_env.scene import Scene
+from swim_env.scene import Scene, load_scene
 from swim_env.scene.block import plain
 from swim_env.scene.checks import got, nearest, whole
 
@@ -34,21 +33,37 @@ SceneLike = Scene | str | os.PathLike[str] | Mapping[str, Any]
 Overrides = str | Iterable[str] | Mapping[str, object]
 
 
-def action_space_of(task: Task) -> gymnasium.spaces.Box:
+def action_space_of(scene: Scene) -> gymnasium.spaces.Box:
     """Return the space of actions, (N - 1,) in [-1, 1]."""
-    joints = task.scene.beam.elements - 1
+    joints = scene.beam.elements - 1
     return gymnasium.spaces.Box(-1.0, 1.0, (joints,), np.float32)
 
 
 def observation_space_of(task: Task) -> gymnasium.spaces.Box:
-    """Return the space of observations; see `SwimEnv`."""
-    high = np.full(task.observation_size, OBSERVATION_LIMIT, dtype=np.float32)
-    at = 2 * (task.scene.beam.elements - 1)
-    high[at : at + 2] = 1.0
-    low = -high
-    if task.goal_is_point:
-        low[-1] = 0.0
+    """Return the space of observations; see `SwimEnv`. It may be a TaskError."""
+    low, high = task.layout.bounds()
     return gymnasium.spaces.Box(low, high, dtype=np.float32)
+
+
+def task_of(
+    task: TaskLike,
+    scene: SceneLike,
+    overrides: Overrides | None,
+    options: Mapping[str, Any] | None,
+    effort_weight: float,
+    heading_weight: float,
+) -> Task:
+    """Return the task of an environment's arguments.
+
+    A task that is made already brings its scene, unless another one than the default is given.
+    """
+    if isinstance(task, Task) and scene == "swimmer" and overrides is None:
+        scene = task.scene
+    weights = {"effort_weight": effort_weight, "heading_weight": heading_weight}
+    given = {name: one for name, one in weights.items() if type(one) not in (int, float) or one}
+    if given and isinstance(options, (Mapping, NoneType)):
+        options = {**(options or {}), **given}
+    return make_task(task, load_scene(scene, overrides), options)
 
 
 def checked_render_mode(mode: object) -> str | None:
@@ -294,6 +309,8 @@ def _as_json(value: Any) -> Any:
     """Return a value of an argument as JSON has it, as far as it is one that can be used."""
     if isinstance(value, Scene):
         return value.to_dict()
+    if isinstance(value, type) and issubclass(value, Task):
+        return value.name
     if isinstance(value, enum.Enum):
         return value.value
     if isinstance(value, Mapping):

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.envs.assessment import END_CODE
-from swim_env.envs.episodes import TERMINATION_REASONS
 from swim_env.envs.interface import (
     RENDER_MODES,
     Observation,
@@ -21,17 +20,10 @@ from swim_env.envs.interface import (
     action_space_of,
     checked_seed,
     observation_space_of,
+    task_of,
 )
-from swim_env.envs.task import (
-    TARGET_BEARING,
-    TARGET_DISTANCE,
-    TARGET_RADIUS,
-    ForwardTask,
-    TargetTask,
-    Task,
-)
+from swim_env.envs.tasks import TARGET_BEARING, TARGET_DISTANCE, TARGET_RADIUS, TaskLike
 from swim_env.errors import SimulationEndedError
-from swim_env.scene import load_scene
 from swim_env.sim.trajectory import Trajectory
 
 
@@ -39,6 +31,9 @@ class SwimEnv(SharedInterface, gymnasium.Env[Observation, NDArray[Any]]):
     r"""An elastic beam in an ideal fluid swims by its joint torques.
 
     ``gymnasium.make("swim_env/KirchhoffSwimmer-v0", scene="swimmer")``
+
+    Observations, rewards and ends below are those of the task ``forward``. Other tasks are chosen
+    by ``task``: a shipped one or one of your own, see docs/tasks.md.
 
     ## Actions
     ``Box(-1, 1, (N - 1,), float32)``: the torque at every joint from head to tail, as a share of
@@ -107,11 +102,18 @@ class SwimEnv(SharedInterface, gymnasium.Env[Observation, NDArray[Any]]):
         passes on its own argument of that name, -1 for episodes without end.
     num_threads : int, optional
         As for `SwimVectorEnv`; one body is stepped by one thread, whatever it is.
+    task : str, type or Task
+        A shipped name (a key of `swim_env.TASKS`), ``module:Class``, ``FILE.py:Class``, a subclass
+        of `swim_env.Task`, or a task of the scene.
+    task_options : mapping, optional
+        Arguments of the task's class beside the scene.
 
     Raises
     ------
     SceneError
         If there is no such scene, or its control interval is not a whole number of time steps.
+    TaskError
+        If what the task's methods return cannot be used.
     OptionError
         If another argument cannot be used.
 
@@ -132,20 +134,13 @@ class SwimEnv(SharedInterface, gymnasium.Env[Observation, NDArray[Any]]):
         heading_weight: float = 0.0,
         max_episode_steps: int | None = None,
         num_threads: int | None = None,
+        task: TaskLike = "forward",
+        task_options: Mapping[str, Any] | None = None,
     ) -> None:
-        task = ForwardTask(load_scene(scene, overrides), effort_weight, heading_weight)
-        self._set_up(task, render_mode, max_episode_steps, num_threads)
-
-    def _set_up(
-        self,
-        task: Task,
-        render_mode: str | None,
-        max_episode_steps: int | None,
-        num_threads: int | None,
-    ) -> None:
-        self._set_up_episodes(task, render_mode, num_threads, limit=max_episode_steps)
-        self.action_space = action_space_of(task)
-        self.observation_space = observation_space_of(task)  # type: ignore[assignment]
+        made = task_of(task, scene, overrides, task_options, effort_weight, heading_weight)
+        self._set_up_episodes(made, render_mode, num_threads, limit=max_episode_steps)
+        self.action_space = action_space_of(made.scene)
+        self.observation_space = observation_space_of(made)  # type: ignore[assignment]
 
     @property
     def coordinates(self) -> NDArray[np.float64]:
@@ -235,7 +230,7 @@ class SwimEnv(SharedInterface, gymnasium.Env[Observation, NDArray[Any]]):
         episodes = self.episodes
         if episodes.counters[0, END_CODE]:
             reason = episodes.info(0)["termination_reason"]
-            meaning = f"{TERMINATION_REASONS[reason]}; call reset to start again"
+            meaning = f"{episodes.meanings[reason]}; call reset to start again"
             raise SimulationEndedError(reason, float(episodes.times[0]), meaning)
         episodes.take(action, True, episodes.all_members)
         episodes.play(episodes.all_members)
@@ -302,12 +297,19 @@ class SwimTargetEnv(SwimEnv):
         max_episode_steps: int | None = None,
         num_threads: int | None = None,
     ) -> None:
-        task = TargetTask(
-            load_scene(scene, overrides),
-            target_distance,
-            target_bearing,
-            target_radius,
+        options = {
+            "target_distance": target_distance,
+            "target_bearing": target_bearing,
+            "target_radius": target_radius,
+        }
+        super().__init__(
+            scene,
+            overrides,
+            render_mode,
             effort_weight,
             heading_weight,
+            max_episode_steps,
+            num_threads,
+            task="target",
+            task_options=options,
         )
-        self._set_up(task, render_mode, max_episode_steps, num_threads)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from types import NoneType
 from typing import Any
@@ -25,19 +25,17 @@ from swim_env.envs.interface import (
     checked_render_mode,
     checked_seed,
     observation_space_of,
+    task_of,
 )
-from swim_env.envs.task import (
+from swim_env.envs.tasks import (
     TARGET_BEARING,
     TARGET_DISTANCE,
     TARGET_RADIUS,
-    ForwardTask,
     StartPlan,
-    TargetTask,
-    Task,
+    TaskLike,
 )
 from swim_env.errors import OptionError, SwimError
 from swim_env.physics.runtime.threads import usable_threads
-from swim_env.scene import load_scene
 from swim_env.scene.checks import got, listed, scalar, whole
 from swim_env.sim.trajectory import Trajectory
 
@@ -86,11 +84,15 @@ class SwimVectorEnv(
         Number of actions in an episode, as for `SwimEnv`.
     num_threads : int, optional
         Largest number of threads; by default as many as numba uses at this moment.
+    task, task_options
+        As for `SwimEnv`.
 
     Raises
     ------
     SceneError
         If there is no such scene, or its control interval is not a whole number of time steps.
+    TaskError
+        If what the task's methods return cannot be used.
     OptionError
         If another argument cannot be used.
     """
@@ -106,33 +108,24 @@ class SwimVectorEnv(
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         max_episode_steps: int | None = None,
         num_threads: int | None = None,
-    ) -> None:
-        task = ForwardTask(load_scene(scene, overrides), effort_weight, heading_weight)
-        self._set_up(task, num_envs, render_mode, autoreset_mode, max_episode_steps, num_threads)
-
-    def _set_up(
-        self,
-        task: Task,
-        num_envs: int,
-        render_mode: str | None,
-        autoreset_mode: AutoresetMode | str,
-        max_episode_steps: int | None,
-        num_threads: int | None,
+        task: TaskLike = "forward",
+        task_options: Mapping[str, Any] | None = None,
     ) -> None:
         self.num_envs = whole_number(num_envs, "num_envs", MOST_MEMBERS)
         self.autoreset_mode = _checked_mode(autoreset_mode)
+        made = task_of(task, scene, overrides, task_options, effort_weight, heading_weight)
         try:
             self._set_up_episodes(
-                task, render_mode, num_threads, count=self.num_envs, limit=max_episode_steps
+                made, render_mode, num_threads, count=self.num_envs, limit=max_episode_steps
             )
         except MemoryError:
             raise OptionError(
-                f"{self.num_envs} members of scene {task.scene.name} do not fit into memory; "
+                f"{self.num_envs} members of scene {made.scene.name} do not fit into memory; "
                 "num_envs must be smaller"
             ) from None
         self.metadata["autoreset_mode"] = self.autoreset_mode
-        self.single_action_space = action_space_of(task)
-        self.single_observation_space = observation_space_of(task)
+        self.single_action_space = action_space_of(made.scene)
+        self.single_observation_space = observation_space_of(made)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self._randoms: list[np.random.Generator | None] = [None] * self.num_envs
@@ -242,7 +235,7 @@ class SwimVectorEnv(
                 self._restart(member)
             observations, _, _, _, infos = episodes.results()
             reasons = last["final_info"]["termination_reason"]
-            last["final_info"]["termination_reason"] = reasons.view(Reasons)
+            last["final_info"]["termination_reason"] = Reasons.of(reasons, episodes.reasons)
             last["final_obs"] = last["final_obs"].view(LastObservations)
             infos.update(last)
         self._show()
@@ -338,7 +331,7 @@ class SwimVectorEnv(
         infos: dict[str, Any] = {}
         for member in np.flatnonzero(mask):
             infos = self._add_info(infos, self.episodes.info(int(member)), int(member))
-        infos["termination_reason"] = infos["termination_reason"].view(Reasons)
+        infos["termination_reason"] = Reasons.of(infos["termination_reason"], self.episodes.reasons)
         return infos
 
     def _plan_and_mask(self, options: Mapping[str, Any] | None) -> tuple[StartPlan, Booleans]:
@@ -419,22 +412,24 @@ class SwimTargetVectorEnv(SwimVectorEnv):
         max_episode_steps: int | None = None,
         num_threads: int | None = None,
     ) -> None:
-        task = TargetTask(
-            load_scene(scene, overrides),
-            target_distance,
-            target_bearing,
-            target_radius,
+        options = {
+            "target_distance": target_distance,
+            "target_bearing": target_bearing,
+            "target_radius": target_radius,
+        }
+        super().__init__(
+            num_envs,
+            scene,
+            overrides,
+            render_mode,
             effort_weight,
             heading_weight,
+            autoreset_mode,
+            max_episode_steps,
+            num_threads,
+            task="target",
+            task_options=options,
         )
-        self._set_up(task, num_envs, render_mode, autoreset_mode, max_episode_steps, num_threads)
-
-
-#: The batched environment of each task, see `swim_env.envs.task.TASKS`.
-VECTOR_ENVIRONMENTS: dict[str, Callable[..., SwimVectorEnv]] = {
-    "forward": SwimVectorEnv,
-    "target": SwimTargetVectorEnv,
-}
 
 
 def _described(mask: object) -> str:

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 def draw_scores(record: Mapping[str, Any]) -> Figure:
-    """Draw the net displacement of every start, and its check, for each policy.
+    """Draw the score of every start, and its check, for each policy.
 
     The record is that of a `swim_agents.comparison.contest.Contest`.
     """
@@ -32,10 +32,10 @@ def draw_scores(record: Mapping[str, Any]) -> Figure:
     axes = figure.add_subplot()
     for row, (name, one) in enumerate(policies.items()):
         colour = looks[name]["color"]
-        reached = np.array(one["net_displacement"])
-        fine = np.array(one["closed_displacement"])
+        reached = np.array(one["score"])
+        fine = np.array(one["closed_score"])
         trusted = np.array(one["verified"], dtype=bool)
-        axes.barh(row, one["median"]["net_displacement"], height=0.6, color=colour, alpha=0.35)
+        axes.barh(row, one["median"]["score"], height=0.6, color=colour, alpha=0.35)
         spread = np.linspace(-0.2, 0.2, len(reached)) if len(reached) > 1 else np.zeros(1)
         axes.plot(reached, row + spread, "o", color=colour, markersize=3)
         axes.plot(fine[trusted], (row + spread)[trusted], "|", color=style.BLACK, markersize=6)
@@ -58,7 +58,7 @@ def draw_scores(record: Mapping[str, Any]) -> Figure:
     axes.set_xlim(right=right * 1.45 if right > 0 else None)
     style.style_axes(
         axes,
-        f"net displacement in {record['duration']:g} s (body lengths)",
+        f"{record['score']} in {record['duration']:g} s",
         "",
         f"{record['scene']}: bar median, dots starts, | the same policy computed finer, "
         "x where it is not verified",

@@ -241,7 +241,7 @@ def test_a_members_snapshot_continues_in_a_single_environment():
         alone = single.step(now[1:2])
         assert_same((observations[1:2], rewards[1:2], dones[1:2], infos[1:2]), alone)
     for name in ("reset", "step", "restore", "close"):
-        with refuses(AttributeError, f"whole batch, as SwimVecEnv.env.{name}"):
+        with refuses(AttributeError, f"whole batch, as SwimVecEnv.batch.{name}"):
             venv.env_method(name)
     with refuses(AttributeError, "no method 'compute_reward' of its own"):
         venv.env_method("compute_reward")

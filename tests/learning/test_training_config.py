@@ -187,7 +187,10 @@ def test_a_misspelt_field_is_named_with_the_nearest_one_and_the_file(text, field
         ("noise_hold: -1", "noise_hold must be at least 1, got -1"),
         ("state_dependent_noise: 1", "state_dependent_noise must be true or false, got 1"),
         ("algorithm: DDPG", "algorithm must be one of PPO, SAC, got 'DDPG'"),
-        ("task: froward", "task must be one of forward, target, got 'froward' (nearest: forward)"),
+        (
+            "task: froward",
+            "unknown task 'froward' (nearest: forward); tasks: forward, target, turn",
+        ),
         ("name: a/b", "name must be a short text without slashes, got 'a/b'"),
         ("name: ..", "name must be"),
         ("name: 7", "name must be text, got 7"),

@@ -18,7 +18,7 @@ from tqdm import tqdm
 from swim_agents.commands import INTERRUPTED, INTERRUPTED_TEXT
 from swim_agents.policies import policy_names
 from swim_env.accuracy.choice import Choice, choose
-from swim_env.envs.task import NOISE, SEED, TASKS
+from swim_env.envs.tasks import NOISE, SEED, TASKS
 from swim_env.errors import SwimError
 from swim_env.scene import Scene, load_scene, scene_names
 from swim_env.scene.checks import checked_option
@@ -43,7 +43,10 @@ _SHARED: dict[str, dict[str, Any]] = {
         "help": "simulated time in seconds, rounded to whole steps (or, in an episode, actions); "
         "the scene's own unless given",
     },
-    "task": {"help": f"of an episode: {' or '.join(TASKS)}; forward unless given"},
+    "task": {
+        "help": f"of an episode: {', '.join(TASKS)}, or module:Class or FILE.py:Class of your own; "
+        "forward unless given"
+    },
     "seed": {"type": int, "help": "of an episode's start and of random torques; 0 unless given"},
     "noise": {
         "type": float,

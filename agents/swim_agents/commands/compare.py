@@ -19,7 +19,7 @@ from swim_agents.comparison.contest import (
 from swim_agents.comparison.report import CONTEST_FILES, as_text, write_contest
 from swim_agents.policies import policy_label, policy_names, run_label
 from swim_env.envs.assessment import load_assessment
-from swim_env.envs.task import check_task
+from swim_env.envs.tasks import check_task
 from swim_env.files.folders import check_folder
 from swim_env.plots import require_matplotlib
 from swim_env.recording import recording_file
@@ -63,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> int:
     """Hold the contest, print its tables and write what was asked for."""
-    check_task(options.task)
+    options.task = check_task(options.task)
     seeds = checked_seeds(options.seeds)
     cli.check_places(
         [options.scene, *options.policies],

@@ -17,7 +17,7 @@ from swim_agents.commands.playing import (
 from swim_agents.policies import load_policy, policy_label, policy_names, run_label
 from swim_agents.tables import text_table
 from swim_env.envs.assessment import load_assessment
-from swim_env.envs.task import check_task
+from swim_env.envs.tasks import check_task
 from swim_env.errors import SwimError
 from swim_env.files.folders import check_folder
 from swim_env.physics.loading import load_kernels
@@ -74,7 +74,7 @@ def main(options: argparse.Namespace) -> int:
         check_folder(options.output, RESULT_FILES)
     policy, task = options.policy or "paper_wave", options.task or "forward"
     if options.env:
-        check_task(task)
+        task = check_task(task)
         load_policy(policy, scene, options.seed, task)
     file = None
     if options.record is not None:

@@ -85,7 +85,7 @@ def main(options: argparse.Namespace) -> int:
         return INTERRUPTED
     result = {"name": config.name, "runs": runs}
     print(f"runs are in {base}; the best agent of each in its folder agent", file=sys.stderr)
-    cli.print_result(result, options.json, lambda: _table(runs, config.task))
+    cli.print_result(result, options.json, lambda: _table(runs, config))
     return 0
 
 
@@ -141,9 +141,13 @@ def _say(text: str) -> None:
     tqdm.write(text, file=sys.stderr)
 
 
-def _table(runs: list[dict[str, Any]], task: str) -> str:
-    score = "success_rate" if task == "target" else "net_displacement_median"
-    unit = "of the targets" if task == "target" else "BL"
+def _table(runs: list[dict[str, Any]], config: TrainingConfig) -> str:
+    task = config.make_task()
+    score, unit = "net_displacement_median", "BL"
+    if not task.scored_by_displacement:
+        score, unit = "return_mean", f"return, {task.unit}"
+    if task.has_success:
+        score, unit = "success_rate", "succeed"
     heads = ("seed", "steps", "seconds", f"last ({unit})", f"best ({unit})")
     rows = [
         (

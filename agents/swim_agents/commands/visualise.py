@@ -16,7 +16,7 @@ from swim_agents.tables import text_table
 from swim_env import recording
 from swim_env.analysis.energy import velocity_of_start
 from swim_env.envs.assessment import load_assessment
-from swim_env.envs.task import check_task
+from swim_env.envs.tasks import check_task
 from swim_env.errors import SwimError
 from swim_env.files.names import file_name
 from swim_env.recording import Swimmer, WrittenRecording
@@ -120,7 +120,8 @@ def _check(options: argparse.Namespace) -> None:
         cli.refuse(options, ("scene", "set", "duration"), "has no meaning with --trajectory")
     if not options.policy and not options.compare_with:
         cli.refuse(options, ("task", "seed", "noise"), "needs --policy or --compare-with")
-    check_task(options.task or "forward")
+    if options.task is not None:
+        options.task = check_task(options.task)
     if options.no_flow:
         cli.refuse(options, ("flow_rate",), "has no meaning with --no-flow")
     for name in ("flow_rate", "frame_rate"):

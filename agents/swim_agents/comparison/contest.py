@@ -30,8 +30,8 @@ from swim_agents.verification import (
     verify_rollout,
 )
 from swim_env import __version__
-from swim_env.envs.task import NOISE, TARGET_RADIUS, TASKS, check_task
-from swim_env.envs.vector import VECTOR_ENVIRONMENTS, SwimVectorEnv
+from swim_env.envs.tasks import NOISE, Task, check_task, make_task
+from swim_env.envs.vector import SwimVectorEnv
 from swim_env.errors import OptionError, SimulationEndedError
 from swim_env.files.names import shown_name
 from swim_env.files.provenance import where_and_when
@@ -54,8 +54,12 @@ _DISPLACEMENTS = {
     "fine_displacement": "fine_",
     "closed_displacement": "closed_",
 }
+#: Those of them, and of the score, whose medians have a spread over training seeds.
+_MEDIANS = ("score", "closed_score", *_DISPLACEMENTS)
 #: Figures of a `Performance` that are summed up by their medians.
 _FIGURES = (
+    "score",
+    "closed_score",
     "net_displacement",
     "fine_displacement",
     "closed_displacement",
@@ -70,7 +74,7 @@ _FIGURES = (
 _GAIT_FIGURES = tuple(spec.name for spec in fields(Gait) if spec.type == "float")
 #: Figures whose spread over training seeds is given; of displacements it is that of the medians.
 _SPREADS = (
-    *_DISPLACEMENTS,
+    *_MEDIANS,
     "verified_share",
     *(f"{prefix}ratio_to_{one}" for prefix in _DISPLACEMENTS.values() for one in REFERENCES),
     "success_rate",
@@ -101,7 +105,7 @@ class Contest:
     """The result of a contest."""
 
     scene: Scene
-    #: ``forward`` or ``target``.
+    #: The task's name.
     task: str
     #: Of the starts.
     seeds: tuple[int, ...]
@@ -117,11 +121,7 @@ class Contest:
         """Return the first episode of every entry for a recording, the references last."""
         names = [name for name in self.rollouts if name not in REFERENCES]
         names += [name for name in REFERENCES if name in self.rollouts]
-        radius = self.record.get("target_radius", TARGET_RADIUS)
-        return [
-            self.rollouts[name][0].swimmer(name, self.trajectories[name][0], radius)
-            for name in names
-        ]
+        return [self.rollouts[name][0].swimmer(name, self.trajectories[name][0]) for name in names]
 
 
 def references_on(scene: Scene) -> list[str]:
@@ -209,11 +209,12 @@ def hold_contest(
     scene : Scene
         The scene; its episode gives the duration.
     entries : sequence of Entry
-        The policies; in the forward task the `references_on` the scene must be among them.
+        The policies; where the score is a displacement along a direction, the `references_on` the
+        scene must be among them.
     seeds : sequence of int
-        Of the starts and, in the target task, of the targets; all different.
+        Of the starts and of what tasks draw, such as targets; all different.
     task : str
-        ``forward`` or ``target``.
+        As for `swim_env.envs.tasks.find_task`.
     noise : float
         Factor on the start's noise.
     environment : mapping, optional
@@ -250,7 +251,8 @@ def hold_contest(
     seeds = checked_seeds(seeds)
     noise = checked_option(NOISE, noise, "the noise")
     count = len(seeds)
-    made = TASKS[check_task(task)](scene)
+    task = check_task(task)
+    made = make_task(task, scene, environment)
     for entry in entries:
         check_policy(entry.policy, made)
     names = [entry.name for entry in entries]
@@ -258,7 +260,7 @@ def hold_contest(
         raise OptionError(f"entries must have different names, got {', '.join(names)}")
     needed = references_on(scene)
     missing = [name for name in needed if name not in names]
-    if missing and task == "forward":
+    if missing and _is_a_race(made):
         raise OptionError(f"every contest needs {' and '.join(needed)}, {missing[0]} is missing")
     workers = threads or usable_threads()
     performances: dict[str, list[Performance]] = {}
@@ -278,12 +280,13 @@ def hold_contest(
                 progress(seconds)
 
     def make(played: Scene) -> SwimVectorEnv:
-        return VECTOR_ENVIRONMENTS[task](
+        return SwimVectorEnv(
             count,
             played,
             autoreset_mode=AutoresetMode.NEXT_STEP,
             num_threads=workers,
-            **(environment or {}),
+            task=task,
+            task_options=environment,
         )
 
     def play(
@@ -304,7 +307,6 @@ def hold_contest(
 
     with ExitStack() as stack:
         env = stack.enter_context(closing(make(scene)))
-        radius = env.task.radius
         try:
             finer = stack.enter_context(closing(make(fine)))
         except SimulationEndedError as error:  # not even the scene's own start
@@ -329,17 +331,21 @@ def hold_contest(
             kept[entry.name] = rollouts[:keep]
             trajectories[entry.name] = [trajectory for _, trajectory in assessed[:keep]]
     settings = {"noise": noise, "environment": dict(environment or {})}
-    if task == "target":
-        settings["target_radius"] = radius
-    record = _record(scene, entries, seeds, task, settings, performances)
+    if made.ends_at_goal:
+        settings["target_radius"] = made.radius
+    record = _record(made, entries, seeds, settings, performances)
     return Contest(scene, task, tuple(seeds), performances, kept, trajectories, record)
 
 
+def _is_a_race(task: Task) -> bool:
+    """Return whether who gets farther is better: waves then have scores that mean something."""
+    return task.scored_by_displacement and not task.goal_is_point
+
+
 def _record(
-    scene: Scene,
+    task: Task,
     entries: Sequence[Entry],
     seeds: Sequence[int],
-    task: str,
     settings: dict[str, Any],
     performances: dict[str, list[Performance]],
 ) -> dict[str, Any]:
@@ -353,13 +359,15 @@ def _record(
     for kind, prefix in _DISPLACEMENTS.items():
         for reference in REFERENCES:
             # Waves aim at no target: being so many times as near to it as they are means nothing.
-            there = task == "forward" and reference in policies
+            there = _is_a_race(task) and reference in policies
             base = policies[reference]["median"][kind] if there else None
             for one in policies.values():
                 one[f"{prefix}ratio_to_{reference}"] = _ratio(one["median"][kind], base)
+    scene = task.scene
     return {
         "scene": scene.name,
-        "task": task,
+        "task": task.name,
+        "score": task.score_name,
         "duration": scene.episode.duration,
         **settings,
         # Where the tuned wave comes from, if it takes part.
@@ -424,11 +432,12 @@ def _summary(performances: Sequence[Performance], radius: float | None) -> dict[
     successes = [row["success"] for row in rows]
     data["success_rate"] = None if successes[0] is None else float(np.mean(successes))
     data["verified_success_rate"] = data["replayed_success_rate"] = None
+    if data["success_rate"] is not None:
+        sure = [row["success"] and row["verified"] for row in rows]
+        data["verified_success_rate"] = float(np.mean(sure))
     if radius is not None:
         reach = (1.0 + TOLERANCE) * radius
-        sure = [row["success"] and row["verified"] for row in rows]
         blind = [row["success"] and row["fine_distance"] <= reach for row in rows]
-        data["verified_success_rate"] = float(np.mean(sure))
         data["replayed_success_rate"] = float(np.mean(blind))
     return data
 
@@ -442,7 +451,7 @@ def _groups(entries: Sequence[Entry], policies: dict[str, dict[str, Any]]) -> di
             continue
         found: dict[str, Any] = {"members": members}
         for key in _SPREADS:
-            inside = key in _DISPLACEMENTS
+            inside = key in _MEDIANS
             values = [policies[m]["median"][key] if inside else policies[m][key] for m in members]
             known = [value for value in values if value is not None]
             if known and all(map(math.isfinite, known)):

@@ -27,6 +27,9 @@ class Performance:
 
     #: Of the start.
     seed: int
+    #: `Task.score_name`, and the same of the policy in the finer scene.
+    score: float
+    closed_score: float | None
     #: Along the goal's direction or towards its point (BL).
     net_displacement: float
     #: The same in the finer scene that verifies it: by the same torques, and by the policy (BL).
@@ -98,6 +101,12 @@ def measure_performance(
     changes = verification.changes
     return Performance(
         seed=-1 if rollout.seed is None else rollout.seed,
+        score=rollout.score,
+        closed_score=(
+            verification.closed_displacement
+            if rollout.task.scored_by_displacement
+            else verification.closed_return
+        ),
         net_displacement=net,
         fine_displacement=verification.fine_displacement,
         closed_displacement=verification.closed_displacement,

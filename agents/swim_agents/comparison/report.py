@@ -42,11 +42,20 @@ _SCORES = (
     ("cost of transport (J/(kg m))", "median.cost_of_transport", ".3g"),
     ("torque squared (N^2 m^2 s)", "median.torque_squared", ".3g"),
 )
+#: The same where the score is no displacement.
+_RETURNS = (
+    ("{score}", "median.score", ".3f"),
+    ("closed loop, finer", "median.closed_score", ".3f"),
+    *_SCORES[3:4],
+    *_SCORES[8:],
+)
 _TARGETS = (
-    ("targets reached", "success_rate", ".0%"),
+    ("succeeded", "success_rate", ".0%"),
     ("the same, finer", "verified_success_rate", ".0%"),
     ("torques again, finer", "replayed_success_rate", ".0%"),
 )
+#: What has no spread over training seeds.
+_ONCE = ("verified", *(place for _, place, _ in _SCORES[6:]))
 _CHANGES = (
     ("largest change by a finer step", "largest_change.time_step", "+.1%"),
     ("by finer panels", "largest_change.panels", "+.1%"),
@@ -66,6 +75,14 @@ _GAITS = (
 )
 
 
+def _scores(record: dict[str, Any]) -> tuple[tuple[str, str, str], ...]:
+    """Return the columns of the scores."""
+    chosen = _SCORES if record["score"].startswith("net displacement") else _RETURNS
+    columns = tuple((head.format(**record), *rest) for head, *rest in chosen)
+    succeeds = any(one["success_rate"] is not None for one in record["policies"].values())
+    return columns + (_TARGETS if succeeds else ())  # type: ignore[return-value]
+
+
 def _rows(record: dict[str, Any], columns: Sequence[tuple[str, str, str]]) -> list[list[str]]:
     rows = [["policy", *(name for name, _, _ in columns)]]
     for policy, one in record["policies"].items():
@@ -83,7 +100,7 @@ def _cell(value: Any, place: str, form: str) -> str:
 
 def _spread_rows(record: dict[str, Any]) -> list[list[str]]:
     rows = [["trained with several seeds", "runs", "figure", "median", "least", "most"]]
-    shown = (*_SCORES[:3], *_SCORES[4:6], *_TARGETS)
+    shown = [one for one in _scores(record) if one[1] not in _ONCE]
     for group, found in record["groups"].items():
         for label, place, _ in shown:
             key = place.removeprefix("median.")
@@ -95,8 +112,7 @@ def _spread_rows(record: dict[str, Any]) -> list[list[str]]:
 
 
 def _tables(record: dict[str, Any]) -> list[list[list[str]]]:
-    scores = _SCORES + (_TARGETS if record["task"] == "target" else ())
-    tables = [_rows(record, columns) for columns in (scores, _CHANGES, _GAITS)]
+    tables = [_rows(record, columns) for columns in (_scores(record), _CHANGES, _GAITS)]
     tables.append(_spread_rows(record))
     return [table for table in tables if len(table) > 1]
 
@@ -172,7 +188,7 @@ def write_contest(contest: Contest, folder: str | os.PathLike[str]) -> None:
     first = {name: runs[0] for name, runs in contest.trajectories.items()}
     gaits = {name: record["policies"][name]["gait"][0] for name in first}
     goals = None
-    if contest.task == "target":
+    if all(rollouts[0].goal_is_point for rollouts in contest.rollouts.values()):
         goals = {name: rollouts[0].goal for name, rollouts in contest.rollouts.items()}
 
     def write(ready: Path) -> None:

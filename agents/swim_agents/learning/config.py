@@ -19,21 +19,15 @@ from swim_agents.learning.settings import (
     SACSettings,
 )
 from swim_agents.learning.smoothing import WIDTH
-from swim_env.envs.task import TASKS, Task
-from swim_env.errors import SceneError, SettingsError, SwimError
+from swim_env.envs.tasks import Task, check_task, find_task, make_task
+from swim_env.envs.tasks.find import task_options
+from swim_env.errors import OptionError, SceneError, SettingsError, SwimError, TaskError
 from swim_env.files.atomic import write_atomically
 from swim_env.files.names import file_name
-from swim_env.scene import Scene, load_scene
+from swim_env.scene import Scene, load_scene, scene_names
 from swim_env.scene.block import Block, block, plain
 from swim_env.scene.checks import Check, check_fields, got, integer, nearest, one_of, real, text
 from swim_env.scene.yaml import dump_yaml, parse_overrides, parse_yaml, read_text
-
-_FORWARD_OPTIONS = ("effort_weight", "heading_weight")
-#: Arguments of each task that `TrainingConfig.environment` may hold.
-_TASK_OPTIONS = {
-    "forward": _FORWARD_OPTIONS,
-    "target": (*_FORWARD_OPTIONS, "target_bearing", "target_distance", "target_radius"),
-}
 
 _BLOCKS = ("network", "ppo", "sac", "evaluation")
 
@@ -69,6 +63,13 @@ def _is_a(kind: type, what: str) -> Check[object]:
     return check
 
 
+def _task(value: object, field: str) -> str:
+    try:
+        return check_task(text(value, field))
+    except OptionError as error:
+        raise ConfigError(str(error)) from error
+
+
 def _discount(value: object, field: str) -> float:
     number = real(above=0.0)(value, field)
     if not number < 1.0:
@@ -86,12 +87,13 @@ class TrainingConfig(Block):
     description: Annotated[str, text] = ""
     #: One of ALGORITHMS.
     algorithm: Annotated[str, one_of(ALGORITHMS)] = "PPO"
-    #: A key of TASKS.
-    task: Annotated[str, one_of(tuple(TASKS))] = "forward"
+    #: A shipped name, ``module:Class`` or ``FILE.py:Class``; a file is relative to that of the
+    #: configuration.
+    task: Annotated[str, _task] = "forward"
     scene: Annotated[Scene, _is_a(Scene, "a Scene")] = field(
         default_factory=lambda: load_scene("swimmer")
     )
-    #: Arguments of the task, such as ``effort_weight`` or ``target_distance``.
+    #: Arguments of the task's class, such as ``effort_weight`` or ``target_distance``.
     environment: dict[str, Any] = field(default_factory=dict)
     #: Episodes that are played side by side.
     members: Annotated[int, integer(1, 100_000)] = 64
@@ -150,20 +152,22 @@ class TrainingConfig(Block):
             raise ConfigError(
                 f"sac.buffer must be at least members = {self.members}, got {self.sac.buffer}"
             )
-        known = _TASK_OPTIONS[self.task]
+        known = task_options(find_task(self.task))
         if not isinstance(self.environment, Mapping):
             raise ConfigError(
                 f"environment must be a mapping of arguments, got {got(self.environment)}"
             )
         for name in self.environment:
-            if name not in known:
+            if known is not None and name not in known:
                 raise ConfigError(
                     f"unknown field environment.{name}{nearest(str(name), known)}; known fields "
-                    f"with task {self.task}: {', '.join(known)}"
+                    f"with task {self.task}: {', '.join(known) or 'none'}"
                 )
         self._store(environment={key: plain(value) for key, value in self.environment.items()})
         try:
-            self.make_task()
+            _ = self.make_task().layout
+        except TaskError as error:
+            raise ConfigError(str(error)) from None
         except SwimError as error:
             raise ConfigError(f"environment: {error}") from None
         # Refuses a control interval that is no whole number of time steps, as an environment would.
@@ -173,8 +177,7 @@ class TrainingConfig(Block):
 
     def make_task(self) -> Task:
         """Return the task, with the arguments in `environment`."""
-        short = {name.removeprefix("target_"): value for name, value in self.environment.items()}
-        return TASKS[self.task](self.scene, **short)
+        return make_task(self.task, self.scene, self.environment)
 
     @property
     def round_steps(self) -> int:
@@ -271,6 +274,20 @@ def _scene(scene: object, overrides: object) -> Scene:
     return load_scene(scene, changes)  # type: ignore[arg-type]
 
 
+def _placed(data: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Return a file's fields with the paths of scene and task, which are relative to it."""
+    found = dict(data)
+    scene, task = data.get("scene"), data.get("task")
+    if isinstance(scene, str) and scene not in scene_names():
+        given = Path(scene)
+        is_path = given.suffix in (".yaml", ".yml") or len(given.parts) > 1
+        if is_path or (folder / given).is_file():
+            found["scene"] = os.path.normpath(folder / given)
+    if isinstance(task, str) and task.rpartition(":")[0].endswith(".py"):
+        found["task"] = os.fspath(folder.absolute() / task)
+    return found
+
+
 # ---- finding configurations --------------------------------------------------------------------
 
 
@@ -333,7 +350,7 @@ def load_config(
     if data is None:
         raise ConfigError("the file is empty, must hold a training configuration", source)
     if isinstance(data, dict):
-        data = {"name": path.stem, **data}
+        data = {"name": path.stem, **_placed(data, path.parent)}
     changes = parse_overrides(overrides or {})
     if scene is not None and isinstance(data, dict):
         # Before the body sets what is automatic.

@@ -12,7 +12,7 @@ from swim_agents.learning.config import TrainingConfig
 from swim_agents.learning.smoothing import Smoothing
 from swim_agents.vec_env import SwimVecEnv
 from swim_env.envs.episodes import EnvSnapshot
-from swim_env.envs.vector import VECTOR_ENVIRONMENTS, SwimVectorEnv
+from swim_env.envs.vector import SwimVectorEnv
 
 # After swim_agents.vec_env, which says in one line what is missing where this is not installed.
 from stable_baselines3.common.running_mean_std import RunningMeanStd  # isort: skip
@@ -33,8 +33,13 @@ def make_batch(
     mode: AutoresetMode = AutoresetMode.SAME_STEP,
 ) -> SwimVectorEnv:
     """Make a batch of a configuration's scene and task."""
-    return VECTOR_ENVIRONMENTS[config.task](
-        members, config.scene, autoreset_mode=mode, num_threads=threads, **config.environment
+    return SwimVectorEnv(
+        members,
+        config.scene,
+        autoreset_mode=mode,
+        num_threads=threads,
+        task=config.task,
+        task_options=config.environment,
     )
 
 
@@ -64,7 +69,7 @@ class TrainingEnv(VecEnvWrapper):  # type: ignore[misc]
     @property
     def batch(self) -> SwimVectorEnv:
         """The batched environment inside."""
-        env: SwimVectorEnv = self.venv.venv.env
+        env: SwimVectorEnv = self.venv.venv.batch
         return env
 
     def reset(self) -> NDArray[np.float32]:

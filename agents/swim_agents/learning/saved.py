@@ -25,15 +25,15 @@ from swim_agents.fit import AGENT_FIELDS, difference, is_similar
 from swim_agents.learning.config import TrainingConfig
 from swim_agents.learning.settings import ALGORITHMS, Network
 from swim_agents.learning.smoothing import WIDTH, SmoothedPolicy, Smoothing
-from swim_env.envs.assessment import OBSERVATION_LAYOUT, observation_size
+from swim_env.envs.assessment import OBSERVATION_LAYOUT, OBSERVATION_LIMIT
 from swim_env.envs.interface import action_space_of, observation_space_of
-from swim_env.envs.task import TASKS, Task
+from swim_env.envs.tasks import TASKS, make_task
 from swim_env.errors import OptionError, SceneError, SettingsError, SwimError
 from swim_env.files.folders import write_folder
 from swim_env.files.names import shown_name
 from swim_env.scene import Scene
 from swim_env.scene.block import build_block
-from swim_env.scene.checks import one_of, text
+from swim_env.scene.checks import integer, one_of, text
 
 #: What an agent's folder holds, and what a training run may put beside it.
 AGENT_FILES = ("agent.json", "model.zip")
@@ -105,7 +105,7 @@ class AgentPolicy:
         and times to match. The time step, the panels, damping, the start and its noise may differ.
         """
         trained = self.description["task"]
-        if task is not None and task != trained:
+        if task is not None and not _same_task(task, trained):
             raise AgentError(f"agent {self.name} was trained for task {trained}, not for {task}")
         own = self.scene
         found = difference(own, scene, AGENT_FIELDS, "training")
@@ -139,7 +139,7 @@ def save_agent(
         **{name: data[name] for name in _KEPT},
         "observation": {
             "layout": OBSERVATION_LAYOUT,
-            "size": observation_size(config.scene.beam.elements, TASKS[config.task].goal_is_point),
+            "size": config.make_task().observation_size,
         },
         "training": dict(record),
         "scene": data["scene"],
@@ -164,7 +164,7 @@ def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
 
     try:
         scene = Scene.from_dict(description["scene"])
-        task: Task = TASKS[description["task"]](scene)
+        task = text(description["task"], "task")
         network = build_block(Network, description["network"], "network")
         layout = description["observation"]
         algorithm = one_of(ALGORITHMS)(description["algorithm"], "algorithm")
@@ -177,9 +177,10 @@ def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
             raise SceneError("name must be text on one line")
         if not isinstance(layout, Mapping):
             raise SceneError("observation")
-    except (KeyError, TypeError, SettingsError) as error:
+        space = _observation_space(task, scene, description.get("environment") or {}, layout)
+    except (KeyError, TypeError, OptionError, SettingsError) as error:
         raise AgentError(f"agent.json does not describe an agent: {error} ({where})") from None
-    expected = {"layout": OBSERVATION_LAYOUT, "size": task.observation_size}
+    expected = {"layout": OBSERVATION_LAYOUT, "size": space.shape[0]}
     if layout != expected:
         raise AgentError(
             f"agent {name} observes layout {layout.get('layout')} with {layout.get('size')} "
@@ -188,7 +189,7 @@ def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
         )
     weights = _weights(Path(folder) / "model.zip")
     try:
-        policy = Actor(algorithm, observation_space_of(task), action_space_of(task), network, gsde)
+        policy = Actor(algorithm, space, action_space_of(scene), network, gsde)
         policy.take_weights(weights)
     except (RuntimeError, AttributeError, TypeError):
         raise AgentError(
@@ -197,6 +198,26 @@ def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
         ) from None
     smoothing = Smoothing(scene.beam.elements - 1, width)
     return AgentPolicy(SmoothedPolicy(policy, smoothing), description)
+
+
+def _observation_space(
+    task: str, scene: Scene, options: Mapping[str, Any], layout: Mapping[str, Any]
+) -> gymnasium.spaces.Box:
+    """Return what an agent observes; no code of a task that does not ship is run."""
+    if task in TASKS:
+        return observation_space_of(make_task(task, scene, options))
+    if ":" not in task:
+        raise SceneError(f"unknown task {task!r}")
+    size = integer(1, 10**9)(layout.get("size"), "observation.size")
+    return gymnasium.spaces.Box(-OBSERVATION_LIMIT, OBSERVATION_LIMIT, (size,), np.float32)
+
+
+def _same_task(one: str, other: str) -> bool:
+    """Return whether two names are those of one task, whose file may have moved."""
+    (place, _, kind), (elsewhere, _, other_kind) = one.rpartition(":"), other.rpartition(":")
+    files = place.endswith(".py") and elsewhere.endswith(".py")
+    moved = files and (Path(place).name, kind) == (Path(elsewhere).name, other_kind)
+    return one == other or moved
 
 
 def _description(path: Path) -> dict[str, Any]:
@@ -230,11 +251,14 @@ def _weights(path: Path) -> Any:
         ) from None
 
 
-def load_bare_model(path: str | os.PathLike[str], scene: Scene, trust: bool) -> AgentPolicy:
+def load_bare_model(
+    path: str | os.PathLike[str], scene: Scene, trust: bool, task: str | None = None
+) -> AgentPolicy:
     """Read a model file of stable-baselines3 without ``agent.json``, as trained on a scene.
 
-    It is an AgentError unless the file is trusted, as reading it runs code in it, or if the model
-    cannot be read or does not fit the scene.
+    It is taken to be trained for the task, or else for ``forward`` or ``target``. It is an
+    AgentError unless the file is trusted, as reading it runs code in it, or if the model cannot be
+    read or does not fit the scene.
     """
     name = os.fspath(path)
     if not trust:
@@ -262,10 +286,11 @@ def load_bare_model(path: str | os.PathLike[str], scene: Scene, trust: bool) -> 
             raise AgentError(f"cannot read the model: {error.strerror or error} ({name})") from None
     else:
         raise AgentError(f"the model is damaged or cut short, or neither PPO nor SAC ({name})")
-    shapes = {task: str(observation_space_of(made(scene)).shape) for task, made in TASKS.items()}
-    actions = str(action_space_of(TASKS["forward"](scene)).shape)
+    names = dict.fromkeys([*([task] if task else []), "forward", "target"])
+    shapes = {one: str(observation_space_of(make_task(one, scene)).shape) for one in names}
+    actions = str(action_space_of(scene).shape)
     seen, acted = (_shape(space) for space in (model.observation_space, model.action_space))
-    tasks = [task for task, shape in shapes.items() if seen == shape]
+    tasks = [one for one, shape in shapes.items() if seen == shape]
     if not tasks or acted != actions:
         raise AgentError(
             f"the model observes {seen} and acts in {acted} numbers; scene {scene.name} has "

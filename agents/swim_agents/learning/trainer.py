@@ -82,7 +82,8 @@ _OWN = {
     "SAC": ("actor_loss", "critic_loss", "ent_coef", "ent_coef_loss"),
 }
 
-#: Columns of ``evaluations.csv``: net displacement in BL over the episodes.
+#: Columns of ``evaluations.csv``: net displacement in BL over the episodes, along the goal or
+#: towards it.
 EVALUATION_COLUMNS = (
     "steps",
     "seconds",
@@ -472,8 +473,7 @@ class _Run:
         self.first = self.first or self.last
         self.evaluation_log.add(self.last)
         if self.recordings is not None:
-            name, radius = f"{config.name}-{self.steps}", self.evaluation_env.task.radius
-            swimmer = rollouts[0].swimmer(name, target_radius=radius)
+            swimmer = rollouts[0].swimmer(f"{config.name}-{self.steps}")
             file = self.recordings / f"evaluation-{self.steps}.rrd"
             write_recording(file, [swimmer], flow_rate=None)
         if self.best is None or self._merit(values) > self._merit(self.best):
@@ -502,16 +502,22 @@ class _Run:
 
     def _merit(self, values: dict[str, float]) -> tuple[float, float]:
         """Return what decides which of two evaluations is better."""
-        if self.config.task == "target":
+        task = self.evaluation_env.task
+        if task.has_success:
             return (values["success_rate"], values["return_mean"])
+        if not task.scored_by_displacement:
+            return (values["return_mean"], 0.0)
         # Episodes all count: an agent that cannot start from some poses is no better for the rest.
         return (values["net_displacement_median"] + values["net_displacement_min"], 0.0)
 
     def _status(self) -> str:
         if self.last is None:
             return ""
-        if self.config.task == "target":
-            return f"{self.last['success_rate']:.0%} of targets"
+        task = self.evaluation_env.task
+        if task.has_success:
+            return f"{self.last['success_rate']:.0%} succeed"
+        if not task.scored_by_displacement:
+            return f"return {self.last['return_mean']:.3g} {task.unit}"
         return f"{self.last['net_displacement_median']:.2f} BL"
 
     def _record(self) -> dict[str, Any]:

@@ -30,7 +30,6 @@ class EpisodesViewer:
         scene = episodes.task.scene
         self._episodes = episodes
         self._limit = scene.torque_limit
-        self._heading = np.array(scene.episode.heading)
         self._painters: list[FramePainter] = []
         #: Of a copy, until it paints itself.
         self._cameras: list[Camera | None] = []
@@ -79,7 +78,7 @@ class EpisodesViewer:
             self._episodes.torques[member, 0] / self._limit,
             info["time"],
             info["progress"],
-            info.get("target", self._heading),
+            self._episodes.goals[member],
         )
 
     def __getstate__(self) -> dict[str, Any]:

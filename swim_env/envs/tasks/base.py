@@ -1,32 +1,34 @@
-"""Tasks: where an episode starts, what its goal is, and what is rewarded.
-
-Both tasks reward progress in body lengths: along a direction, or towards a point.
-"""
+"""What a task is: where an episode starts, what its goal is, what is seen and rewarded, its end."""
 
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Mapping
 from dataclasses import fields, replace
-from typing import Any, ClassVar, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.envs.assessment import TASK_SETTINGS, VELOCITY_SCALE, observation_size
+from swim_env.envs.assessment import TASK_SETTINGS, VELOCITY_SCALE
+from swim_env.envs.tasks.moment import Moment
 from swim_env.errors import OptionError, SceneError
 from swim_env.scene import Initial, Scene
-from swim_env.scene.checks import checked_option, got, integer, nearest, pair, real, reals
+from swim_env.scene.checks import checked_option, got, integer, nearest, real
 from swim_env.sim.batch import minimal_start
+
+if TYPE_CHECKING:
+    from swim_env.envs.tasks.layout import Layout
 
 Array = NDArray[np.float64]
 
-#: Where a target is drawn by default: distance (BL), bearing (rad), radius (BL).
-TARGET_DISTANCE, TARGET_BEARING, TARGET_RADIUS = (0.5, 1.5), 0.5 * math.pi, 0.1
-
 #: Checks of an episode's seed, and of the factor on the noise of its start.
 SEED, NOISE = integer(0, 10**40), real(at_least=0.0, at_most=1e6)
+
+#: Set in a module that `swim_env.envs.tasks.find_task` has read from a file: the file.
+FILE_OF_MODULE = "__task_file__"
 
 _START_FIELDS = tuple(spec.name for spec in fields(Initial))
 
@@ -42,11 +44,14 @@ class Start(NamedTuple):
         Velocity of the mean centre (m/s) and turning rate of every element (rad/s).
     goal : (2,) array
         A direction, or a point (m).
+    state : mapping
+        What `Task.draw_state` has drawn.
     """
 
     coordinates: Array
     velocity: Array
     goal: Array
+    state: Mapping[str, Any] = {}
 
 
 class StartPlan(NamedTuple):
@@ -65,8 +70,13 @@ class StartPlan(NamedTuple):
     goal: Array | None
 
 
-class Task(ABC):
-    """Base of the tasks.
+class Task:
+    """Base of the tasks: swim along the scene's heading, until a subclass says otherwise.
+
+    A subclass overrides what it changes of `draw_goal`, `reward`, `ends`, `observe`, `info`,
+    `state`, `draw_state`, `update` and `update_goal`. Those from `reward` on take a `Moment`, work
+    on all members at once, and return new arrays whose first axis is the member. What is not
+    overridden costs nothing. docs/tasks.md has examples.
 
     Parameters
     ----------
@@ -77,16 +87,52 @@ class Task(ABC):
     heading_weight : float
         What pointing at a right angle to the goal costs in a second (BL/s), at least 0.
 
+    Attributes
+    ----------
+    name : str
+        What finds the class again: a shipped name, ``module:Class`` or ``FILE.py:Class``.
+    goal_is_point : bool
+        Whether the goal is a point (m) or a direction (unit vector).
+    parts : tuple of str
+        What is observed, in order, of the STANDARD_PARTS and what `observe` returns; what is not
+        named of the latter follows. Unless given, all of the STANDARD_PARTS that the goal has.
+    reasons : mapping
+        Why an episode may end, beside those of the physics, and what each reason means.
+    successes : tuple of str
+        The `reasons` that count as success.
+    unit : str
+        Of the reward.
+    own_options : tuple of str
+        Options of `reset`, beside the start's noise and the fields of a scene's initial state.
+    ends_at_goal : bool
+        Whether the episode ends, with success, at `radius` from a point.
+    radius : float
+        Of a point (BL), also where it is drawn.
+
     Raises
     ------
     OptionError
         If a weight is not a number of at least 0.
     """
 
-    goal_is_point: ClassVar[bool]
-    #: Options of `reset`, beside the start's noise and the fields of a scene's initial state.
+    name: ClassVar[str]
+    goal_is_point: ClassVar[bool] = False
+    parts: ClassVar[tuple[str, ...]] = ()
+    reasons: ClassVar[Mapping[str, str]] = {}
+    successes: ClassVar[tuple[str, ...]] = ()
+    unit: ClassVar[str] = "BL"
     own_options: ClassVar[tuple[str, ...]] = ()
-    radius = 0.0
+    ends_at_goal: ClassVar[bool] = False
+    radius: float = 0.1
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        """Name the class after where it can be found again."""
+        super().__init_subclass__(**kwargs)
+        module = sys.modules.get(cls.__module__)
+        place = getattr(module, FILE_OF_MODULE, None)
+        if cls.__module__ == "__main__":  # another process finds it in the file alone
+            place = getattr(module, "__file__", None)
+        cls.name = f"{place or cls.__module__}:{cls.__qualname__}"
 
     def __init__(
         self, scene: Scene, effort_weight: float = 0.0, heading_weight: float = 0.0
@@ -95,17 +141,87 @@ class Task(ABC):
         weight = real("BL/s", at_least=0.0)
         self.effort_weight = checked_option(weight, effort_weight, "effort_weight")
         self.heading_weight = checked_option(weight, heading_weight, "heading_weight")
-        self._default_plan = self.plan_start({})
+
+    # ---- what a task may override --------------------------------------------------------------
+
+    def draw_goal(self, random: np.random.Generator) -> Array:
+        """Return an episode's goal, (2,): a direction, or the way from the mean centre to it (m).
+
+        The scene's heading unless overridden, and the mean centre itself where it is a point.
+        """
+        return np.zeros(2) if self.goal_is_point else np.array(self.scene.episode.heading)
+
+    def reward(self, now: Moment) -> Mapping[str, Array]:
+        """Return the terms of an action's reward by name, (m,) each; the reward is their sum."""
+        return now.terms
+
+    def ends(self, now: Moment) -> Mapping[str, NDArray[np.bool_]]:
+        """Return by `reasons` which members end after an action, (m,) each; the first counts."""
+        return {}
+
+    def observe(self, now: Moment) -> Mapping[str, Array]:
+        """Return observations of the task's own by name, (m,) or (m, k) each, of order one."""
+        return {}
+
+    def info(self, now: Moment) -> Mapping[str, Array]:
+        """Return more figures for `info` by name, (m,) each, which may replace ``progress``."""
+        return {}
+
+    def state(self, count: int) -> dict[str, NDArray[Any]]:
+        """Return arrays (count, ...) that the task keeps of members, as they are at a start."""
+        return {}
+
+    def draw_state(self, random: np.random.Generator) -> Mapping[str, Any]:
+        """Return what is drawn of a member's `state` at its start, by name."""
+        return {}
+
+    def update(self, now: Moment) -> None:
+        """Write into `Moment.state`, first of all after a start or an action."""
+
+    def update_goal(self, now: Moment) -> Array:
+        """Return goals (m, 2), unit vectors or points (m), after `update`."""
+        goals: Array = now.goal
+        return goals
+
+    # ---- what follows from it ------------------------------------------------------------------
+
+    def overrides(self, method: str) -> bool:
+        """Return whether a method is not that of this base."""
+        return getattr(type(self), method) is not getattr(Task, method)
+
+    @cached_property
+    def layout(self) -> Layout:
+        """What the task's methods return; a TaskError if that cannot be used."""
+        from swim_env.envs.tasks.layout import layout_of
+
+        return layout_of(self)
+
+    @property
+    def has_success(self) -> bool:
+        """Whether an episode can succeed."""
+        return self.ends_at_goal or bool(self.successes)
+
+    @property
+    def scored_by_displacement(self) -> bool:
+        """Whether an episode's score is its net displacement (BL), or else its return."""
+        return not self.overrides("reward")
+
+    @property
+    def score_name(self) -> str:
+        """What the score is called, with its unit; larger is better."""
+        return "net displacement (BL)" if self.scored_by_displacement else f"return ({self.unit})"
 
     @property
     def identity(self) -> tuple[object, ...]:
         """What distinguishes this task from others, for comparing snapshots."""
-        return (type(self).__name__, self.scene, self.effort_weight, self.heading_weight)
+        own = {name: value for name, value in vars(self).items() if name not in _NO_SETTINGS}
+        plain = sorted((name, repr(value)) for name, value in own.items() if name[0] != "_")
+        return (self.name, self.scene, *plain)
 
     @property
     def observation_size(self) -> int:
         """Number of observed quantities."""
-        return observation_size(self.scene.beam.elements, self.goal_is_point)
+        return sum(self.layout.parts.values())
 
     def settings(self, actions_per_episode: int) -> NDArray[np.void]:
         """Return what `swim_env.envs.assessment.assess` needs to know of the task."""
@@ -117,7 +233,7 @@ class Task(ABC):
                     self.scene.integrator.time_step,
                     self.scene.episode.control_interval,
                     self.goal_is_point,
-                    self.radius * beam.length,
+                    self.radius * beam.length if self.ends_at_goal else -1.0,
                     self.effort_weight,
                     self.heading_weight,
                     actions_per_episode,
@@ -160,7 +276,7 @@ class Task(ABC):
                 noise=NOISE(options.get("noise", 1.0), "noise"),
                 exact=frozenset(changes),
                 position=initial.position,
-                goal=self._given_goal(options),
+                goal=self.given_goal(options),
             )
         except SceneError as error:
             raise OptionError(f"option {error.problem.replace('initial.', '', 1)}") from None
@@ -182,7 +298,7 @@ class Task(ABC):
         if speed is None:
             speed = 1e-4 * (VELOCITY_SCALE / episode.control_interval * self.scene.beam.length)
         push = random.uniform(-1.0, 1.0, 3) * (noise * speed)
-        aim = self._draw_aim(random)
+        aim, state = self.draw_goal(random), self.draw_state(random)
         if "joint_angles" not in exact:
             coordinates[3:] += bend
             # The mean angle of the elements is the body's heading: bending leaves it alone.
@@ -211,97 +327,23 @@ class Task(ABC):
         goal = plan.goal
         if goal is None:
             goal = coordinates[:2] + aim if self.goal_is_point else aim
-        return Start(coordinates, velocity, goal)
+        return Start(coordinates, velocity, goal, state)
 
-    def _given_goal(self, options: Mapping[str, Any]) -> Array | None:
+    @cached_property
+    def _default_plan(self) -> StartPlan:
+        return self.plan_start({})
+
+    def given_goal(self, options: Mapping[str, Any]) -> Array | None:
+        """Return the goal that the `own_options` give, a direction or a point (m), or None."""
         return None
 
-    @abstractmethod
-    def _draw_aim(self, random: np.random.Generator) -> Array:
-        """Return the goal's direction, or the way from the mean centre to its point (m)."""
+
+#: Of a task's attributes, what is not among its settings: the scene is compared by itself.
+_NO_SETTINGS = ("scene", "layout")
 
 
-class ForwardTask(Task):
-    """Swim along the scene's heading; the reward is the net displacement in body lengths."""
-
-    goal_is_point = False
-
-    def _draw_aim(self, random: np.random.Generator) -> Array:
-        return np.array(self.scene.episode.heading)
-
-
-class TargetTask(Task):
-    """Reach a point; the reward is the decrease of the mean centre's distance, in body lengths.
-
-    Parameters
-    ----------
-    scene : Scene
-        The body, its fluid and how the episode is played.
-    distance : pair of float
-        Least and largest distance of the point from the mean centre at the start (BL).
-    bearing : float
-        Largest angle between the scene's heading and the direction to the point (rad), up to pi.
-    radius : float
-        The point is reached when the mean centre is this close (BL).
-    effort_weight, heading_weight : float
-        As for `Task`.
-
-    Raises
-    ------
-    OptionError
-        If one of them cannot be used.
-    """
-
-    goal_is_point = True
-    own_options = ("target",)
-
-    def __init__(
-        self,
-        scene: Scene,
-        distance: Sequence[float] = TARGET_DISTANCE,
-        bearing: float = TARGET_BEARING,
-        radius: float = TARGET_RADIUS,
-        effort_weight: float = 0.0,
-        heading_weight: float = 0.0,
-    ) -> None:
-        super().__init__(scene, effort_weight, heading_weight)
-        self.radius = checked_option(real("BL", above=0.0), radius, "target_radius")
-        bounds = checked_option(reals("BL"), distance, "target_distance")
-        if len(bounds) != 2 or not self.radius < bounds[0] <= bounds[1]:
-            raise OptionError(
-                "target_distance must be two numbers in BL, the least above target_radius "
-                f"({self.radius:g}) and the largest not below it, got {list(bounds)}"
-            )
-        self.distance = bounds
-        half_turn = real("rad", at_least=0.0, at_most=math.pi)
-        self.bearing = checked_option(half_turn, bearing, "target_bearing")
-
-    @property
-    def identity(self) -> tuple[object, ...]:
-        """What distinguishes this task from others, for comparing snapshots."""
-        return (*super().identity, self.distance, self.bearing, self.radius)
-
-    def _given_goal(self, options: Mapping[str, Any]) -> Array | None:
-        if "target" not in options:
-            return None
-        return np.array(pair("m")(options["target"], "target"))
-
-    def _draw_aim(self, random: np.random.Generator) -> Array:
-        low, high = self.distance
-        away = random.uniform(low, high) * self.scene.beam.length
-        angle = random.uniform(-self.bearing, self.bearing)
-        x, y = self.scene.episode.heading
-        cosine, sine = math.cos(angle), math.sin(angle)
-        return np.array([cosine * x - sine * y, sine * x + cosine * y]) * away
-
-
-#: The tasks, where one is chosen by name.
-TASKS: dict[str, type[Task]] = {"forward": ForwardTask, "target": TargetTask}
-
-
-def check_task(name: str) -> str:
-    """Return the name of a task, or raise OptionError if there is no such task."""
-    if name not in TASKS:
-        hint = nearest(str(name), TASKS)
-        raise OptionError(f"unknown task {name!r}{hint}; tasks: {', '.join(TASKS)}")
-    return name
+def turned(direction: tuple[float, float], angle: float) -> Array:
+    """Return a direction (2,) that is turned by an angle (rad), counter-clockwise."""
+    x, y = direction
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return np.array([cosine * x - sine * y, sine * x + cosine * y])

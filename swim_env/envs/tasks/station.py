@@ -1,0 +1,79 @@
+"""Task ``station``: hold a place in a stream."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.envs.tasks.base import Array, StartPlan, Task
+from swim_env.envs.tasks.moment import Moment, columns
+from swim_env.errors import OptionError
+from swim_env.scene import Scene
+from swim_env.scene.checks import checked_option, real
+
+
+class StationTask(Task):
+    """Hold the place of the start in a stream that carries the body away.
+
+    The body starts with the stream's velocity, unless the options of the reset give another: one
+    that rests over ground would stay there without any effort, as an ideal fluid does not drag. The
+    reward is the time (s), weighted by how near the place is: 1 there, 0 at the reach.
+
+    Parameters
+    ----------
+    scene : Scene
+        The body, its fluid with a stream, and how the episode is played.
+    reach : float
+        The episode ends where the mean centre is this far from the place (BL).
+
+    Raises
+    ------
+    OptionError
+        If the scene has no stream, or the reach cannot be used.
+    """
+
+    goal_is_point = True
+    parts = ("joint_angles", "joint_rates", "velocity", "turning_rate")
+    reasons = {"drifted_away": "the place that was to be held is out of reach"}
+    unit = "s"
+
+    def __init__(self, scene: Scene, reach: float = 1.0) -> None:
+        super().__init__(scene)
+        if scene.stream is None or not any(scene.stream.velocity):
+            raise OptionError(
+                f"task {self.name} needs a stream to hold a place in, and scene {scene.name} has "
+                "none: add a block stream with a velocity (m/s) against the heading, for example "
+                f"overrides={{'stream.velocity': [{0.1 * scene.beam.length:g}, 0.0]}}"
+            )
+        self.reach = checked_option(real("BL", above=0.0), reach, "reach")
+        flow = np.array(scene.stream.velocity)
+        self._upstream = (-flow / np.hypot(*flow)).tolist()
+
+    def plan_start(self, options: Mapping[str, Any] | None = None) -> StartPlan:
+        """Check the options of a reset; unless they say otherwise the body starts adrift."""
+        plan = super().plan_start(options)
+        if options is not None and not plan.exact & {"velocity", "velocity_slope"}:
+            assert self.scene.stream is not None
+            plan.velocity[:2] = self.scene.stream.velocity
+        return plan
+
+    def observe(self, now: Moment) -> Mapping[str, Array]:
+        """Return, as seen from the head, the way to the place (BL) and the upstream direction."""
+        x, y = now.ahead.T
+        away_x, away_y = (now.goal / self.scene.beam.length - now.position).T
+        up_x, up_y = self._upstream
+        return {
+            "place": columns(x * away_x + y * away_y, x * away_y - y * away_x),
+            "upstream": columns(x * up_x + y * up_y, x * up_y - y * up_x),
+        }
+
+    def reward(self, now: Moment) -> Mapping[str, Array]:
+        """Return the time of the action, weighted by the nearness."""
+        return {"held": (1.0 - now.distance / self.reach) * now.seconds}
+
+    def ends(self, now: Moment) -> Mapping[str, NDArray[np.bool_]]:
+        """End where the place is out of reach."""
+        return {"drifted_away": now.distance > self.reach}
