@@ -1,39 +1,29 @@
-"""A body of your own: how fast it vibrates in its fluid, how it bends, and how it swims."""
+"""A body of your own: what it can do, its best travelling wave, and an agent that learns on it."""
 
 import argparse
+import tempfile
 from pathlib import Path
 
-import numpy as np
+from swim_agents import load_policy, play_episode
+from swim_agents.learning.config import load_config
+from swim_agents.learning.trainer import train
 
-from swim_env import SwimEnv, load_scene, natural_frequencies
+from swim_env import SwimEnv, characterise, load_scene
+
+FILE = Path(__file__).with_name("own_body.yaml")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Look at a body and play random torques.")
-    parser.add_argument("--steps", type=int, default=500, help="actions")
+    parser = argparse.ArgumentParser(description="Look at a body and train an agent on it.")
+    parser.add_argument("--steps", type=int, default=250_000, help="of training")
     options = parser.parse_args()
-    scene = load_scene(Path(__file__).with_name("own_body.yaml"))
-
-    first = natural_frequencies(scene)[0]
-    interval = scene.episode.control_interval
-    print(f"first bending mode: {first:.2f} Hz, actions are held for {interval:g} s")
-    if first * interval > 0.25:
-        print("that is more than a quarter of its period: shorten episode.control_interval")
-
-    env = SwimEnv(scene)
-    env.reset(seed=0)
-    random, most = np.random.default_rng(0), 0.0
-    for step in range(options.steps):
-        if step % 5 == 0:  # torques that are held feed slow modes
-            action = random.uniform(-1.0, 1.0) * np.ones(env.action_space.shape)
-        _, _, terminated, truncated, info = env.step(action)
-        most = max(most, float(np.abs(env.coordinates[3:]).max()))
-        if terminated or truncated:
-            break
-    print(
-        f"after {info['time']:g} s: {info['progress']:.4f} body lengths, joints bent by up to "
-        f"{most:.2f} rad {info['termination_reason']}"
-    )
+    scene = load_scene(FILE)
+    print(characterise(scene))
+    with tempfile.TemporaryDirectory() as folder:
+        record = train(load_config("ppo", [f"steps={options.steps}"], FILE), folder, notice=print)
+        print(f"trained for {record['seconds']:.0f} s")
+        played = play_episode(SwimEnv(scene), load_policy(folder, scene), seed=2_000_000)
+    print(f"swims {played.net_displacement:.3f} body lengths in {scene.episode.duration:.3g} s")
 
 
 if __name__ == "__main__":

@@ -252,7 +252,7 @@ def test_wrapped_batches_are_stepped_with_their_wrappers():
     [
         ("custom_reward", ["--steps", "20"], "what the bending cost"),
         ("custom_task", ["--steps", "20"], "reward_speed"),
-        ("own_body", ["--steps", "50"], "first bending mode"),
+        ("own_body", ["--steps", "50"], "bending modes"),
         ("ppo_plain_sb3", ["--steps", "256", "--members", "2"], "body lengths in 20 s"),
     ],
 )
