@@ -163,7 +163,8 @@ class SwimVecEnv(VecEnv):  # type: ignore[misc]
             # The batch's infos are those of the new starts there.
             for member, info in zip(ended.tolist(), _dicts(last, ended), strict=True):
                 self.reset_infos[member] = infos[member]
-                infos[member] = info
+                # What a wrapper tells of the end is not in the environment's last info.
+                infos[member] = {**infos[member], **info}
         for info, out_of_time in zip(infos, (truncated & ~terminated).tolist(), strict=True):
             info["TimeLimit.truncated"] = out_of_time
         for member in ended.tolist():
@@ -284,8 +285,11 @@ def _dicts(
     for name, values in batch.items():
         if name[0] == "_":  # the mask of another key
             continue
+        names.append(name)
+        if isinstance(values, Mapping):  # of a wrapper, as the statistics of episodes
+            columns.append(_dicts(values, members))
+            continue
         if members is not None:
             values = values[members]
-        names.append(name)
         columns.append(values.tolist() if values.ndim == 1 else list(values))
     return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]

@@ -26,7 +26,7 @@ NAMES = ("ppo_forward", "sac_forward", "ppo_target")
 
 def test_the_agents_that_are_promised_are_there():
     assert set(pretrained_names()) == set(NAMES) < set(policy_names())
-    assert {*NAMES, "ppo_stiff_head", "demo"} == set(config_names())
+    assert {*NAMES, "ppo_stiff_head", "demo", "ppo", "sac"} == set(config_names())
 
 
 @pytest.mark.parametrize("name", NAMES)

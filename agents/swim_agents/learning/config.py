@@ -351,7 +351,8 @@ def load_config(
         raise ConfigError("the file is empty, must hold a training configuration", source)
     if isinstance(data, dict):
         data = {"name": path.stem, **_placed(data, path.parent)}
-    changes = parse_overrides(overrides or {})
+    with _located(f"{source} with overrides"):
+        changes = parse_overrides(overrides or {})
     if scene is not None and isinstance(data, dict):
         # Before the body sets what is automatic.
         of_scene = {key: changes.pop(key) for key in list(changes) if key.startswith("scene.")}

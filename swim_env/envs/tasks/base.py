@@ -218,6 +218,12 @@ class Task:
         plain = sorted((name, repr(value)) for name, value in own.items() if name[0] != "_")
         return (self.name, self.scene, *plain)
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Task) and self.identity == other.identity
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.scene.name))
+
     @property
     def observation_size(self) -> int:
         """Number of observed quantities."""
