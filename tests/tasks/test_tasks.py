@@ -234,17 +234,19 @@ def test_what_a_moment_tells_is_what_has_happened():
 # ---- the shipped tasks -------------------------------------------------------------------------
 
 
-def test_station_starts_adrift_and_its_reward_counts_the_time_near_the_place():
+def test_station_starts_adrift_and_pays_for_what_is_held_and_for_the_way_back():
     env = SwimEnv("swimmer", {**SMALL, **STREAM}, task="station")
     env.reset(seed=0, options={"noise": 0.0})
     assert env.velocity[:2].tolist() == [0.1, 0.0]
     total, ended = 0.0, False
     while not ended:
         _, reward, terminated, ended, info = env.step(np.zeros(2))
+        assert reward == pytest.approx(info["reward_held"] + info["reward_return"], abs=1e-15)
         total, ended = total + reward, terminated or ended
     assert info["termination_reason"] == "drifted_away"
     assert info["time"] == pytest.approx(10.0, abs=0.05)
-    assert total == pytest.approx(5.0, abs=0.05)  # of 10 s in all, from 1 down to 0
+    # The stream goes past by 1 BL, of which half counts, and the body goes away by 1 BL.
+    assert total == pytest.approx(-0.5, abs=0.01)
     with refuses(OptionError, "task station needs a stream", "stream.velocity"):
         SwimEnv("swimmer", task="station")
 

@@ -20,7 +20,10 @@ class StationTask(Task):
 
     The body starts with the stream's velocity, unless the options of the reset give another: one
     that rests over ground would stay there without any effort, as an ideal fluid does not drag. The
-    reward is the time (s), weighted by how near the place is: 1 there, 0 at the reach.
+    reward has two terms in body lengths. ``held`` is how far the stream went past while the action
+    lasted, weighted by how near the place is: 1 there, 0 at the reach. ``return`` is the decrease
+    of the distance from the place, without which a learner would be paid for its strokes only much
+    later. A body that drifts away is paid minus half the reach.
 
     Parameters
     ----------
@@ -38,7 +41,6 @@ class StationTask(Task):
     goal_is_point = True
     parts = ("joint_angles", "joint_rates", "velocity", "turning_rate")
     reasons = {"drifted_away": "the place that was to be held is out of reach"}
-    unit = "s"
 
     def __init__(self, scene: Scene, reach: float = 1.0) -> None:
         super().__init__(scene)
@@ -50,7 +52,9 @@ class StationTask(Task):
             )
         self.reach = checked_option(real("BL", above=0.0), reach, "reach")
         flow = np.array(scene.stream.velocity)
-        self._upstream = (-flow / np.hypot(*flow)).tolist()
+        speed = float(np.hypot(*flow))
+        self._upstream = (-flow / speed).tolist()
+        self._speed = speed / scene.beam.length
 
     def plan_start(self, options: Mapping[str, Any] | None = None) -> StartPlan:
         """Check the options of a reset; unless they say otherwise the body starts adrift."""
@@ -70,10 +74,21 @@ class StationTask(Task):
             "upstream": columns(x * up_x + y * up_y, x * up_y - y * up_x),
         }
 
+    def state(self, count: int) -> dict[str, NDArray[Any]]:
+        """Return the distance from the place, and by how much it has fallen (BL)."""
+        return {"distance": np.zeros(count), "gained": np.zeros(count)}
+
+    def update(self, now: Moment) -> None:
+        """Measure the distance."""
+        distance = now.distance
+        now.state["gained"][:] = 0.0 if now.start else now.state["distance"] - distance
+        now.state["distance"][:] = distance
+
     def reward(self, now: Moment) -> Mapping[str, Array]:
-        """Return the time of the action, weighted by the nearness."""
-        return {"held": (1.0 - now.distance / self.reach) * now.seconds}
+        """Return what was held against the stream, and what was gained of the way back."""
+        near = 1.0 - now.state["distance"] / self.reach
+        return {"held": near * now.seconds * self._speed, "return": now.state["gained"]}
 
     def ends(self, now: Moment) -> Mapping[str, NDArray[np.bool_]]:
         """End where the place is out of reach."""
-        return {"drifted_away": now.distance > self.reach}
+        return {"drifted_away": now.state["distance"] > self.reach}
