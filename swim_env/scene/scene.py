@@ -480,14 +480,14 @@ def load_scene(
 def _from_file(path: str | os.PathLike[str], source: str, changes: Mapping[str, object]) -> Scene:
     """Read a file with changes by dotted path; what it leaves out is left to the body."""
     data = read_scene_file(path, source)
+    plainly = Scene.from_dict(data, source)  # errors of the file are not those of the changes
     if changes:
-        Scene.from_dict(data, source)  # errors of the file are not those of the changes
         source = f"{source} with overrides"
-    try:
-        data = _changed(data, changes)
-    except SceneError as error:
-        raise error.located(source) from None
-    plainly = Scene.from_dict(data, source)
+        try:
+            data = _changed(data, changes)
+        except SceneError as error:
+            raise error.located(source) from None
+        plainly = Scene.from_dict(data, source)
     if plainly.bend_per_torque is not None:
         plainly = Scene.from_dict(_left_to_the_body(data), source)
     return plainly._from(os.path.abspath(path))
