@@ -43,7 +43,7 @@ def draw_scores(record: Mapping[str, Any]) -> Figure:
         ratio = one["ratio_to_tuned_wave"]
         if ratio is not None:
             axes.annotate(
-                f"{one['median']['net_displacement']:.2f} BL, {ratio:.2f} of the tuned wave",
+                f"{one['median']['score']:.2f} BL, {ratio:.2f} of the tuned wave",
                 (max(float(reached.max()), float(fine.max()), 0.0), row),
                 xytext=(8, 0),
                 textcoords="offset points",

@@ -489,7 +489,7 @@ def _from_file(path: str | os.PathLike[str], source: str, changes: Mapping[str, 
             raise error.located(source) from None
         plainly = Scene.from_dict(data, source)
     if plainly.bend_per_torque is not None:
-        plainly = Scene.from_dict(_left_to_the_body(data), source)
+        plainly = Scene.from_dict(_left_to_the_body(data, changes), source)
     return plainly._from(os.path.abspath(path))
 
 
@@ -512,15 +512,18 @@ def _changed(data: dict[str, Any], changes: Mapping[str, object]) -> dict[str, A
     return data
 
 
-def _left_to_the_body(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of a file with ``auto`` for what it leaves out."""
+def _left_to_the_body(data: Mapping[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
+    """Return the fields of a file with ``auto`` for what it leaves out.
+
+    A block that is changed as a whole has its defaults, as in `Scene.replace`.
+    """
     found = dict(data)
-    if found.get("integrator") is None:
+    if "integrator" not in found:
         found["integrator"] = AUTO
     paths = [*_LEFT_OUT, *(path for path in _LEFT_OUT_OPTIONAL if found.get(path.split(".")[0]))]
     for block, field in (path.split(".") for path in paths):
         inner = found.get(block) or {}
-        if isinstance(inner, Mapping):
+        if isinstance(inner, Mapping) and block not in changes:
             found[block] = {field: AUTO, **inner}
     return found
 

@@ -327,13 +327,18 @@ def check_texts(figure: Figure) -> None:
 
 GAIT = {"phase_lags": np.linspace(0.5, 4.5, 8), "frequency": 4.88, "travelling_share": 0.9}
 SCORE = {
-    "net_displacement": [2.0, 2.2],
-    "closed_displacement": [2.1, 1.0],
+    "score": [2.0, 2.2],
+    "closed_score": [2.1, 1.0],
     "verified": [True, False],
-    "median": {"net_displacement": 2.1},
+    "median": {"score": 2.1},
     "ratio_to_tuned_wave": 0.9,
 }
-SCORES = {"policies": dict.fromkeys(EIGHT, SCORE), "duration": 20.0, "scene": "swimmer"}
+SCORES = {
+    "policies": dict.fromkeys(EIGHT, SCORE),
+    "score": "net displacement (BL)",
+    "duration": 20.0,
+    "scene": "swimmer",
+}
 GRID = {
     "net_displacement": [[0.1, -0.2], [2.0, 0.4], [0.0, 0.3]],
     "wave_number": [-3.0, 6.0],

@@ -584,7 +584,8 @@ def unseen(monkeypatch: pytest.MonkeyPatch, tiny: list[Settings]) -> None:
 def test_a_study_takes_any_scene(tmp_path, monkeypatch, capsys):
     """One of its own, a shipped one and a file, each for as long as its episode is."""
     mine = tmp_path / "mine.yaml"
-    mine.write_text("episode:\n  duration: 1.0\n", encoding="utf-8")
+    text = "episode: {duration: 1.0}\nintegrator: {time_step: 0.01}\n"
+    mine.write_text(text, encoding="utf-8")
     cases: list[Case] = []
 
     def recorded(folder: Path, given: list[Case], grid: list[Settings]) -> Study:
