@@ -382,7 +382,7 @@ def test_texts_can_be_read_and_numbers_have_units(name, runs):
     figure = PICTURES[name](runs)
     check_texts(figure)
     labels = {label for axes in figure.axes for label in (axes.get_xlabel(), axes.get_ylabel())}
-    units = ("(s)", "(m)", "(J)", "(%)", "(N m)", "(1/m)", "(rad)", "(Hz)", "(\u00b0)")
+    units = ("(s)", "(m)", "(BL)", "(J)", "(%)", "(N m)", "(1/m)", "(rad)", "(Hz)", "(\u00b0)")
     plain = ("body lengths", "body length)", "joint", "s/l", "millions", "minutes", *EIGHT)
     for label in labels - {""}:
         assert any(unit in label for unit in (*units, *plain)), label
