@@ -107,7 +107,7 @@ def tail(values: Array, run: Trajectory, seconds: float | None) -> Array:
 def draw_wave_search(record: dict[str, Any]) -> Figure:
     """Draw how far travelling waves of torque swim, over frequency and wave number.
 
-    The record is that of `swim_agents.tuning.check_candidates`. The picture shows the grid of the
+    The record is that of `swim_agents.tuning.record_of`. The picture shows the grid of the
     search at full amplitude, and the wave that was chosen.
     """
     grid = record["search"]["grid"]
@@ -115,6 +115,8 @@ def draw_wave_search(record: dict[str, Any]) -> Figure:
     figure = style.new_figure(0.8 * style.WIDTH, 4.2)
     axes = figure.add_subplot()
     largest = float(np.abs(values).max()) or 1.0
+    periods = record["search"].get("periods_in_episode")
+    lasted = "one episode" if periods is None else f"{periods} periods of the first bending mode"
     image = axes.pcolormesh(
         np.array(grid["wave_number"]) / np.pi,
         grid["frequency_hz"],
@@ -141,7 +143,7 @@ def draw_wave_search(record: dict[str, Any]) -> Figure:
         axes,
         "wave number \u03ba (\u03c0 rad per body length)",
         "frequency (Hz)",
-        f"{record['scene']}: a wave of full torque over one episode",
+        f"{record['scene']}: waves of full torque over {lasted}",
         grid=False,
     )
     return figure

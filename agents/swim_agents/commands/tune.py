@@ -30,12 +30,14 @@ from swim_env.sim.replay import steps_of
 
 #: Options that are whole numbers: least value, default, help.
 _NUMBERS = {
-    "frequencies": (1, None, "an even grid of so many frequencies, for a picture"),
-    "wave_numbers": (1, None, "an even grid of so many wave numbers, for a picture"),
+    "frequencies": (1, None, "an even grid of so many frequencies, 40 with --plot"),
+    "wave_numbers": (1, None, "an even grid of so many wave numbers, 17 with --plot"),
     "generations": (0, 5, "of the search from the best of the grid, 5 unless given"),
     "population": (8, 24, "waves of a generation, 24 unless given"),
     "seed": (0, 0, "of the search"),
 }
+#: The grid of a picture, where no other is given.
+_PICTURE = {"frequencies": 40, "wave_numbers": 17}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -77,6 +79,8 @@ def main(options: argparse.Namespace) -> int:
     start = time.perf_counter()
     load_assessment()
     numbers = {name: getattr(options, name) for name in _NUMBERS}
+    if options.plot is not None:  # the usual grid is too uneven for a picture
+        numbers |= {name: numbers[name] or size for name, size in _PICTURE.items()}
     sizes = [value for name, value in numbers.items() if name != "seed"]
     progress_file = Path(f"{output}.part")
     known = _read_known(progress_file, scene)
