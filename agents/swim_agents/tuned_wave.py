@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from swim_env.errors import SwimError
+from swim_env.errors import OptionError, SwimError
 from swim_env.scene import Actuation, Scene
 
 __all__ = [
@@ -52,11 +52,15 @@ def find_tuned_wave(scene: Scene) -> dict[str, Any]:
 
 
 def _load(path: Path) -> dict[str, Any]:
+    found_none = False
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
+        found_none = data["wave"] is None
         wave = {name: float(data["wave"][name]) for name in WAVE_FIELDS}
         scene = Scene.from_dict(data["scene_fields"])
     except (OSError, ValueError, TypeError, KeyError) as error:
+        if found_none:
+            raise OptionError(f"the search found no wave that swims ({path.name})") from None
         raise SwimError(
             f"cannot read the tuned wave ({path.name}): {error!r}; `swim-env tune` makes it again"
         ) from None

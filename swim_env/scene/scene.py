@@ -483,6 +483,8 @@ def _from_file(path: str | os.PathLike[str], source: str, changes: Mapping[str, 
     plainly = Scene.from_dict(data, source)  # errors of the file are not those of the changes
     if changes:
         source = f"{source} with overrides"
+        if plainly.bend_per_torque is not None:  # changes are made to what is left to the body
+            data = {"integrator": AUTO, **data}
         try:
             data = _changed(data, changes)
         except SceneError as error:

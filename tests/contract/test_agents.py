@@ -22,6 +22,7 @@ from swim_agents import (
 )
 from swim_agents.commands import INTERRUPTED
 from swim_agents.commands.main import main as call_main
+from swim_agents.comparison.contest import references_on
 from swim_agents.comparison.performance import measure_performance
 from swim_agents.replay import replay_episode
 from swim_agents.rollout import score
@@ -540,6 +541,13 @@ def test_a_scene_of_ones_own_has_its_own_tuned_wave(tmp_path, capsys):
         policy = load_policy(name, scene)
         played = play_episode(SwimEnv(scene), policy, options=QUIET)
         assert played.net_displacement == pytest.approx(told["net_displacement"], rel=1e-12)
+    # A search that found none leaves the scene without one.
+    record = json.loads(kept.read_text())
+    kept.write_text(json.dumps({**record, "wave": None}))
+    with pytest.raises(OptionError, match="found no wave that swims"):
+        load_policy("tuned_wave", scene)
+    assert references_on(scene) == ["paper_wave"]
+    kept.write_text(json.dumps(record))
     # Of the body as it was tuned.
     with pytest.raises(OptionError, match=r"beam.length is 0.6, it was 0.5 in tuning"):
         load_policy("tuned_wave", scene.replace("beam.length", 0.6))
@@ -565,6 +573,8 @@ def test_a_search_that_was_interrupted_goes_on(tmp_path, capsys, monkeypatch):
     assert played == [6] and not file.exists()
     log = tmp_path / "record.json.part"
     assert len(log.read_text().splitlines()) == 1 + 6
+    with log.open("a") as file_of_log:
+        file_of_log.write("[1.0, 5.0, -4")  # a line that a kill has cut short
     played.clear()
     monkeypatch.setattr(
         tuning,

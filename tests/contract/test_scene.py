@@ -807,6 +807,9 @@ def test_changes_count_before_the_body_sets_the_rest(tmp_path):
     assert scene.steps_per_action == pytest.approx(0.3 / period * 40, abs=1.0)
     finer = load_scene(path, ["integrator.scheme=paper"])
     assert finer.steps_per_action == 8
+    sharper = load_scene(path, ["integrator.tolerance=1e-6"])
+    expected = load_scene(path).integrator
+    assert sharper.integrator == dataclasses.replace(expected, tolerance=1e-6)
     with pytest.raises(SceneError, match=r"control_interval must be a number.*with overrides"):
         load_scene(path, ["episode.control_interval=automatic"])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import hashlib
 import json
 import math
@@ -103,7 +104,7 @@ def main(options: argparse.Namespace) -> int:
     record = record_of(scene, found, checked)
     record["seconds"] = round(time.perf_counter() - start, 1)
     write_atomically(output, lambda file: file.write(as_json(record)))
-    progress_file.unlink()
+    progress_file.unlink(missing_ok=True)
     if options.plot is not None:
         save_figure(draw_wave_search(record), options.plot)
     if record["wave"] is None:
@@ -136,9 +137,13 @@ def _read_known(file: Path, scene: Scene) -> dict[Point, float]:
     try:
         first, *lines = file.read_text(encoding="utf-8").splitlines()
         if first == head:
-            rows = [json.loads(line) for line in lines]
-            return {(*row[:4], int(row[4])): float(row[5]) for row in rows}
-    except (OSError, ValueError, IndexError, TypeError):  # there is none, or a line is cut short
+            known: dict[Point, float] = {}
+            for line in lines:
+                with contextlib.suppress(ValueError):  # a line that a kill has cut short
+                    *wave, actions, value = json.loads(line)
+                    known[*wave, actions] = value
+            return known
+    except (OSError, ValueError, TypeError):  # there is none, or it is none
         pass
     write_atomically(file, lambda log: log.write(f"{head}\n".encode()))
     return {}

@@ -101,7 +101,7 @@ def _module(name: str) -> ModuleType:
         sys.path.append(here)
     try:
         return importlib.import_module(name)
-    except (ImportError, ValueError) as error:
+    except (ImportError, SyntaxError, ValueError) as error:
         raise OptionError(f"cannot import the module of task {name}:...: {error}") from error
     finally:
         if added:
