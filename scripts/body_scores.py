@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from swim_agents.commands.command_line import add_options, print_result, progress_bar, run
-from swim_agents.files import as_json, check_file
+from swim_agents.files import check_file, write_json
 from swim_agents.learning.config import load_config
 from swim_agents.learning.trainer import train
 from swim_agents.policies import load_policy
@@ -22,7 +22,6 @@ from swim_agents.tables import text_table
 from swim_agents.tuning import search_wave
 
 from swim_env import SwimEnv, load_scene, natural_frequencies
-from swim_env.files.atomic import write_atomically
 from swim_env.files.provenance import where_and_when
 
 BODIES = Path(__file__).parents[1] / "studies" / "bodies"
@@ -73,10 +72,6 @@ def _table(rows: list[dict[str, Any]]) -> str:
     return text_table([heads, *cells])
 
 
-def _write(path: str, record: dict[str, Any]) -> None:
-    write_atomically(path, lambda file: file.write(as_json(record)))
-
-
 def main(arguments: list[str] | None = None) -> int:
     """Run the command."""
     names = sorted(file.stem for file in BODIES.glob("*.yaml"))
@@ -98,7 +93,9 @@ def main(arguments: list[str] | None = None) -> int:
         with progress_bar(steps, "step", name, unit_scale=True) as progress:
             rows.append(measure(file, options.config, Path(options.runs), progress))
         if options.output is not None:
-            _write(options.output, {"config": options.config, **where_and_when(), "bodies": rows})
+            write_json(
+                options.output, {"config": options.config, **where_and_when(), "bodies": rows}
+            )
     print_result({"bodies": rows}, options.json, lambda: _table(rows))
     return 0
 

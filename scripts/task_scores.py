@@ -17,7 +17,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from swim_agents.baselines import Policy
 from swim_agents.commands.command_line import add_options, print_result, progress_bar, run
-from swim_agents.files import as_json, check_file
+from swim_agents.files import check_file, write_json
 from swim_agents.learning.config import TrainingConfig, load_config
 from swim_agents.learning.environment import make_batch
 from swim_agents.learning.trainer import train
@@ -26,7 +26,6 @@ from swim_agents.rollout import play_episodes
 from swim_agents.tables import text_table
 
 from swim_env.envs.tasks import TASKS
-from swim_env.files.atomic import write_atomically
 from swim_env.files.provenance import where_and_when
 
 BASELINES = ("zero", "random", "tuned_wave")
@@ -94,10 +93,6 @@ def _table(rows: list[dict[str, Any]]) -> str:
     return text_table([("task", "score", *BASELINES, "PPO", "succeed"), *cells])
 
 
-def _write(path: str, record: dict[str, Any]) -> None:
-    write_atomically(path, lambda file: file.write(as_json(record)))
-
-
 def main(arguments: list[str] | None = None) -> int:
     """Run the command."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -119,7 +114,7 @@ def main(arguments: list[str] | None = None) -> int:
         with progress_bar(total, "step", task, unit_scale=True) as progress:
             rows.append(measure(config, options.seeds, Path(options.runs), progress))
         if options.output is not None:
-            _write(options.output, {**where_and_when(), "tasks": rows})
+            write_json(options.output, {**where_and_when(), "tasks": rows})
     print_result({"tasks": rows}, options.json, lambda: _table(rows))
     return 0
 

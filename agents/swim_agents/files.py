@@ -17,8 +17,18 @@ from pathlib import Path
 from typing import Any
 
 from swim_env.errors import SwimError
+from swim_env.files.atomic import write_atomically
 
-__all__ = ["DAMAGED", "INTACT", "as_csv", "as_json", "check_file", "read_json", "writing"]
+__all__ = [
+    "DAMAGED",
+    "INTACT",
+    "as_csv",
+    "as_json",
+    "check_file",
+    "read_json",
+    "write_json",
+    "writing",
+]
 
 #: What PyTorch, zip files and unpickling raise for a file that is damaged or something else.
 DAMAGED = (
@@ -63,6 +73,11 @@ def check_file(path: str | os.PathLike[str], what: str = "a file there") -> None
 def as_json(content: Any) -> bytes:
     """Return a JSON file's content."""
     return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()
+
+
+def write_json(path: str | os.PathLike[str], content: Any) -> None:
+    """Write a JSON file, whole or not at all (else OSError)."""
+    write_atomically(path, lambda file: file.write(as_json(content)))
 
 
 def as_csv(rows: Iterable[Iterable[object]]) -> str:

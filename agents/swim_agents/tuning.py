@@ -48,30 +48,24 @@ _SPREAD = np.array([0.15, 0.03, 0.8, 0.8])
 _LEAST_SHARE, _LARGEST_WAVE_NUMBER = 0.1, 4.0 * math.pi
 
 
-def net_displacements(
-    scene: Scene, waves: Sequence[Actuation], progress: Callable[[int], object] | None = None
-) -> Array:
-    """Play waves in the batched environment, without start noise.
+def net_displacements(scene: Scene, waves: Sequence[Actuation]) -> Array:
+    """Play waves in one batch, without start noise.
 
     Returns the net displacements along the scene's heading over an episode, (len(waves),) (BL); NaN
     where the episode ended early, or more of its energy is unexplained than the scene allows.
     """
     reached = np.full(len(waves), np.nan)
+    ended = np.zeros(len(waves), dtype=np.bool_)
     times = np.arange(scene.actions_per_episode) * scene.episode.control_interval
-    for first in range(0, len(waves), _BATCH):
-        some = waves[first : first + _BATCH]
-        env = SwimVectorEnv(len(some), scene)
-        env.reset(options={"noise": 0.0})
-        torques = np.stack([wave.torques(times, scene.beam) for wave in some])
-        ended = np.zeros(len(some), dtype=np.bool_)
-        for n in range(len(times)):
-            *_, terminated, truncated, infos = env.step(torques[:, n] / scene.torque_limit)
-            done = truncated & ~terminated & ~ended
-            done &= infos["energy_drift"] <= scene.integrator.energy_tolerance
-            reached[first : first + len(some)][done] = infos["progress"][done]
-            ended |= terminated
-        if progress is not None:
-            progress(len(some))
+    env = SwimVectorEnv(len(waves), scene)
+    env.reset(options={"noise": 0.0})
+    torques = np.stack([wave.torques(times, scene.beam) for wave in waves])
+    for n in range(len(times)):
+        *_, terminated, truncated, infos = env.step(torques[:, n] / scene.torque_limit)
+        done = truncated & ~terminated & ~ended
+        done &= infos["energy_drift"] <= scene.integrator.energy_tolerance
+        reached[done] = infos["progress"][done]
+        ended |= terminated
     return reached
 
 

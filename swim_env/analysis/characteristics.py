@@ -63,7 +63,7 @@ class Characteristics:
     commanded_modes, resolved_modes : int
         How many modes have at least 4 actions, and 8 time steps, in their period.
     advice : tuple of str
-        What stands in the way of swimming, and what would help; empty where nothing does.
+        What would keep the body from swimming, and what would help; empty where nothing does.
     """
 
     scene: str
@@ -117,7 +117,7 @@ class Characteristics:
 
 
 def characterise(scene: Scene) -> Characteristics:
-    """Return what a scene's body can do, and what stands in the way of swimming.
+    """Return what a scene's body can do, and what would keep it from swimming.
 
     Masses and frequencies are those of the straight body at rest, undamped and linearised, see
     `natural_frequencies`.

@@ -302,12 +302,7 @@ class Scene:
             fit together; or if one is ``auto`` and joints have no stiffness.
         """
         try:
-            given = check_fields(mapping, "", [spec.name for spec in fields(cls)])
-            given, automatic = _without_auto(given)
-            for name, block in _BLOCKS.items():
-                if name in given:
-                    given[name] = _build(name, block, given[name])
-            scene = cls(**given)
+            scene, automatic = _unresolved(mapping)
             return scene._resolve(automatic) if automatic else scene
         except SceneError as error:
             raise error.located(source) from None
@@ -480,19 +475,19 @@ def load_scene(
 def _from_file(path: str | os.PathLike[str], source: str, changes: Mapping[str, object]) -> Scene:
     """Read a file with changes by dotted path; what it leaves out is left to the body."""
     data = read_scene_file(path, source)
-    plainly = Scene.from_dict(data, source)  # errors of the file are not those of the changes
-    if changes:
-        source = f"{source} with overrides"
-        if plainly.bend_per_torque is not None:  # changes are made to what is left to the body
-            data = {"integrator": AUTO, **data}
-        try:
+    try:
+        plainly, _ = _unresolved(data)  # errors of the file are not those of the changes
+        if changes:
+            source = f"{source} with overrides"
+            if plainly.bend_per_torque is not None:  # changes are made to what is left to the body
+                data = {"integrator": AUTO, **data}
             data = _changed(data, changes)
-        except SceneError as error:
-            raise error.located(source) from None
-        plainly = Scene.from_dict(data, source)
+            plainly, _ = _unresolved(data)
+    except SceneError as error:
+        raise error.located(source) from None
     if plainly.bend_per_torque is not None:
-        plainly = Scene.from_dict(_left_to_the_body(data, changes), source)
-    return plainly._from(os.path.abspath(path))
+        data = _left_to_the_body(data, changes)
+    return Scene.from_dict(data, source)._from(os.path.abspath(path))
 
 
 def _changed(data: dict[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
@@ -528,6 +523,16 @@ def _left_to_the_body(data: Mapping[str, Any], changes: Mapping[str, object]) ->
         if isinstance(inner, Mapping) and block not in changes:
             found[block] = {field: AUTO, **inner}
     return found
+
+
+def _unresolved(mapping: Mapping[str, Any]) -> tuple[Scene, list[str]]:
+    """Return a checked scene with placeholders for what is ``auto``, and the paths of that."""
+    given = check_fields(mapping, "", [spec.name for spec in fields(Scene)])
+    given, automatic = _without_auto(given)
+    for name, block in _BLOCKS.items():
+        if name in given:
+            given[name] = _build(name, block, given[name])
+    return Scene(**given), automatic
 
 
 def _without_auto(given: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:

@@ -1,4 +1,4 @@
-"""Show a body's masses, natural frequencies and bend, and what stands in the way of swimming."""
+"""Show a body's masses, natural frequencies and bend, and what would keep it from swimming."""
 
 from __future__ import annotations
 

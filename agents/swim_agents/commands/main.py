@@ -16,7 +16,7 @@ COMMANDS = {
     "train": "train agents, or continue interrupted runs",
     "compare": "compare agents and baselines from the same starts, with every score checked",
     "visualise": "record how policies swim, and look at it in rerun's viewer",
-    "characterise": "show a body's masses, frequencies and bend, and what stands in its way",
+    "characterise": "show a body's masses and frequencies, and what would keep it from swimming",
     "tune": "search for the travelling wave that swims farthest",
     "accuracy": "choose the cheapest settings that compute a scene to a tolerance",
     "warm-up": "compile the kernels, for images and clusters",

@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 from swim_agents.commands import command_line as cli
-from swim_agents.files import as_json, check_file
+from swim_agents.files import check_file, write_json
 from swim_agents.tuned_wave import SUFFIX, wave_file
 from swim_agents.tuning import (
     Point,
@@ -103,7 +103,7 @@ def main(options: argparse.Namespace) -> int:
             checked = check_candidates(scene, found, bar)
     record = record_of(scene, found, checked)
     record["seconds"] = round(time.perf_counter() - start, 1)
-    write_atomically(output, lambda file: file.write(as_json(record)))
+    write_json(output, record)
     progress_file.unlink(missing_ok=True)
     if options.plot is not None:
         save_figure(draw_wave_search(record), options.plot)

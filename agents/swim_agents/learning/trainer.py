@@ -38,7 +38,7 @@ try:
 except ImportError:  # no such locks on this system
     fcntl = None  # type: ignore[assignment]
 
-from swim_agents.files import INTACT, as_json, read_json, writing
+from swim_agents.files import INTACT, read_json, write_json, writing
 from swim_agents.learning.checkpoints import CheckpointError, load_checkpoint, save_checkpoint
 from swim_agents.learning.config import ConfigError, TrainingConfig, load_config
 from swim_agents.learning.environment import make_batch, make_training_env
@@ -56,7 +56,6 @@ from swim_agents.policies import run_label
 from swim_agents.rollout import play_episodes
 from swim_env import __version__, characterise
 from swim_env.errors import SwimError, require_packages
-from swim_env.files.atomic import write_atomically
 from swim_env.files.provenance import where_and_when
 from swim_env.recording import recording_file, write_recording
 from swim_env.scene.checks import got
@@ -532,7 +531,7 @@ class _Run:
         record = {**self._record(), "finished": finished, "best": self.best}
         record["last"] = record.pop("evaluation")
         with writing("the run's record", self.folder, advice=INTACT):
-            write_atomically(self.folder / "run.json", lambda file: file.write(as_json(record)))
+            write_json(self.folder / "run.json", record)
         return record
 
     def _save_checkpoint(self) -> None:

@@ -220,8 +220,7 @@ class Hooks:
         if not np.isfinite(goals).all():
             self._not_finite("update_goal", {"goal": goals}, now)
         self._arrays.goals[index] = goals
-        if not now.__dict__["_whole"]:
-            now.goal = goals
+        now.goal = goals
         ahead_x, ahead_y = now.ahead.T
         way_x, way_y = goals.T
         if self._distance is not None:
