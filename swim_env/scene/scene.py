@@ -30,7 +30,7 @@ from swim_env.scene.effects import (
     SelfContact,
     Stream,
 )
-from swim_env.scene.fluid import NO_FLUID, Fluid
+from swim_env.scene.fluid import FLUID_TABLE, NO_FLUID, Fluid
 from swim_env.scene.initial import Initial
 from swim_env.scene.library import find_scene_file, read_scene_file, scene_names
 from swim_env.scene.run import Episode, Integrator
@@ -51,6 +51,7 @@ _BARE = tuple(name for name, cls in _BLOCKS.items() if not fields(cls))
 _NOTHING: Any = object()
 
 AUTOMATIC: tuple[str, ...] = (
+    "fluid.panels_per_element",
     "integrator.time_step",
     "episode.control_interval",
     "episode.duration",
@@ -66,9 +67,9 @@ AUTO = "auto"
 
 #: The integrator that learning needs, where a file leaves it to the body.
 _LEARNING = {"scheme": "composed", "tolerance": 1e-4, "time_step": AUTO}
-#: What a file that says nothing of them leaves to the body, where it has the block at all.
+#: What a file that says nothing of them leaves to the body; and a fluid's panels per element and
+#: an actuation's torque limit.
 _LEFT_OUT = ("integrator.time_step", "episode.control_interval", "episode.duration")
-_LEFT_OUT_OPTIONAL = ("actuation.torque_limit",)
 #: Static bend of a body (rad) by the torque limit that follows from it: that of scene swimmer.
 BEND_AT_LIMIT = 0.2
 
@@ -292,6 +293,8 @@ class Scene:
             episodes of 100 T1, a retardation time of T1/200; a torque limit that bends the body by
             0.2 rad (0.2 EI/l of a uniform one), a wave of this amplitude with the period T1.
             ``integrator: auto`` is the scheme ``composed`` with a tolerance of 1e-4 and that step.
+            Few elements have more panels each: the least even number from 4 on that makes 36 in
+            all.
         source : str, optional
             Where the mapping came from, for messages.
 
@@ -311,9 +314,9 @@ class Scene:
     def from_yaml(cls, path: str | os.PathLike[str]) -> Scene:
         """Read a scene from a YAML file; without a name it takes the file's.
 
-        What a file leaves out of time step, control interval, duration and, with an actuation,
-        torque limit is ``auto``, see `from_dict`, unless joints have no stiffness. So is its
-        integrator if it has no such block.
+        What a file leaves out of time step, control interval, duration, a fluid's panels per
+        element and an actuation's torque limit is ``auto``, see `from_dict`, unless joints have no
+        stiffness. So is its integrator if it has no such block.
 
         Parameters
         ----------
@@ -486,7 +489,7 @@ def _from_file(path: str | os.PathLike[str], source: str, changes: Mapping[str, 
     except SceneError as error:
         raise error.located(source) from None
     if plainly.bend_per_torque is not None:
-        data = _left_to_the_body(data, changes)
+        data = _left_to_the_body(data, changes, plainly)
     return Scene.from_dict(data, source)._from(os.path.abspath(path))
 
 
@@ -509,15 +512,21 @@ def _changed(data: dict[str, Any], changes: Mapping[str, object]) -> dict[str, A
     return data
 
 
-def _left_to_the_body(data: Mapping[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
-    """Return the fields of a file with ``auto`` for what it leaves out.
+def _left_to_the_body(
+    data: Mapping[str, Any], changes: Mapping[str, object], scene: Scene
+) -> dict[str, Any]:
+    """Return the fields of a file, those of `scene`, with ``auto`` for what it leaves out.
 
     A block that is changed as a whole has its defaults, as in `Scene.replace`.
     """
     found = dict(data)
     if "integrator" not in found:
         found["integrator"] = AUTO
-    paths = [*_LEFT_OUT, *(path for path in _LEFT_OUT_OPTIONAL if found.get(path.split(".")[0]))]
+    paths = list(_LEFT_OUT)
+    if scene.fluid is not None and FLUID_TABLE[scene.fluid.model].panels:
+        paths.append("fluid.panels_per_element")
+    if scene.actuation is not None:
+        paths.append("actuation.torque_limit")
     for block, field in (path.split(".") for path in paths):
         inner = found.get(block) or {}
         if isinstance(inner, Mapping) and block not in changes:
@@ -548,7 +557,7 @@ def _without_auto(given: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
             if inner[field] == AUTO:
                 automatic.append(path)
                 # A field without a default needs a number until it has its own.
-                found[block] = {**inner, field: 1.0}
+                found[block] = {**inner, field: 4 if field == "panels_per_element" else 1.0}
     return found, automatic
 
 

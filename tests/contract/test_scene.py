@@ -824,14 +824,32 @@ def test_a_scene_holds_numbers_and_can_be_asked_again():
     assert longer.episode.control_interval > 3 * 0.02
 
 
-@pytest.mark.parametrize("path", AUTOMATIC)
-def test_without_stiffness_nothing_is_automatic(tmp_path, path):
+@pytest.mark.parametrize("path", AUTOMATIC[1:])
+def test_without_stiffness_no_time_or_torque_is_automatic(tmp_path, path):
     limp = {"beam.bending_stiffness": LIMP, path: "auto"}
     with pytest.raises(SceneError, match="cannot be auto without bending stiffness"):
         load_scene("swimmer", {"actuation": {"amplitude": 1.0}, **limp})
     text = "beam: {bending_stiffness: 0}\nfluid: {density: 10}\n"
     scene = load_scene(_file(tmp_path, text))
     assert (scene.episode, scene.integrator, scene.torque_limit) == (Episode(), Integrator(), 1.0)
+
+
+@pytest.mark.parametrize(("elements", "panels"), [(2, 18), (5, 8), (8, 6), (9, 4), (20, 4)])
+def test_few_elements_have_more_panels_each(tmp_path, elements, panels):
+    text = f"beam: {{elements: {elements}, half_thickness: 0.01}}\nfluid: {{density: 10}}\n"
+    assert load_scene(_file(tmp_path, text)).fluid.panels_per_element == panels
+    limp = load_scene(
+        "swimmer",
+        {
+            "beam.elements": elements,
+            "beam.bending_stiffness": 0.0,
+            "damping": None,
+            "fluid.panels_per_element": "auto",
+        },
+    )
+    assert limp.fluid.panels_per_element == panels
+    strips = _file(tmp_path, text.replace("density", "model: strip, density"))
+    assert load_scene(strips).fluid.panels_per_element == 4
 
 
 def test_only_what_follows_from_the_body_is_automatic():
