@@ -17,11 +17,13 @@ from swim_env.sim.simulator import Simulator
 
 __all__ = ["Characteristics", "characterise", "resolve"]
 
-#: What `resolve` takes in the first period T1: actions, and time steps by scheme; of it: the
-#: duration and the retardation time. These are about the values of
-#: scene swimmer.
-_ACTIONS, _STEPS = 10, {"composed": 40, "paper": 80}
+#: What `resolve` takes in the first period T1: actions, and time steps in an action of the scheme
+#: ``composed`` (``paper`` needs twice as many); of T1: the duration and the retardation time.
+#: These are about the values of scene swimmer.
+_ACTIONS, _STEPS_IN_ACTION = 10, 4
 _PERIODS_IN_EPISODE, _RETARDATIONS_IN_PERIOD = 100, 200
+#: Bodies of more elements take more steps in proportion: torques reach higher modes of theirs.
+_FEW_ELEMENTS = 13
 #: Fewer than so many in a period of a mode do not command, or resolve, it.
 _LEAST_ACTIONS, _LEAST_STEPS = 4, 8
 #: Bends of the whole body (rad) under the torque limit at every joint that are suspiciously little,
@@ -190,7 +192,7 @@ def _advice(scene: Scene, found: dict[str, Any]) -> tuple[str, ...]:
         advice.append(held.format("cannot excite it"))
     elif found["actions_per_period"] > 10 * _ACTIONS:
         advice.append(held.format("make learning slow"))
-    step = period / _STEPS[scene.integrator.scheme]
+    step = period / (_ACTIONS * _steps_in_action(scene))
     if found["time_step"] > 2.0 * step:
         advice.append(
             f"a time step of {_seconds(found['time_step'])} hardly resolves the first bending "
@@ -227,6 +229,12 @@ def _seconds(time: float) -> str:
     return f"{time * 1e6:.3g} us"
 
 
+def _steps_in_action(scene: Scene) -> int:
+    """Return how many time steps an action of T1/10 takes, the more the more modes there are."""
+    steps = _STEPS_IN_ACTION * max(_FEW_ELEMENTS, scene.beam.elements) // _FEW_ELEMENTS
+    return 2 * steps if scene.integrator.scheme == "paper" else steps
+
+
 # ---- what scenes leave to the body -------------------------------------------------------------
 
 
@@ -260,7 +268,7 @@ def resolve(scene: Scene, paths: Collection[str]) -> Scene:
             "the body its period; give a number"
         )
     assert found.bend_per_torque is not None
-    steps_in_action = _STEPS[scene.integrator.scheme] // _ACTIONS
+    steps_in_action = _steps_in_action(scene)
     step, control = scene.integrator.time_step, scene.episode.control_interval
     limit = BEND_AT_LIMIT / found.bend_per_torque
     if "episode.control_interval" in rest:

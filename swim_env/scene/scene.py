@@ -289,7 +289,8 @@ class Scene:
             ``axial_added_mass:`` might be meant as its presence. The fields of `AUTOMATIC` may be
             ``auto``; the scene that is returned has numbers. With T1 the period of the straight
             body's first bending mode in its fluid: a control interval of T1/10, time steps of
-            about T1/40 (T1/80 with the scheme ``paper``), a whole number of them in an action,
+            about T1/40 (T1/80 with the scheme ``paper``; shorter with more than 13 elements, in
+            proportion), a whole number of them in an action,
             episodes of 100 T1, a retardation time of T1/200; a torque limit that bends the body by
             0.2 rad (0.2 EI/l of a uniform one), a wave of this amplitude with the period T1.
             ``integrator: auto`` is the scheme ``composed`` with a tolerance of 1e-4 and that step.
