@@ -40,7 +40,7 @@ def config_of(task: str, steps: int | None) -> TrainingConfig:
     changes = {"task": task, "name": f"ppo_{task}", **_CHANGES.get(task, {})}
     if steps is not None:
         changes["steps"] = steps
-    return load_config("ppo").change(changes)
+    return load_config("ppo", changes)
 
 
 def scores(config: TrainingConfig, policy: Policy) -> dict[str, float]:

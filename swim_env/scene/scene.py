@@ -469,7 +469,8 @@ def load_scene(
     """
     changes = {} if overrides is None else parse_overrides(overrides)
     if isinstance(scene, Mapping):
-        scene = Scene.from_dict(scene)
+        _unresolved(scene)  # its errors are not those of the changes
+        return Scene.from_dict(_changed(dict(scene), changes))
     if isinstance(scene, Scene):
         return scene.replace(changes) if changes else scene
     path, source = find_scene_file(scene)

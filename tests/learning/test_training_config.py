@@ -299,7 +299,42 @@ def test_what_is_counted_in_actions_follows_from_the_body(name, periods, held, t
 def test_changes_of_the_scene_count_before_the_body_sets_the_rest(tmp_path):
     scene = written(tmp_path, EEL, "eel.yaml")
     config = load_config("ppo", ["scene.beam.length=1.0", "steps=1000"], scene)
-    assert (config.scene, config.steps) == (load_scene(scene, ["beam.length=1.0"]), 1000)
+    longer = load_scene(scene, ["beam.length=1.0"])
+    assert (config.scene, config.steps) == (longer, 1000)
+    # Wherever the scene is named, or written out.
+    inside = yaml.safe_load(EEL)
+    inside["episode"] = {"control_interval": "auto"}
+    for own in ("eel.yaml", inside):
+        path = written(tmp_path, yaml.safe_dump({"discount": "auto", "scene": own}))
+        expected = load_scene(scene if own == "eel.yaml" else inside, {"beam.length": 1.0})
+        config = load_config(path, ["scene.beam.length=1.0"])
+        assert config.scene == expected
+        former = load_config(path)
+        assert config.scene.episode.control_interval > 2.0 * former.scene.episode.control_interval
+    config = load_config("ppo", [f"scene={scene}", "scene.beam.length=1.0"])
+    assert config.scene == longer
+    # Ten actions in a period: those of the former body, swimmer, are others.
+    assert config.discount == pytest.approx(1.0 - 1.0 / 500.0)
+    assert load_config("ppo").discount != pytest.approx(1.0 - 1.0 / 500.0)
+
+
+def test_overrides_of_a_configuration_go_with_another_scene_too(tmp_path):
+    scene = written(tmp_path, EEL, "eel.yaml")
+    path = written(tmp_path, "scene: swimmer\noverrides: {beam.elements: 7, beam.length: 0.6}\n")
+    expected = load_scene(scene, ["beam.elements=7", "beam.length=1.0"])
+    assert load_config(path, ["scene.beam.length=1.0"], scene).scene == expected
+    assert load_config(path, [f"scene={scene}", "scene.beam.length=1.0"]).scene == expected
+
+
+def test_a_scene_that_cannot_be_used_is_an_error_of_the_configuration(tmp_path):
+    with refuses(ConfigError, "no such scene file", "nowhere.yaml"):
+        load_config("ppo", scene=tmp_path / "nowhere.yaml")
+    scene = written(tmp_path, "beam: {elemets: 4}", "eel.yaml")
+    with refuses(ConfigError, "unknown field beam.elemets", str(scene)):
+        load_config("ppo", scene=scene)
+    uneven = load_scene("swimmer", {"episode.control_interval": 0.0301})
+    with refuses(ConfigError, "scene: episode.control_interval must be a whole number of steps"):
+        TrainingConfig(scene=uneven)
 
 
 def test_automatic_settings_of_a_body_without_a_period():

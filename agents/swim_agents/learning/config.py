@@ -152,6 +152,9 @@ class TrainingConfig(Block):
             raise ConfigError(
                 f"sac.buffer must be at least members = {self.members}, got {self.sac.buffer}"
             )
+        with _located(prefix="scene: "):
+            # Refuses a control interval that is no whole number of steps, as an environment would.
+            _ = self.scene.steps_per_action
         known = task_options(find_task(self.task))
         if not isinstance(self.environment, Mapping):
             raise ConfigError(
@@ -170,8 +173,6 @@ class TrainingConfig(Block):
             raise ConfigError(str(error)) from None
         except SwimError as error:
             raise ConfigError(f"environment: {error}") from None
-        # Refuses a control interval that is no whole number of time steps, as an environment would.
-        _ = self.scene.steps_per_action
 
     # ---- what follows from it ------------------------------------------------------------------
 
@@ -239,39 +240,36 @@ class TrainingConfig(Block):
             absent = [name for name in _BLOCKS if given.get(name) is None]
             return cls(**{name: value for name, value in given.items() if name not in absent})
 
-    def change(self, changes: Mapping[str, Any]) -> TrainingConfig:
-        """Return a configuration with fields changed, or raise ConfigError.
-
-        New values are given by name or dotted path: ``steps``, ``ppo.epochs``,
-        ``scene.beam.elements``.
-        """
-        data = self.to_dict()
-        scene: dict[str, Any] = {}
-        for path, value in changes.items():
-            name, _, rest = str(path).partition(".")
-            if name == "scene" and rest:
-                scene[rest] = value
-            elif rest and (name in _BLOCKS or name == "environment"):
-                inner = data.get(name) or {}
-                if not isinstance(inner, Mapping):
-                    raise ConfigError(f"{name} must be a mapping of fields, got {got(inner)}")
-                data[name] = {**inner, rest: value}
-            else:
-                data[path] = value
-        if scene:
-            with _located(prefix="scene: "):
-                data["scene"] = _scene(data["scene"], scene).to_dict()
-        return TrainingConfig.from_dict(data)
-
 
 def _scene(scene: object, overrides: object) -> Scene:
     """Return the scene that a configuration names or holds, with its overrides."""
-    if isinstance(scene, Mapping):
-        scene = Scene.from_dict(scene, "the configuration's scene")
     changes: Any = overrides
     if overrides is not None and not isinstance(overrides, (Mapping, list)):
         raise ConfigError(f"overrides must be a mapping or a list, got {got(overrides)}")
     return load_scene(scene, changes)  # type: ignore[arg-type]
+
+
+def _changed(data: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a file's fields with changes by name or dotted path.
+
+    Those of the scene join its overrides, so that what follows from the body does so after them.
+    """
+    found = dict(data)
+    scene: dict[str, Any] = {}
+    for path, value in changes.items():
+        name, _, rest = str(path).partition(".")
+        if name == "scene" and rest:
+            scene[rest] = value
+        elif rest and (name in _BLOCKS or name == "environment"):
+            inner = found.get(name) or {}
+            if not isinstance(inner, Mapping):
+                raise ConfigError(f"{name} must be a mapping of fields, got {got(inner)}")
+            found[name] = {**inner, rest: value}
+        else:
+            found[path] = value
+    if scene:
+        found["overrides"] = {**parse_overrides(found.get("overrides") or {}), **scene}
+    return found
 
 
 def _placed(data: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -316,10 +314,12 @@ def load_config(
     config : str or os.PathLike
         A shipped name (see `config_names`) or the path of a YAML file.
     overrides : list of str or mapping, optional
-        Changes such as ``"steps=100000"`` or ``"ppo.epochs=10"``, the values read as YAML.
+        Changes such as ``"steps=100000"``, ``"ppo.epochs=10"`` or ``"scene.beam.elements=18"``, the
+        values read as YAML. What is left to the body, in the configuration or in the scene's file,
+        follows from the body with all changes.
     scene : str or os.PathLike, optional
         A shipped scene or a scene's file, in the place of the configuration's own; the agent is
-        named after both. What is ``auto`` follows from this scene.
+        named after both. The configuration's ``overrides`` change this scene as well.
 
     Raises
     ------
@@ -351,16 +351,11 @@ def load_config(
         raise ConfigError("the file is empty, must hold a training configuration", source)
     if isinstance(data, dict):
         data = {"name": path.stem, **_placed(data, path.parent)}
+    if scene is not None and isinstance(data, dict):
+        with _located():
+            body = load_scene(scene).name
+        data = {**data, "name": file_name(f"{data['name']}_{body}"), "scene": scene}
+    found = TrainingConfig.from_dict(data, source)  # errors of the file are not those of changes
     with _located(f"{source} with overrides"):
         changes = parse_overrides(overrides or {})
-    if scene is not None and isinstance(data, dict):
-        # Before the body sets what is automatic.
-        of_scene = {key: changes.pop(key) for key in list(changes) if key.startswith("scene.")}
-        body = load_scene(scene, {key.removeprefix("scene."): of_scene[key] for key in of_scene})
-        data = {**data, "name": file_name(f"{data['name']}_{body.name}"), "scene": body.to_dict()}
-        data.pop("overrides", None)
-    found = TrainingConfig.from_dict(data, source)
-    if not changes:
-        return found
-    with _located(f"{source} with overrides"):
-        return found.change(changes)
+        return TrainingConfig.from_dict(_changed(data, changes)) if changes else found
