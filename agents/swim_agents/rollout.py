@@ -43,7 +43,7 @@ class Rollout:
     coordinates, velocity : (N + 2,) arrays
         The start, as for `Simulator.reset_to`.
     goal : (2,) array
-        Direction in which the task counts displacement, or its point (m).
+        The goal at the start: a direction, or a point (m).
     task : Task
         What it was about.
     drawn : dict
@@ -92,7 +92,7 @@ class Rollout:
 
     @property
     def net_displacement(self) -> float:
-        """Net displacement along the goal's direction, or towards its point (BL)."""
+        """Net displacement along what the task aims at, or towards it (BL), see `Task.aim`."""
         return score(self, self.path[-1])
 
     def simulate(
@@ -156,8 +156,8 @@ class Rollout:
             name,
             self.simulate() if trajectory is None else self.own(trajectory),
             self.rewards,
-            self.goal,
-            self.task.radius if self.goal_is_point else None,
+            self.task.aim(self.goal),
+            self.task.radius if self.task.has_target else None,
             self.velocity,
         )
 
@@ -173,12 +173,13 @@ class Rollout:
 
 
 def score(rollout: Rollout, position: Array) -> float:
-    """Return how far a position is from the start along the goal, or towards it (BL)."""
+    """Return how far a position is from the start along the task's aim, or towards it (BL)."""
     start, length = rollout.path[0], rollout.scene.beam.length
-    if rollout.goal_is_point:
-        before, after = (float(np.hypot(*(rollout.goal - at))) for at in (start, position))
+    aim = rollout.task.aim(rollout.goal)
+    if rollout.task.has_target:
+        before, after = (float(np.hypot(*(aim - at))) for at in (start, position))
         return (before - after) / length
-    return float((position - start) @ rollout.goal) / length
+    return float((position - start) @ aim) / length
 
 
 class _EpisodeLog:

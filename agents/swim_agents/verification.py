@@ -186,13 +186,13 @@ def verify_rollout(
     """Compare an episode with its torques, and its policy, in finer scenes.
 
     A displacement is verified if it changes by at most `source_tolerance` with any one source of
-    error refined, and by at most `tolerance` with all of them refined and in the closed loop;
-    whether a target is reached, if the closed loop says the same, since torques without feedback
-    miss what a policy hits. That goes for every task that can succeed; where the score is a return,
-    it is verified if it changes by at most `tolerance` in the closed loop. The energy of all that
-    counts must add up to the scene's ``energy_tolerance``, and the physics must not have ended any
-    of it: an episode that broke down proves nothing. Where a finer scene refuses the start, the
-    episode ends there with the reason.
+    error refined, and by at most `tolerance` with all of them refined and in the closed loop; a
+    return, if it changes by at most `tolerance` in the closed loop. Where the task can succeed the
+    closed loop must say the same of that, too. Of a target that alone counts, not how near it comes
+    otherwise: torques without feedback miss what a policy hits. The energy of all that counts must
+    add up to the scene's ``energy_tolerance``, and the physics must not have ended any of it: an
+    episode that broke down proves nothing. Where a finer scene refuses the start, the episode ends
+    there with the reason.
 
     Parameters
     ----------
@@ -237,17 +237,16 @@ def verify_rollout(
         changes["closed_loop"] = _change(closed_loop.score, rollout.score)
 
     task = rollout.task
-    if closed is not None and (task.has_success or not task.scored_by_displacement):
-        agrees = abs(changes["closed_loop"]) <= tolerance
-        if task.has_success:
-            agrees = own.success == closed.success
-        counted = [own, closed]
-    else:
-        agrees = all(
-            abs(change) <= (source_tolerance if name in SOURCES else tolerance)
-            for name, change in changes.items()
-        )
-        counted = [own, *runs.values()]
+    agrees, compared, counted = True, set(changes), [own, *runs.values()]
+    if closed is not None:
+        agrees = own.success == closed.success
+        if task.ends_at_goal or not task.scored_by_displacement:
+            counted = [own, closed]
+            compared = set() if task.scored_by_displacement else {"closed_loop"}
+    agrees = agrees and all(
+        abs(changes[name]) <= (source_tolerance if name in SOURCES else tolerance)
+        for name in compared
+    )
     limit = fine.integrator.energy_tolerance
     has_panels = fine.fluid is not None and FLUID_TABLE[fine.fluid.model].panels
     return Verification(
@@ -299,7 +298,7 @@ def _change(value: float, own: float) -> float:
 
 def _distance(rollout: Rollout, path: Array) -> float | None:
     """Return how near a path (T, 2) (m) comes to an episode's target (BL), None without one."""
-    if not rollout.goal_is_point:
+    if not rollout.task.has_target:
         return None
     return float(np.hypot(*(path - rollout.goal).T).min()) / rollout.scene.beam.length
 

@@ -199,8 +199,8 @@ class Tape:
             name,
             trajectory,
             self._rewards[member],
-            self._goals[member],
-            task.radius if task.goal_is_point else None,
+            task.aim(self._goals[member]),
+            task.radius if task.has_target else None,
             self._velocities.pop(member, None),
         )
         self._recorder.over.pop(member, None)

@@ -371,6 +371,31 @@ def test_the_closed_loop_of_a_wave_is_its_torques_played_again(env, name):
     assert alone.fine_energy_drift == pytest.approx(checked.fine_energy_drift, rel=1e-9)
 
 
+@pytest.mark.parametrize("task", ["path", "turn", "target", "station"])
+def test_what_is_verified_of_a_task_is_its_score_and_whether_it_succeeds(task):
+    scene = load_scene("swimmer", [*SHORT, "stream.velocity=[0.06, 0.0]"])
+    rollout = play_episode(SwimEnv(scene, task=task), load_policy("paper_wave", scene), seed=0)
+    finer = {"scene": fine_scene(scene), "torques": 0.0 * rollout.torques}
+
+    def verified(change: float, **info: Any) -> bool:
+        return verify_rollout(
+            rollout,
+            replace(
+                rollout,
+                **finer,
+                rewards=(1.0 + change) * rollout.rewards,
+                path=rollout.path[0] + (1.0 + change) * (rollout.path - rollout.path[0]),
+                info={**rollout.info, **info},
+            ),
+        ).verified
+
+    assert verified(0.0) and verified(0.08) and verified(-0.08)
+    # Of a target it counts whether it is reached.
+    assert verified(0.15) == verified(-0.15) == (task == "target")
+    if task != "station":
+        assert not verified(0.0, success=True)
+
+
 def test_a_closed_loop_that_does_otherwise_verifies_nothing(env, monkeypatch):
     rollout = play_episode(env, load_policy("tuned_wave", env.scene), seed=0)
     closed_loop = replace(rollout, scene=fine_scene(env.scene), torques=0.0 * rollout.torques)

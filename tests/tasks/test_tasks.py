@@ -9,6 +9,7 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from swim_agents import ZeroPolicy, play_episode
 
 import swim_env
 from swim_env import (
@@ -299,6 +300,35 @@ def test_path_rewards_progress_along_the_curve_and_ends_at_its_end():
         pass
     assert info["is_success"] and info["progress"] == pytest.approx(0.3, abs=0.03)
     assert info["heading_error"] == pytest.approx(0.0, abs=0.05) or info["distance"] < 0.03
+
+
+class Wandering(Task):
+    """Its goal is a direction that turns with the body."""
+
+    def update_goal(self, now):
+        return now.ahead
+
+
+@pytest.mark.parametrize("name", [*TASKS, "tests.tasks.test_tasks:Wandering"])
+def test_displacement_counts_along_the_heading_unless_the_goal_is_a_target_or_stays(name):
+    env = SwimEnv(**arguments(name, **{"episode.duration": 0.3}))
+    rollout = play_episode(env, ZeroPolicy(env.scene), 1, {"velocity": (-0.4, 0.3)})
+    way = rollout.path[-1] - rollout.path[0]
+    aim = np.array(env.scene.episode.heading)
+    if name == "turn":
+        aim = rollout.goal
+    expected = float(way @ aim)
+    if name == "target":
+        before, after = (float(np.hypot(*(rollout.goal - at))) for at in rollout.path[[0, -1]])
+        expected = before - after
+    assert rollout.net_displacement == pytest.approx(expected, abs=1e-12) and abs(expected) > 5e-3
+    swimmer = rollout.swimmer("any")
+    # Nothing is drawn as a target that is none.
+    assert (swimmer.target_radius is None) == (name != "target")
+    last = swimmer.series("progress", np.array([rollout.steps]))[0, 0]
+    assert last == pytest.approx(rollout.net_displacement, abs=1e-12)
+    own = rollout.score == pytest.approx(float(rollout.rewards.sum()), abs=1e-12)
+    assert own and env.task.scored_by_displacement == (name in ("forward", "target"))
 
 
 # ---- bad tasks ---------------------------------------------------------------------------------

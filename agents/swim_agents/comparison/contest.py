@@ -339,7 +339,7 @@ def hold_contest(
 
 def _is_a_race(task: Task) -> bool:
     """Return whether who gets farther is better: waves then have scores that mean something."""
-    return task.scored_by_displacement and not task.goal_is_point
+    return task.scored_by_displacement and not task.has_target
 
 
 def _record(

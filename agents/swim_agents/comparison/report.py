@@ -188,7 +188,7 @@ def write_contest(contest: Contest, folder: str | os.PathLike[str]) -> None:
     first = {name: runs[0] for name, runs in contest.trajectories.items()}
     gaits = {name: record["policies"][name]["gait"][0] for name in first}
     goals = None
-    if all(rollouts[0].goal_is_point for rollouts in contest.rollouts.values()):
+    if all(rollouts[0].task.has_target for rollouts in contest.rollouts.values()):
         goals = {name: rollouts[0].goal for name, rollouts in contest.rollouts.items()}
 
     def write(ready: Path) -> None:

@@ -81,8 +81,7 @@ _OWN = {
     "SAC": ("actor_loss", "critic_loss", "ent_coef", "ent_coef_loss"),
 }
 
-#: Columns of ``evaluations.csv``: net displacement in BL over the episodes, along the goal or
-#: towards it.
+#: Columns of ``evaluations.csv``: net displacement in BL over the episodes, see `Task.aim`.
 EVALUATION_COLUMNS = (
     "steps",
     "seconds",

@@ -202,9 +202,28 @@ class Task:
         return self.ends_at_goal or bool(self.successes)
 
     @property
+    def has_target(self) -> bool:
+        """Whether the goal is a point to be reached: one that is drawn, and stays."""
+        drawn = self.overrides("draw_goal") and not self.overrides("update_goal")
+        return self.goal_is_point and drawn
+
+    @property
+    def _goal_counts(self) -> bool:
+        """Whether displacement counts along the goal or towards it."""
+        return self.has_target if self.goal_is_point else not self.overrides("update_goal")
+
+    def aim(self, goal: Array) -> Array:
+        """Return what net displacement counts along, (2,), or towards where there is a target.
+
+        That is the goal of the start, or the scene's heading where the goal moves or is a point
+        that is there from the start.
+        """
+        return goal if self._goal_counts else np.array(self.scene.episode.heading)
+
+    @property
     def scored_by_displacement(self) -> bool:
         """Whether an episode's score is its net displacement (BL), or else its return."""
-        return not self.overrides("reward")
+        return self._goal_counts and not self.overrides("reward")
 
     @property
     def score_name(self) -> str:
