@@ -5,6 +5,7 @@ import json
 import random
 import shutil
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import pytest
 pytest.importorskip("stable_baselines3")
 
 import torch
-from swim_agents.learning.checkpoints import CheckpointError, load_checkpoint
+from swim_agents.learning.checkpoints import CheckpointError, load_checkpoint, save_checkpoint
 from swim_agents.learning.config import ConfigError, load_config
 from swim_agents.learning.environment import make_training_env
 from swim_agents.learning.logs import read_log
@@ -26,6 +27,7 @@ from swim_agents.learning.trainer import (
     run_status,
     train,
 )
+from swim_agents.rollout import Rollout, play_episodes
 
 from swim_env import SwimError
 from tests.learning.small_runs import (
@@ -195,9 +197,40 @@ def test_where_nothing_is_learned_a_line_says_so_once_and_what_to_look_at(tmp_pa
     assert told == [line]
 
 
-def test_where_something_is_learned_no_line_is_said(tmp_path, monkeypatch):
-    monkeypatch.setattr("swim_agents.learning.trainer._LITTLE", -1.0)
-    train(small_config(), tmp_path / "a", notice=lambda line: pytest.fail(line))
+@pytest.mark.parametrize("unit", [1e-4, 1e4])
+@pytest.mark.parametrize(("gain", "told"), [(0.9, 1), (1.1, 0)])
+def test_what_counts_as_learned_is_a_matter_of_how_much_returns_differ(
+    unit, gain, told, tmp_path, monkeypatch
+):
+    played = []
+
+    def play(*arguments: Any) -> list[Rollout]:
+        """Play episodes whose returns differ by one unit, and gain so many once."""
+        rollouts = play_episodes(*arguments)
+        gained = gain if len(played) == 1 else 0.0
+        played.append(rollouts)
+        signs = np.where(np.arange(len(rollouts)) % 2, 1.0, -1.0)
+        return [
+            replace(one, rewards=np.array([unit * (sign + gained)]))
+            for one, sign in zip(rollouts, signs, strict=True)
+        ]
+
+    monkeypatch.setattr("swim_agents.learning.trainer.play_episodes", play)
+    lines: list[str] = []
+    train(small_config(), tmp_path / "a", notice=lines.append)
+    assert len(played) > 2 and len(lines) == told
+
+
+def test_a_run_of_an_earlier_version_is_not_judged_by_what_it_had_learned(tmp_path):
+    config = small_config(**{"learning_rate": 1e-9, "final_learning_rate": None})
+    with pytest.raises(Stopped):
+        train(config, tmp_path / "a", progress=stop_at(500))
+    checkpoint = tmp_path / "a" / "checkpoint.zip"
+    state = load_checkpoint(checkpoint)
+    del state["returns"]
+    save_checkpoint(checkpoint, state)
+    record = train(config, tmp_path / "a", resume=True, notice=pytest.fail)
+    assert record["finished"]
 
 
 def test_the_number_of_pytorchs_threads_is_left_as_it_was(tmp_path):

@@ -96,9 +96,9 @@ EVALUATION_COLUMNS = (
 #: Environment steps between lines of ``progress.csv``, unless a round is longer.
 _LOG_EVERY = 8192
 
-#: Nothing was learned if after this share of the steps the best evaluation's mean return is no more
-#: than this (BL) above that of the untrained policy.
-_ENOUGH, _LITTLE = 0.25, 0.05
+#: Nothing was learned if after this share of the steps no evaluation's mean return is farther above
+#: that of the untrained policy than its returns differ from start to start.
+_ENOUGH = 0.25
 
 
 class RunExistsError(SwimError):
@@ -334,7 +334,9 @@ class _Run:
         self.config, self.folder, self.recordings = config, folder, recordings
         self.seconds = 0.0
         self.best: dict[str, float] | None = None
-        self.first: dict[str, float] | None = None
+        #: Mean return of the untrained policy and its standard deviation over the starts, and the
+        #: largest mean since; None in a run that an earlier version began.
+        self.returns: dict[str, float] | None = None
         self.last: dict[str, float] | None = None
         self.env = make_training_env(config, seed, threads)
         self.evaluation_env = make_batch(
@@ -362,7 +364,7 @@ class _Run:
             self.env.set_state(state["environment"])
             set_model_state(self.model, state["model"])
             self.seconds, self.best, self.last = state["seconds"], state["best"], state["last"]
-            self.first = state.get("first")
+            self.returns = state.get("returns")
         else:
             # The numbers that a run draws do not depend on what was played before in the process.
             self.model._last_obs = self.env.reset()
@@ -457,18 +459,23 @@ class _Run:
         torch.set_rng_state(numbers)
         np.random.set_state(others)
         reached = [one.net_displacement for one in rollouts]
+        returns = [float(one.rewards.sum()) for one in rollouts]
         early = [one.terminated and not one.info.get("success") for one in rollouts]
         values = {
             "net_displacement_median": float(np.median(reached)),
             "net_displacement_min": min(reached),
             "net_displacement_max": max(reached),
-            "return_mean": float(np.mean([one.rewards.sum() for one in rollouts])),
+            "return_mean": float(np.mean(returns)),
             "success_rate": float(np.mean([one.info.get("success", False) for one in rollouts])),
             "ended_early": float(np.mean(early)),
         }
         self.board.add("evaluation", values, self.steps)
         self.last = {"steps": self.steps, "seconds": round(self.seconds, 3), **values}
-        self.first = self.first or self.last
+        if self.steps == 0:
+            mean = values["return_mean"]
+            self.returns = {"untrained": mean, "spread": float(np.std(returns)), "most": mean}
+        elif self.returns is not None:
+            self.returns["most"] = max(self.returns["most"], values["return_mean"])
         self.evaluation_log.add(self.last)
         if self.recordings is not None:
             swimmer = rollouts[0].swimmer(f"{config.name}-{self.steps}")
@@ -480,22 +487,24 @@ class _Run:
 
     def _has_just_failed(self, earlier: float) -> bool:
         """Return whether nothing was learned, at the first evaluation after a share of the run."""
-        due = _ENOUGH * self.config.steps
-        if self.first is None or not earlier < due <= self.steps or self.best is None:
+        found, due = self.returns, _ENOUGH * self.config.steps
+        if found is None or not earlier < due <= self.steps:
             return False
-        return self.best["return_mean"] - self.first["return_mean"] < _LITTLE
+        return found["most"] - found["untrained"] <= found["spread"]
 
     def _why_nothing_is_learned(self) -> str:
         """Return a line on what was found and what to look at."""
-        assert self.best is not None and self.first is not None
-        gain = self.best["return_mean"] - self.first["return_mean"]
+        assert self.returns is not None
+        gain = self.returns["most"] - self.returns["untrained"]
+        unit = self.evaluation_env.task.unit
         advice = characterise(self.config.scene).advice or (
             "the body's modes can be commanded and are resolved: look at the returns and, of PPO, "
             "explained_variance (above 0) in progress.csv, at reward_scale, and try more steps",
         )
         return (
-            f"nothing learned after {self.steps:,} steps: returns have gained {gain:.2g}; "
-            + "; ".join(advice)
+            f"nothing learned after {self.steps:,} steps: returns have gained {gain:.2g} {unit} on "
+            f"the untrained policy's, which differ by {self.returns['spread']:.2g} {unit} from "
+            "start to start; " + "; ".join(advice)
         )
 
     def _merit(self, values: dict[str, float]) -> tuple[float, float]:
@@ -539,7 +548,7 @@ class _Run:
             "environment": self.env.state(),
             "seconds": self.seconds,
             "best": self.best,
-            "first": self.first,
+            "returns": self.returns,
             "last": self.last,
         }
         save_checkpoint(self._checkpoint, state)
