@@ -1,5 +1,6 @@
 """Tasks as objects: the shipped ones and one's own, single and batched, and their errors."""
 
+import copy
 import warnings
 from typing import Any
 
@@ -360,6 +361,11 @@ def task_with(**methods: Any) -> type[Task]:
         ({"state": lambda s, count: {"x": 3.0}}, ("'x' of state must be an array",)),
         ({"draw_state": lambda s, random: {"x": 3.0}}, ("draw_state returns 'x', state does not",)),
         ({"update_goal": lambda s, now: now.progress}, ("update_goal must return goals",)),
+        (
+            {"draw_goal": lambda s, random: [1.0]},
+            ("draw_goal must return two finite numbers, shape (2,), got an array of shape (1,)",),
+        ),
+        ({"draw_goal": lambda s, random: [1.0, np.nan]}, ("draw_goal", "got [1.0, nan]")),
     ],
 )
 def test_a_wrong_task_is_named_when_the_environment_is_made(methods, parts):
@@ -410,6 +416,107 @@ def test_what_is_not_finite_is_named_with_the_member_and_the_time(method, bad):
 def test_a_task_that_cannot_be_made_is_one_clear_error(given, parts):
     with refuses(OptionError, *parts):
         SwimEnv(**given)
+
+
+def test_what_is_drawn_of_a_state_is_named_with_the_member_where_it_does_not_fit():
+    sizes: list[int] = []
+    task = task_with(
+        state=lambda self, count: {"pair": np.zeros((count, 2))},
+        draw_state=lambda self, random: {"pair": np.ones(sizes.pop() if sizes else 2)},
+        info=lambda self, now: {"pair": now.state["pair"][:, 0]},
+    )
+    envs = SwimVectorEnv(2, "swimmer", SMALL, task=task)
+    sizes += [3, 2]
+    problem = "'pair' of draw_state must be float64 of shape (2,), as in state, got float64 of"
+    with refuses(TaskError, f"task {__name__}:Wrong: {problem} shape (3,) for member 1"):
+        envs.reset(seed=0)
+    task = task_with(
+        state=lambda self, count: {"legs": np.zeros(count, dtype=np.int64)},
+        draw_state=lambda self, random: {"legs": 0.5},
+    )
+    with refuses(
+        TaskError, "'legs' of draw_state must be int64 of shape (), as in state, got float64"
+    ):
+        SwimEnv("swimmer", SMALL, task=task)
+
+
+def test_a_class_that_does_not_take_the_scene_is_one_clear_error():
+    def nothing(self: Task) -> None:
+        pass
+
+    def by_name(self: Task, *, scene: Any) -> None:
+        pass
+
+    def forgetful(self: Task, scene: Any) -> None:
+        self.depth = 1.0  # type: ignore[attr-defined]
+
+    for method in (nothing, by_name):
+        with refuses(OptionError, f"task {__name__}:Wrong: its __init__ must take the scene first"):
+            SwimEnv("swimmer", SMALL, task=task_with(__init__=method))
+    with refuses(OptionError, "Wrong: its __init__ must call super().__init__(scene)"):
+        SwimEnv("swimmer", SMALL, task=task_with(__init__=forgetful))
+
+
+class Aiming(Task):
+    """It keeps its option where nobody looks, and in another form."""
+
+    def __init__(self, scene, points=(0.0,), how=None):
+        super().__init__(scene)
+        self._far = float(np.sum(points))
+        self.helper = object()
+
+
+def test_tasks_are_told_apart_by_their_options():
+    scene = load_scene("swimmer", SMALL)
+    long = np.linspace(0.0, 1.0, 5000)
+    other = long.copy()
+    other[2500] = 7.0
+    one = Aiming(scene, long)
+    for same in (Aiming(scene, points=long.tolist()), copy.deepcopy(one)):
+        assert same == one and same.identity == one.identity
+    for different in (Aiming(scene, other), Aiming(scene, long, {"a": 1}), Aiming(scene)):
+        assert different != one
+    assert Aiming(scene, how={"a": [1], "b": "x"}) == Aiming(scene, how={"b": "x", "a": (1,)})
+    assert Aiming(load_scene("swimmer")) != Aiming(scene)
+    snapshot = SwimEnv(scene, task=one).snapshot()
+    SwimEnv(scene, task=Aiming(scene, long)).restore(snapshot)
+    with refuses(SwimError, "belongs to another environment"):
+        SwimEnv(scene, task=Aiming(scene, other)).restore(snapshot)
+    env = SwimEnv(scene, task=Aiming(scene, how=object()))
+    with refuses(TaskError, "option how must be numbers or text, or a list", "got object"):
+        env.snapshot()
+
+
+SCRIPT = """
+from swim_env import SwimEnv, Task, load_scene
+from swim_agents.replay import replay_episode
+
+print("read")
+
+
+class Mine(Task):
+    def info(self, now):
+        return {"mine": now.time}
+
+
+if __name__ == "__main__":
+    scene = load_scene("swimmer", {"episode.duration": 0.1})
+    print(replay_episode(scene, "zero", task=Mine.name)[2]["info"]["mine"])
+    env = SwimEnv(scene, task=Mine.name)
+    assert type(env.task) is Mine
+"""
+
+
+def test_a_script_that_runs_is_not_read_again_for_its_task(tmp_path):
+    (tmp_path / "mine.py").write_text(SCRIPT)
+    done = run_python("mine.py", cwd=tmp_path)
+    assert (done.code, done.out.split()) == (0, ["read", "0.1"]), done.err
+    # Other processes find it in the file.
+    read = f"from swim_env import SwimEnv; print(SwimEnv(task={str(tmp_path / 'mine.py:Mine')!r}))"
+    done = run_python("-c", read)
+    assert done.code == 0 and done.out.startswith("read"), done.err
+    with refuses(OptionError, "was defined at a prompt", "put its class into a module"):
+        SwimEnv(task="__main__:Mine")
 
 
 # ---- cost --------------------------------------------------------------------------------------

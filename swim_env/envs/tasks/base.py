@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.envs.assessment import TASK_SETTINGS, VELOCITY_SCALE
 from swim_env.envs.tasks.moment import Moment
-from swim_env.errors import OptionError, SceneError
+from swim_env.errors import OptionError, SceneError, TaskError
 from swim_env.scene import Initial, Scene
 from swim_env.scene.checks import checked_option, got, integer, nearest, real
 from swim_env.sim.batch import minimal_start
@@ -29,6 +30,9 @@ SEED, NOISE = integer(0, 10**40), real(at_least=0.0, at_most=1e6)
 
 #: Set in a module that `swim_env.envs.tasks.find_task` has read from a file: the file.
 FILE_OF_MODULE = "__task_file__"
+
+#: What Python calls the script that it runs, and that script in a process that it has spawned.
+SCRIPT = ("__main__", "__mp_main__")
 
 _START_FIELDS = tuple(spec.name for spec in fields(Initial))
 
@@ -125,14 +129,22 @@ class Task:
     ends_at_goal: ClassVar[bool] = False
     radius: float = 0.1
 
+    _made_of: tuple[tuple[Any, ...], dict[str, Any]]
+
     def __init_subclass__(cls, **kwargs: Any) -> None:
         """Name the class after where it can be found again."""
         super().__init_subclass__(**kwargs)
         module = sys.modules.get(cls.__module__)
         place = getattr(module, FILE_OF_MODULE, None)
-        if cls.__module__ == "__main__":  # another process finds it in the file alone
+        if cls.__module__ in SCRIPT:  # another process finds it in the file alone
             place = getattr(module, "__file__", None)
         cls.name = f"{place or cls.__module__}:{cls.__qualname__}"
+
+    def __new__(cls, *arguments: Any, **options: Any) -> Self:
+        """Remember what the task is made of."""
+        task = super().__new__(cls)
+        vars(task)["_made_of"] = arguments, options
+        return task
 
     def __init__(
         self, scene: Scene, effort_weight: float = 0.0, heading_weight: float = 0.0
@@ -232,13 +244,34 @@ class Task:
 
     @property
     def identity(self) -> tuple[object, ...]:
-        """What distinguishes this task from others, for comparing snapshots."""
-        own = {name: value for name, value in vars(self).items() if name not in _NO_SETTINGS}
-        plain = sorted((name, repr(value)) for name, value in own.items() if name[0] != "_")
-        return (self.name, self.scene, *plain)
+        """What distinguishes this task from others, for comparing snapshots: its options.
+
+        It is a TaskError if one is neither a number nor text, nor a list, a mapping or an array of
+        them.
+        """
+        arguments, options = self._made_of
+        bound = inspect.signature(type(self).__init__).bind(self, *arguments, **options)
+        bound.apply_defaults()
+        _, *own = bound.arguments.items()
+        return (self.name, *((name, self._fixed(name, value)) for name, value in own))
+
+    def _fixed(self, name: str, value: Any) -> object:
+        """Return an option in a form that cannot change."""
+        if isinstance(value, (np.ndarray, np.generic)):
+            value = value.tolist()
+        if value is None or isinstance(value, (bool, int, float, complex, str, Scene)):
+            return value
+        if isinstance(value, Mapping):
+            return frozenset((key, self._fixed(name, one)) for key, one in value.items())
+        if isinstance(value, Sequence):
+            return tuple(self._fixed(name, one) for one in value)
+        raise TaskError(
+            f"task {self.name}: option {name} must be numbers or text, or a list, a mapping or an "
+            f"array of them, so that snapshots tell tasks apart, got {got(value)}"
+        )
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Task) and self.identity == other.identity
+        return self is other or (isinstance(other, Task) and self.identity == other.identity)
 
     def __hash__(self) -> int:
         return hash((self.name, self.scene.name))
@@ -296,12 +329,13 @@ class Task:
         try:
             if changes:
                 initial = replace(initial, **changes)
+            goal = self.given_goal(options)
             return StartPlan(
                 *minimal_start(self.scene, initial),
                 noise=NOISE(options.get("noise", 1.0), "noise"),
                 exact=frozenset(changes),
                 position=initial.position,
-                goal=self.given_goal(options),
+                goal=None if goal is None else self._goal("given_goal", goal),
             )
         except SceneError as error:
             raise OptionError(f"option {error.problem.replace('initial.', '', 1)}") from None
@@ -323,7 +357,7 @@ class Task:
         if speed is None:
             speed = 1e-4 * (VELOCITY_SCALE / episode.control_interval * self.scene.beam.length)
         push = random.uniform(-1.0, 1.0, 3) * (noise * speed)
-        aim, state = self.draw_goal(random), self.draw_state(random)
+        aim, state = self._goal("draw_goal", self.draw_goal(random)), self.draw_state(random)
         if "joint_angles" not in exact:
             coordinates[3:] += bend
             # The mean angle of the elements is the body's heading: bending leaves it alone.
@@ -354,6 +388,16 @@ class Task:
             goal = coordinates[:2] + aim if self.goal_is_point else aim
         return Start(coordinates, velocity, goal, state)
 
+    def _goal(self, method: str, value: object) -> Array:
+        """Return a goal that one of the task's methods has returned."""
+        goal = np.asarray(value)
+        if goal.shape == (2,) and goal.dtype.kind in "fiu" and np.isfinite(goal).all():
+            return goal.astype(np.float64)
+        raise TaskError(
+            f"task {self.name}: {method} must return two finite numbers, shape (2,), got "
+            f"{goal.tolist() if goal.size == 2 else f'an array of shape {goal.shape}'}"
+        )
+
     @cached_property
     def _default_plan(self) -> StartPlan:
         return self.plan_start({})
@@ -361,10 +405,6 @@ class Task:
     def given_goal(self, options: Mapping[str, Any]) -> Array | None:
         """Return the goal that the `own_options` give, a direction or a point (m), or None."""
         return None
-
-
-#: Of a task's attributes, what is not among its settings: the scene is compared by itself.
-_NO_SETTINGS = ("scene", "layout")
 
 
 def turned(direction: tuple[float, float], angle: float) -> Array:

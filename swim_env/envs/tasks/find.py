@@ -13,7 +13,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from swim_env.envs.tasks.base import FILE_OF_MODULE, Task
+from swim_env.envs.tasks.base import FILE_OF_MODULE, SCRIPT, Task
 from swim_env.envs.tasks.efficient import EfficientTask
 from swim_env.envs.tasks.forward import ForwardTask
 from swim_env.envs.tasks.path import PathTask
@@ -82,6 +82,11 @@ def find_task(task: str | type[Task], folder: str | os.PathLike[str] | None = No
         found = getattr(found, part, None)
     if not (isinstance(found, type) and issubclass(found, Task)):
         names = [one for one, kind in vars(module).items() if _is_own(kind, module)]
+        if place in SCRIPT:
+            raise OptionError(
+                f"task {name} was defined at a prompt, where no other process finds it: put its "
+                "class into a module (module:Class or FILE.py:Class)"
+            )
         raise OptionError(
             f"no task {name!r} in {place}{nearest(name, names)}; tasks there: "
             f"{', '.join(names) or 'none'}"
@@ -111,6 +116,10 @@ def _module(name: str) -> ModuleType:
 def _from_file(folder: Path, place: str) -> ModuleType:
     """Return the module of a file, which is read once in a process."""
     file = (folder / place).resolve()
+    for name in SCRIPT:
+        script = sys.modules.get(name)
+        if script is not None and Path(getattr(script, "__file__", None) or "").resolve() == file:
+            return script
     digest = hashlib.sha256(os.fsencode(file)).hexdigest()[:16]
     name = f"swim_env_task_{file.stem}_{digest}"
     if name in sys.modules:
@@ -165,15 +174,32 @@ def make_task(task: TaskLike, scene: Scene, options: Mapping[str, Any] | None = 
         raise OptionError(f"task_options must be a mapping of arguments, got {got(options)}")
     given = dict(options or {})
     check_options(kind, given)
-    return kind(scene, **given)
+    made = kind(scene, **given)
+    if getattr(made, "scene", None) is not scene:
+        raise OptionError(f"task {kind.name}: its __init__ must call super().__init__(scene)")
+    return made
 
 
 def task_options(kind: type[Task]) -> tuple[str, ...] | None:
     """Return the names of a class's arguments beside the scene, None where it takes any."""
-    _, *rest = inspect.signature(kind).parameters.values()
+    rest = _arguments(kind)
     if any(one.kind is one.VAR_KEYWORD for one in rest):
         return None
     return tuple(one.name for one in rest if one.kind is not one.VAR_POSITIONAL)
+
+
+def _arguments(kind: type[Task]) -> list[inspect.Parameter]:
+    """Return the arguments of a class beside the scene."""
+    _, *found = inspect.signature(kind.__init__).parameters.values()
+    if not found or found[0].kind in (
+        inspect.Parameter.KEYWORD_ONLY,
+        inspect.Parameter.VAR_KEYWORD,
+    ):
+        raise OptionError(
+            f"task {kind.name}: its __init__ must take the scene first, as in "
+            "def __init__(self, scene, ...)"
+        )
+    return found[1:]
 
 
 def check_options(kind: type[Task], given: Mapping[str, Any]) -> None:
@@ -185,8 +211,7 @@ def check_options(kind: type[Task], given: Mapping[str, Any]) -> None:
                 f"unknown option {name!r} of task {kind.name}{nearest(str(name), known)}; it takes "
                 f"{', '.join(known) or 'none'}"
             )
-    _, *rest = inspect.signature(kind).parameters.values()
-    for one in rest:
+    for one in _arguments(kind):
         fixed = one.kind not in (one.VAR_KEYWORD, one.VAR_POSITIONAL)
         if fixed and one.default is one.empty and one.name not in given:
             raise OptionError(f"task {kind.name} needs the option {one.name!r}")

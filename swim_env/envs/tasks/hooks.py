@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 
 from swim_env.envs.assessment import END_CODE, OBSERVATION_LIMIT
 from swim_env.envs.tasks.base import Task
-from swim_env.envs.tasks.layout import METHODS, STATE, checked, checked_state, named, standard_parts
+from swim_env.envs.tasks.layout import (
+    METHODS,
+    STATE,
+    checked,
+    checked_drawn,
+    checked_state,
+    named,
+    standard_parts,
+)
 from swim_env.envs.tasks.moment import COLUMNS, Arrays, Moment, columns
 from swim_env.errors import TaskError
 
@@ -100,11 +108,10 @@ class Hooks:
 
     def begin(self, member: int, drawn: Mapping[str, Any]) -> None:
         """Set a member's state to that of a start."""
-        self.drawn[member] = dict(drawn)
+        values = checked_drawn(self._task, drawn, self._state_at_start, member)
+        self.drawn[member] = values
         for name, array in self._arrays.state.items():
-            array[member] = self._state_at_start[name][0]
-            if name in drawn:
-                array[member] = drawn[name]
+            array[member] = values.get(name, self._state_at_start[name][0])
 
     def before(self) -> None:
         """Keep the coordinates before an action."""

@@ -103,9 +103,7 @@ def layout_of(task: Task) -> Layout:
         np.zeros((count, observation_size(joints + 1, task.goal_is_point)), dtype=np.float32),
         checked_state(task, task.state(count), count),
     )
-    drawn = set(start.state) - set(arrays.state)
-    if drawn:
-        raise TaskError(f"task {task.name}: draw_state returns {drawn.pop()!r}, state does not")
+    checked_drawn(task, start.state, arrays.state, 0)
     members = np.arange(count)
     own: dict[str, dict[str, Any]] = {}
     with np.errstate(all="ignore"):  # this start is none: there are no figures of it
@@ -226,3 +224,22 @@ def checked_state(task: Task, found: object, count: int) -> dict[str, NDArray[An
         if array.dtype.kind not in "fiub":
             raise TaskError(f"task {task.name}: {name!r} of state must be numbers or bools")
     return state
+
+
+def checked_drawn(
+    task: Task, found: object, state: Mapping[str, NDArray[Any]], member: int
+) -> dict[str, Any]:
+    """Return what was drawn of a member's state if it fits the state's arrays."""
+    drawn = named(task, "draw_state", found)
+    for name, value in drawn.items():
+        if name not in state:
+            raise TaskError(f"task {task.name}: draw_state returns {name!r}, state does not")
+        array, wanted = np.asarray(value), state[name]
+        shape = wanted.shape[1:]
+        if array.shape != shape or not np.can_cast(array.dtype, wanted.dtype, "same_kind"):
+            raise TaskError(
+                f"task {task.name}: {name!r} of draw_state must be {wanted.dtype} of shape "
+                f"{shape}, as in state, got {array.dtype} of shape {array.shape} for member "
+                f"{member}"
+            )
+    return drawn
