@@ -23,7 +23,8 @@ class Actuation(Block, path="actuation"):
     Attributes
     ----------
     amplitude : float
-        Torque amplitude A [N m].
+        Torque amplitude A [N m]; 0 in a scene that gives `torque_limit` or `active_until` alone,
+        which are for environments.
     frequency : float
         Angular frequency f [rad/s]; the paper's 2 pi unless given.
     wave_number : float

@@ -18,7 +18,7 @@ from swim_env.errors import SceneError
 from swim_env.files.names import file_name
 from swim_env.scene.block import Block, build_block, plain
 from swim_env.scene.body import Beam
-from swim_env.scene.checks import check_fields, nearest, text
+from swim_env.scene.checks import check_fields, got, nearest, text
 from swim_env.scene.drive import Actuation
 from swim_env.scene.effects import (
     EFFECT_BLOCKS,
@@ -48,6 +48,8 @@ _BLOCKS: dict[str, type[Block]] = {
 _OPTIONAL = ("fluid", *EFFECT_BLOCKS, "actuation")
 #: Blocks without fields, which are there or not.
 _BARE = tuple(name for name, cls in _BLOCKS.items() if not fields(cls))
+#: Fields of an actuation that mean something to environments without a prescribed torque.
+_WITHOUT_WAVE = {"torque_limit", "active_until"}
 _NOTHING: Any = object()
 
 AUTOMATIC: tuple[str, ...] = (
@@ -434,6 +436,8 @@ def _build(name: str, cls: type[Block], value: object) -> object:
             )
     if value is None and name in _OPTIONAL:
         return None
+    if cls is Actuation and isinstance(value, Mapping) and value and value.keys() <= _WITHOUT_WAVE:
+        value = {"amplitude": 0.0, **value}
     return build_block(cls, value, name)
 
 
@@ -549,17 +553,22 @@ def _unresolved(mapping: Mapping[str, Any]) -> tuple[Scene, list[str]]:
 def _without_auto(given: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """Return the fields of a scene without those that are ``auto``, and the paths of these."""
     found = dict(given)
-    if found.get("integrator") == AUTO:
+    whole = found.get("integrator")
+    if isinstance(whole, str):
+        if whole != AUTO:
+            raise SceneError(f"integrator must be a mapping of fields or {AUTO}, got {got(whole)}")
         found["integrator"] = _LEARNING
     automatic = []
     for path in AUTOMATIC:
         block, field = path.split(".")
         inner = found.get(block)
         if isinstance(inner, Mapping) and isinstance(inner.get(field), str):
-            if inner[field] == AUTO:
-                automatic.append(path)
-                # A field without a default needs a number until it has its own.
-                found[block] = {**inner, field: 4 if field == "panels_per_element" else 1.0}
+            if inner[field] != AUTO:
+                kind = "an integer" if field == "panels_per_element" else "a number"
+                raise SceneError(f"{path} must be {kind} or {AUTO}, got {got(inner[field])}")
+            automatic.append(path)
+            # A field without a default needs a number until it has its own.
+            found[block] = {**inner, field: 4 if field == "panels_per_element" else 1.0}
     return found, automatic
 
 

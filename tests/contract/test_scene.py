@@ -413,7 +413,7 @@ BAD = [
     ("beam.elements", math.inf, "must be an integer, got inf"),
     ("beam.elements", False, "must be an integer, got false"),
     ("beam.elements", np.float64(math.nan), "must be an integer, got nan"),
-    ("fluid.panels_per_element", "four", "must be an integer, got text 'four'"),
+    ("fluid.panels_per_element", "four", "must be an integer or auto, got text 'four'"),
     ("damping.retardation_time", None, "must be a number in s, got null"),
     ("actuation.end_time", "never", "must be a number in s, got text 'never'"),
     ("name", 5, "name must be text, got 5"),
@@ -584,6 +584,12 @@ def test_the_message_of_a_file_has_field_bound_value_and_the_path_as_given(tmp_p
         ({"fluid": {"qqq": 1}}, ["unknown field fluid.qqq; known fields: model, density"]),
         ({"damping": {}}, ["damping.retardation_time is missing"]),
         ({"actuation": {"frequency": 1}}, ["actuation.amplitude is missing"]),
+        ({"actuation": {}}, ["actuation.amplitude is missing"]),
+        ({"integrator": "autoo"}, ["integrator must be a mapping of fields or auto, got text 'au"]),
+        (
+            {"integrator": {"time_step": "autoo"}},
+            ["integrator.time_step must be a number or auto, got text 'autoo'"],
+        ),
         ({"fluid": {}}, ["panels needs fluid.density"]),
         ({"fluid": {"model": "none", "density": 10}}, ["fluid.density has no meaning", "got 10"]),
         ({"name": None}, ["name must be text, got null"]),
@@ -639,6 +645,11 @@ def test_replace_makes_and_removes_blocks():
     assert damped.replace("damping", None) == scene == scene.replace("damping", None)
     passive = load_scene("paper_xi")
     fails(lambda: passive.replace("actuation.frequency", 1.0), "actuation.amplitude is missing")
+    # What is for environments prescribes no torque.
+    limited = passive.replace("actuation.torque_limit", 0.5)
+    assert limited.actuation == Actuation(0.0, torque_limit=0.5) and limited.torque_limit == 0.5
+    assert load_scene("paper_xi", ["actuation.torque_limit=0.5"]) == limited
+    assert passive.replace("actuation.active_until", 0.5).actuation.active_until == 0.5
     paper_wave = passive.replace("actuation.amplitude", 1.0).actuation
     assert paper_wave == Actuation(1.0, TWO_PI, TWO_PI)
     wave = {"amplitude": 1.0, "frequency": 2.0, "wave_number": 3.0}

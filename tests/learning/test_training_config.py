@@ -175,6 +175,9 @@ def test_a_misspelt_field_is_named_with_the_nearest_one_and_the_file(text, field
     [
         ("discount: 1.0", "discount must be below 1, got 1"),
         ("discount: 0", "discount must be above 0, got 0"),
+        ("discount: autoo", "discount must be a number or auto, got text 'autoo'"),
+        ("noise_hold: autoo", "noise_hold must be a number or auto, got text 'autoo'"),
+        ("ppo: {gae_lambda: autoo}", "ppo.gae_lambda must be a number or auto, got text 'autoo'"),
         ("learning_rate: .nan", "learning_rate must be a finite number, got nan"),
         ("learning_rate: 0", "learning_rate must be above 0, got 0"),
         ("final_learning_rate: -0.1", "final_learning_rate must be at least 0, got -0.1"),

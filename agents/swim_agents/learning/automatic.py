@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from swim_env import natural_frequencies
+from swim_env.errors import SettingsError
 from swim_env.scene import Scene
+from swim_env.scene.checks import got
 from swim_env.scene.scene import AUTO
 
 #: How far a learner looks ahead, and how long exploration is held, in periods of the body's first
@@ -22,9 +24,15 @@ def resolve(settings: dict[str, Any], scene: Scene, algorithm: str) -> dict[str,
     """Return the settings of a configuration with numbers for those that are ``auto``.
 
     Those are ``discount`` (1 - 1/n for a horizon of n actions: 50 periods for PPO, 20 for SAC),
-    ``noise_hold`` (0.4 and 0.8 periods) and ``ppo.gae_lambda`` (two periods).
+    ``noise_hold`` (0.4 and 0.8 periods) and ``ppo.gae_lambda`` (two periods). Other text there is
+    a SettingsError.
     """
     ppo = settings.get("ppo")
+    given = {name: settings.get(name) for name in ("discount", "noise_hold")}
+    given["ppo.gae_lambda"] = ppo.get("gae_lambda") if isinstance(ppo, dict) else None
+    for name, value in given.items():
+        if isinstance(value, str) and value != AUTO:
+            raise SettingsError(f"{name} must be a number or {AUTO}, got {got(value)}")
     ppo = ppo if isinstance(ppo, dict) and ppo.get("gae_lambda") == AUTO else None
     if ppo is None and AUTO not in (settings.get("discount"), settings.get("noise_hold")):
         return settings
