@@ -7,7 +7,7 @@ from swim_agents.policies import load_policy
 from swim_agents.rollout import play_episode
 from swim_agents.tuning import _grid
 
-from swim_env import OptionError, Scene, SwimEnv, SwimTargetEnv, load_scene, scene_names
+from swim_env import TASKS, OptionError, Scene, SwimEnv, SwimTargetEnv, load_scene, scene_names
 from swim_env.accuracy import choose
 from swim_env.analysis.continuous import integrate
 from swim_env.plots import draw_energy
@@ -101,6 +101,21 @@ def test_agents_see_and_gain_the_same(units) -> None:
     assert np.abs(frames[0] - 255.0).max() > 100.0
     assert (np.abs(frames[1] - frames[0]) > 2.0).mean() < 1e-4
     assert envs[1].metadata["render_fps"] in (50, round(50 / units[2]))
+
+
+@pytest.mark.parametrize("task", TASKS)
+@each_unit
+def test_tasks_reward_the_same(units, task) -> None:
+    one, other = (SwimEnv(scene, task=task) for scene in (BASE, in_units(BASE, units)))
+    random, total = np.random.default_rng(2), 0.0
+    for env in (one, other):
+        env.reset(seed=3)
+    for _ in range(50):
+        action = random.uniform(-1.0, 1.0, 8)
+        (_, here, *_), (_, there, *_) = one.step(action), other.step(action)
+        assert there == pytest.approx(here, rel=1e-7, abs=1e-12)
+        total += abs(here)
+    assert total > 0.01
 
 
 def test_noise_and_rates_of_the_shipped_scene_are_what_agents_were_trained_with() -> None:

@@ -28,6 +28,7 @@ from swim_env import (
 )
 from tests.support import (
     FORWARD,
+    LIVELY,
     ROOT,
     SMALL,
     TARGET,
@@ -266,6 +267,20 @@ def test_turn_ends_with_success_where_the_head_points_along_the_goal():
     assert total == pytest.approx(0.15 - abs(info["heading_error"]) - 0.05 * info["time"], abs=1e-9)
     turns = {np.sign(env.reset(seed=seed)[1]["heading_error"]) for seed in range(8)}
     assert turns == {-1.0, 1.0}
+
+
+def test_an_action_that_ends_early_costs_as_much_less_time():
+    env = SwimEnv("swimmer", LIVELY, task="turn")
+    costs = set()
+    for seed in range(8):
+        env.reset(seed=seed)
+        random, spent, ended = np.random.default_rng(seed), 0.0, False
+        while not ended:
+            _, _, ended, _, info = env.step(random.uniform(-1.0, 1.0, 3))
+            spent += info["reward_time"]
+        assert spent == pytest.approx(-0.001 * info["time"] / 0.02, abs=1e-12)
+        costs.add(info["reward_time"])
+    assert {-0.001, -0.0005} <= costs
 
 
 def test_efficient_pays_for_positive_work_and_tells_the_cost_of_transport():

@@ -188,6 +188,16 @@ class Moment:
         taken: Array = self._of(self._arrays.outcome)[:, 0] * self.scene.integrator.time_step
         return taken
 
+    @property
+    def share_held(self) -> Array:
+        """The same as a share of the control interval, (m,): 1, unless the physics ended it.
+
+        A cost of time that is multiplied by it is the same for bodies that swim alike, however
+        fast they are.
+        """
+        share: Array = self.seconds / self.scene.episode.control_interval
+        return share
+
     @cached_property
     def _some_seconds(self) -> Array:
         # Where no step could be taken, nothing has moved either.

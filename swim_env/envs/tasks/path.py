@@ -32,9 +32,10 @@ def bends() -> tuple[tuple[float, float], ...]:
 class PathTask(Task):
     """Follow a curve that begins at the start; ends with success at the curve's end.
 
-    The reward is the progress along the curve, less a weight times the distance from it and the
-    time. The goal of the observation is the point of the curve that is some way ahead. ``info`` has
-    ``deviation``, the distance from the curve (BL), and its ``progress`` is that along the curve.
+    The reward is the progress along the curve, less a weight times the distance from it for every
+    action. The goal of the observation is the point of the curve that is some way ahead. ``info``
+    has ``deviation``, the distance from the curve (BL), and its ``progress`` is that along the
+    curve.
 
     Parameters
     ----------
@@ -48,7 +49,8 @@ class PathTask(Task):
     width : float
         The episode ends at this distance from the curve (BL).
     deviation_weight : float
-        What a second at 1 BL from the curve costs (BL), at least 0.
+        What an action at 1 BL from the curve costs (BL), at least 0; an action that ends early as
+        much less.
 
     Raises
     ------
@@ -70,13 +72,13 @@ class PathTask(Task):
         points: Sequence[Sequence[float]] | None = None,
         lookahead: float = 0.5,
         width: float = 0.5,
-        deviation_weight: float = 0.1,
+        deviation_weight: float = 0.002,
     ) -> None:
         super().__init__(scene)
         self.points = bends() if points is None else _checked_points(points)
         self.lookahead = checked_option(real("BL", above=0.0), lookahead, "lookahead")
         self.width = checked_option(real("BL", above=0.0), width, "width")
-        weight = real("BL/s", at_least=0.0)
+        weight = real("BL", at_least=0.0)
         self.deviation_weight = checked_option(weight, deviation_weight, "deviation_weight")
         steps = np.diff(np.array(self.points), axis=0)
         marks = np.concatenate([[0.0], np.cumsum(np.hypot(*steps.T))])
@@ -132,7 +134,7 @@ class PathTask(Task):
 
     def reward(self, now: Moment) -> Mapping[str, Array]:
         """Return the progress along the curve, and what the distance from it has cost."""
-        cost = self.deviation_weight * now.state["deviation"] * now.seconds
+        cost = self.deviation_weight * now.state["deviation"] * now.share_held
         return {"progress": now.state["gained"], "deviation": -cost}
 
     def ends(self, now: Moment) -> Mapping[str, NDArray[np.bool_]]:

@@ -32,7 +32,7 @@ class TurnTask(Task):
     tolerance : float
         The head points along the goal where the heading error is below this (rad).
     time_cost : float
-        What a second costs (rad/s), at least 0.
+        What an action costs (rad), at least 0; an action that ends early as much less.
 
     Raises
     ------
@@ -50,7 +50,7 @@ class TurnTask(Task):
         scene: Scene,
         turn: Sequence[float] = (0.5, 1.5),
         tolerance: float = 0.1,
-        time_cost: float = 0.05,
+        time_cost: float = 0.001,
     ) -> None:
         super().__init__(scene)
         angle = real("rad", above=0.0, at_most=math.pi)
@@ -63,7 +63,7 @@ class TurnTask(Task):
                 f"{list(bounds)}"
             )
         self.turn = bounds
-        self.time_cost = checked_option(real("rad/s", at_least=0.0), time_cost, "time_cost")
+        self.time_cost = checked_option(real("rad", at_least=0.0), time_cost, "time_cost")
 
     def given_goal(self, options: Mapping[str, Any]) -> Array | None:
         """Return the heading of the option ``turn``, an angle (rad) from the scene's, or None."""
@@ -88,7 +88,7 @@ class TurnTask(Task):
 
     def reward(self, now: Moment) -> Mapping[str, Array]:
         """Return what has been gained of the turn, and what the time has cost."""
-        return {"turn": now.state["gained"], "time": -self.time_cost * now.seconds}
+        return {"turn": now.state["gained"], "time": -self.time_cost * now.share_held}
 
     def ends(self, now: Moment) -> Mapping[str, NDArray[np.bool_]]:
         """End where the head points along the goal."""
