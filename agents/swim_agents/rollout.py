@@ -29,6 +29,9 @@ __all__ = ["Rollout", "play_episode", "play_episodes", "score"]
 
 Array = NDArray[np.float64]
 
+#: A net displacement (BL) that nothing is compared with: multiples of it say nothing.
+_NOWHERE = 1e-3
+
 
 @dataclass(frozen=True, eq=False)
 class Rollout:
@@ -180,6 +183,13 @@ def score(rollout: Rollout, position: Array) -> float:
         before, after = (float(np.hypot(*(aim - at))) for at in (start, position))
         return (before - after) / length
     return float((position - start) @ aim) / length
+
+
+def ratio(value: float | None, base: float | None) -> float | None:
+    """Return a net displacement over another one (BL), None where that got nowhere or backwards."""
+    if value is None or base is None or base < _NOWHERE:
+        return None
+    return value / base
 
 
 class _EpisodeLog:

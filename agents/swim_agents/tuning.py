@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_agents.baselines import WavePolicy, paper_wave
-from swim_agents.rollout import play_episode
+from swim_agents.rollout import play_episode, ratio
 from swim_agents.tuned_wave import WAVE_FIELDS, wave_on
 from swim_agents.verification import fine_scene, verify_rollout
 from swim_env import SwimEnv, __version__, natural_frequencies
@@ -126,19 +126,22 @@ def _short_actions(scene: Scene) -> int:
 def _grid(
     scene: Scene, frequencies: int | None, wave_numbers: int | None
 ) -> tuple[list[float], list[float]]:
-    """Return the axes of the grid: Hz, and rad per body length.
-
-    Frequencies that are counted reach up to four tenths of the actions' rate, 20 Hz at 0.02 s.
-    """
+    """Return the axes of the grid: Hz, and rad per body length."""
     first, *rest = natural_frequencies(scene, 2)
     hertz = [factor * first for factor in _FIRST] + [f * factor for f in rest for factor in _SECOND]
     kappa = [math.pi * factor for factor in _WAVE_NUMBERS]
+    high = _highest(scene)
+    hertz = list(dict.fromkeys(min(one, high) for one in hertz))
     if frequencies is not None:
-        high = 0.4 / scene.episode.control_interval
         hertz = np.linspace(high / frequencies, high, frequencies).tolist()
     if wave_numbers is not None:
         kappa = np.linspace(-_LARGEST_WAVE_NUMBER, _LARGEST_WAVE_NUMBER, wave_numbers).tolist()
     return hertz, kappa
+
+
+def _highest(scene: Scene) -> float:
+    """Return the highest frequency (Hz) that is tried: four tenths of the actions' rate."""
+    return 0.4 / scene.episode.control_interval
 
 
 def search_wave(
@@ -205,6 +208,7 @@ def search_wave(
             + 0.5 * np.minimum(spread, elite.std(axis=0) / np.array([1.0, elite[0, 1], 1.0, 1.0])),
         )
         history.append(max(reached.values()))
+    periods = short * scene.episode.control_interval * natural_frequencies(scene, 1)[0]
     finalists = sorted(reached, key=lambda wave: -reached[wave])[:_FINALISTS]
     values = search.play(finalists, scene.actions_per_episode)
     ranked = sorted(zip(values, finalists, strict=True), reverse=True)
@@ -217,7 +221,7 @@ def search_wave(
         "seed": seed,
         "population": population,
         "generations": history,
-        "periods_in_episode": _SHORT,
+        "periods_in_episode": round(periods, 2),
         "evaluations": len(search.known),
         "candidates": [
             {**dict(zip(_CANDIDATE, wave, strict=True)), "net_displacement": value}
@@ -229,7 +233,7 @@ def search_wave(
 def _bounded(scene: Scene, waves: Array) -> Array:
     """Return waves within the bounds of the search, phases within a turn."""
     share, hertz, kappa, phase = waves.T
-    high = 0.4 / scene.episode.control_interval
+    high = _highest(scene)
     bounded: Array = np.stack(
         (
             np.clip(share, _LEAST_SHARE, 1.0),
@@ -261,8 +265,8 @@ def record_of(
     dict
         The record: ``wave`` (WAVE_FIELDS; None where no candidate can be trusted), its
         ``net_displacement`` and, where checked, ``fine_displacement`` (BL), the ``ratio`` to the
-        scene's prescribed wave, all that was ``checked``, the ``search``, the scene, version,
-        machine and commit.
+        scene's prescribed wave (None where that gets nowhere), all that was ``checked``, the
+        ``search``, the scene, version, machine and commit.
     """
     best: dict[str, Any] | None = found["candidates"][0]
     if checked:
@@ -282,7 +286,7 @@ def record_of(
         "net_displacement": best and best["net_displacement"],
         "fine_displacement": best and best.get("fine_displacement"),
         "paper_wave": paper,
-        "ratio": best["net_displacement"] / paper if best and paper else None,
+        "ratio": ratio(best["net_displacement"], paper) if best else None,
         "checked": list(checked),
         "version": __version__,
         **where_and_when(),

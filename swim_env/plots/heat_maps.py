@@ -116,7 +116,7 @@ def draw_wave_search(record: dict[str, Any]) -> Figure:
     axes = figure.add_subplot()
     largest = float(np.abs(values).max()) or 1.0
     periods = record["search"].get("periods_in_episode")
-    lasted = "one episode" if periods is None else f"{periods} periods of the first bending mode"
+    lasted = "one episode" if periods is None else f"{periods:g} periods of the first bending mode"
     image = axes.pcolormesh(
         np.array(grid["wave_number"]) / np.pi,
         grid["frequency_hz"],

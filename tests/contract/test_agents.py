@@ -47,6 +47,7 @@ from swim_env import (
     SwimVectorEnv,
     Trajectory,
     load_scene,
+    natural_frequencies,
 )
 from swim_env.scene import Actuation
 from tests.support import refuses, run_script
@@ -538,6 +539,24 @@ def test_the_search_finds_the_best_of_what_it_tried():
     assert net_displacements(scene, [wave])[0] == kept["net_displacement"]
     assert kept["checked"][-1]["verified"]
     assert kept["versions"]["numpy"] == np.__version__
+
+
+def test_the_grid_is_what_can_be_commanded_and_the_record_says_how_long_waves_swam():
+    slow = load_scene("swimmer", ["episode.control_interval=0.2", "episode.duration=4.0"])
+    hertz, kappa = tuning._grid(slow, None, None)
+    assert max(hertz) == 0.4 / 0.2 and len(set(hertz)) == len(hertz)
+    first = natural_frequencies(slow, 1)[0]
+    assert first > max(hertz)
+    sizes: dict[str, Any] = {"frequencies": 1, "wave_numbers": 1, "generations": 0}
+    found = search_wave(slow, **sizes)
+    assert found["periods_in_episode"] == pytest.approx(4.0 * first, abs=0.01)
+    swimmer = load_scene("swimmer")
+    periods = tuning._short_actions(swimmer) * 0.02 * natural_frequencies(swimmer, 1)[0]
+    assert 40.0 <= periods < 40.2
+    # A prescribed wave that gets nowhere is nothing to compare with.
+    weak = slow.replace("actuation.amplitude", 1e-3)
+    record = record_of(weak, found)
+    assert abs(record["paper_wave"]) < 1e-3 and record["ratio"] is None
 
 
 def test_waves_whose_energy_does_not_add_up_do_not_count():

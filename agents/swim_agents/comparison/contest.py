@@ -19,7 +19,7 @@ from swim_agents.baselines import Policy, tuned_wave
 from swim_agents.comparison.gait import Gait
 from swim_agents.comparison.performance import Performance, measure_performance
 from swim_agents.policies import load_policy, policy_names
-from swim_agents.rollout import Rollout, check_policy, play_episodes
+from swim_agents.rollout import Rollout, check_policy, play_episodes, ratio
 from swim_agents.tuned_wave import find_tuned_wave
 from swim_agents.verification import (
     SOURCE_TOLERANCE,
@@ -362,7 +362,7 @@ def _record(
             there = _is_a_race(task) and reference in policies
             base = policies[reference]["median"][kind] if there else None
             for one in policies.values():
-                one[f"{prefix}ratio_to_{reference}"] = _ratio(one["median"][kind], base)
+                one[f"{prefix}ratio_to_{reference}"] = ratio(one["median"][kind], base)
     scene = task.scene
     return {
         "scene": scene.name,
@@ -386,13 +386,6 @@ def _record(
         **where_and_when(),
         "scene_fields": scene.to_dict(),
     }
-
-
-def _ratio(value: float | None, base: float | None) -> float | None:
-    """Return a ratio; None where the base got nowhere, or backwards."""
-    if value is None or base is None or base < 1e-9:
-        return None
-    return value / base
 
 
 def _median(values: Sequence[float | None], missing: float | None = None) -> float | None:
