@@ -9,7 +9,7 @@ import os
 import tempfile
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +37,7 @@ def replay_episode(
     noise: float = 1.0,
     video_folder: str | os.PathLike[str] | None = None,
     progress: Callable[[int], object] | None = None,
+    task_options: Mapping[str, Any] | None = None,
 ) -> tuple[Rollout, Trajectory, dict[str, Any]]:
     """Play one episode through Gymnasium, and its torques again in the simulator.
 
@@ -54,6 +55,8 @@ def replay_episode(
         Where a video of the episode goes, by Gymnasium's own wrapper.
     progress : callable, optional
         Called with 1 after every action.
+    task_options : mapping, optional
+        Arguments of the task's class beside the scene.
 
     Returns
     -------
@@ -63,9 +66,9 @@ def replay_episode(
         The same motion, to the bit, with energy, momentum and work.
     summary : dict
         `Trajectory.summary`; ``wall_seconds`` that the episode took; ``policy``, ``task``,
-        ``seed``, ``noise``; ``actions`` and ``control_interval`` (s); ``return``, the sum of the
-        rewards, and ``net_displacement`` (BL); ``terminated``, ``truncated`` and the last
-        ``info``; ``video``, where one was made.
+        ``task_options``, ``seed``, ``noise``; ``actions`` and ``control_interval`` (s);
+        ``return``, the sum of the rewards, and ``net_displacement`` (BL); ``terminated``,
+        ``truncated`` and the last ``info``; ``video``, where one was made.
     """
     task = check_task(task)
     seed = checked_option(SEED, seed, "the seed")
@@ -73,16 +76,20 @@ def replay_episode(
     chosen = load_policy(policy, scene, seed, task)
     video = None
     if video_folder is not None:
-        name = run_label(
-            scene, [policy_label(policy)], task, seed, noise=None if noise == 1.0 else noise
-        )
+        settings = {
+            "noise": None if noise == 1.0 else noise,
+            "task_options": dict(task_options or {}) or None,
+        }
+        name = run_label(scene, [policy_label(policy)], task, seed, **settings)
         video = Path(video_folder) / f"{name}.mp4"
         with writing("the video", video.parent, verb="make the folder for"):
             video.parent.mkdir(parents=True, exist_ok=True)
         check_file(video, "the video")
     with tempfile.TemporaryDirectory() as scratch:
         mode = None if video is None else "rgb_array"
-        env = gymnasium.make(FORWARD_ID, scene=scene, task=task, render_mode=mode)
+        env = gymnasium.make(
+            FORWARD_ID, scene=scene, task=task, task_options=task_options, render_mode=mode
+        )
         if video is not None:
             env = _recorded(env, scratch)
         with contextlib.closing(env):
@@ -98,6 +105,7 @@ def replay_episode(
         "wall_seconds": seconds,
         "policy": policy,
         "task": task,
+        "task_options": dict(task_options or {}),
         "seed": seed,
         "noise": noise,
         "actions": len(rollout.rewards),

@@ -123,6 +123,7 @@ def test_a_second_run_replaces_the_first(tmp_path, capsys):
         (["--policies", "tuned_wav"], "unknown policy 'tuned_wav' (nearest: tuned_wave)"),
         (["--policies", "no/such.zip"], "no such model file: no/such.zip"),
         (["--task", "tagret"], "unknown task 'tagret'"),
+        (["--task", "path", "--task-option", "width=0"], "width must be above 0"),
         (["--seeds", "1", "2", "1"], "seeds must be different"),
         (["--scene", "paper_one"], "unknown scene 'paper_one'"),
         (["--set", "beam.elemnts=3"], "beam.elemnts"),

@@ -93,6 +93,11 @@ def test_prescribed_torque_and_saved_trajectory(command, tmp_path):
         (["--output", "x.txt"], "ends with .rrd"),
         (["--output", "folder.rrd"], "this is a folder"),
         (["--task", "fly", "--policy", "zero"], "unknown task 'fly'"),
+        (["--task-option", "reach=2"], "--task-option needs --policy"),
+        (
+            ["--task", "turn", "--task-option", "toleranc=1", "--policy", "zero"],
+            "unknown option 'toleranc' of task turn (nearest: tolerance)",
+        ),
     ],
 )
 def test_bad_input_is_one_line_and_code_2(command, tmp_path, arguments, part):

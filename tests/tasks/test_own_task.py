@@ -186,6 +186,24 @@ def test_it_compares_replays_and_records_by_the_commands(project, trained, tmp_p
     assert (tmp_path / "v.rrd").stat().st_size > 1000
 
 
+def test_options_of_a_task_are_given_to_the_commands(tmp_path):
+    task = ["--scene", "swimmer", "--duration", "0.1", "--task", "turn"]
+    near = ["--task-option", "turn=[0.2, 0.3]", "tolerance=0.199"]
+    brief = [*task, *near, "--json"]
+    figures = run_script("replay", *brief, "--env", "--policy", "zero").figures()
+    assert figures["task_options"] == {"turn": [0.2, 0.3], "tolerance": 0.199}
+    assert 0.15 < abs(figures["info"]["heading_error"]) < 0.35
+    record = run_script(
+        "compare", *brief, "--policies", "zero", "--seeds", "1", "--record", tmp_path
+    ).figures()
+    assert record["environment"] == figures["task_options"]
+    for options in (near, []):
+        more = ["--policy", "zero", "--no-flow", "--output", tmp_path]
+        assert run_script("visualise", *task, *options, *more).code == 0
+    # Recordings of unlike tasks have unlike names.
+    assert len(list(tmp_path.glob("*.rrd"))) == 3
+
+
 @pytest.mark.parametrize(
     ("changes", "problem"),
     [

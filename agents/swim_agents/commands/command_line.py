@@ -22,6 +22,7 @@ from swim_env.envs.tasks import NOISE, SEED, TASKS
 from swim_env.errors import SwimError
 from swim_env.scene import Scene, load_scene, scene_names
 from swim_env.scene.checks import checked_option
+from swim_env.scene.yaml import parse_overrides
 
 #: Exit codes: the machine failed, bad input.
 FAILED, BAD_INPUT = 1, 2
@@ -46,6 +47,13 @@ _SHARED: dict[str, dict[str, Any]] = {
     "task": {
         "help": f"of an episode: {', '.join(TASKS)}, or module:Class or FILE.py:Class of your own; "
         "forward unless given"
+    },
+    "task-option": {
+        "action": "extend",
+        "nargs": "+",
+        "default": [],
+        "metavar": "NAME=VALUE",
+        "help": "options of the task, for example reach=2 of station",
     },
     "seed": {"type": int, "help": "of an episode's start and of random torques; 0 unless given"},
     "noise": {
@@ -124,6 +132,14 @@ def chosen(
         choice = choose(scene, tolerance, keep_elements, duration, progress)
     print(f"chosen {choice.reason}", file=sys.stderr)
     return choice
+
+
+def task_options(options: argparse.Namespace) -> dict[str, object]:
+    """Return the options of the task by name."""
+    for text in options.task_option:
+        if not text.partition("=")[1]:
+            raise SwimError(f"--task-option must read NAME=VALUE, as in reach=2, got {text!r}")
+    return parse_overrides(options.task_option)
 
 
 def played_scene(scene: Scene, duration: float | None) -> Scene:

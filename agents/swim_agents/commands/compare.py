@@ -19,7 +19,7 @@ from swim_agents.comparison.contest import (
 from swim_agents.comparison.report import CONTEST_FILES, as_text, write_contest
 from swim_agents.policies import policy_label, policy_names, run_label
 from swim_env.envs.assessment import load_assessment
-from swim_env.envs.tasks import check_task
+from swim_env.envs.tasks import check_task, make_task
 from swim_env.files.folders import check_folder
 from swim_env.plots import require_matplotlib
 from swim_env.recording import recording_file
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "unless given. paper_wave always takes part, and tuned_wave on the body it was tuned on",
     )
     cli.add_scene_arguments(parser, default="swimmer")
-    cli.add_options(parser, "task", "duration", "noise", "record")
+    cli.add_options(parser, "task", "task-option", "duration", "noise", "record")
     parser.set_defaults(task="forward", noise=1.0)
     parser.add_argument(
         "--seeds",
@@ -74,6 +74,8 @@ def main(options: argparse.Namespace) -> int:
     scene = cli.played_scene(scene, options.duration)
     scene.actions_per_episode  # noqa: B018  refuses a duration before anything is played
     steps_of(scene)
+    task_options = cli.task_options(options)
+    make_task(options.task, scene, task_options)
     if options.output is not None:
         require_matplotlib()
         check_folder(options.output, CONTEST_FILES)
@@ -84,13 +86,21 @@ def main(options: argparse.Namespace) -> int:
     if options.record is not None:
         labels = [policy_label(one) for one in dict.fromkeys(options.policies)]
         noise = None if options.noise == 1.0 else options.noise
-        label = run_label(scene, labels, options.task, seeds[0], noise=noise, contest=True)
+        label = run_label(
+            scene,
+            labels,
+            options.task,
+            seeds[0],
+            noise=noise,
+            contest=True,
+            task_options=task_options or None,
+        )
         file = recording_file(options.record, label)
     load_assessment()
     total = steps_to_play(scene, len(entries), len(seeds))
     with cli.progress_bar(total, "s", "simulated") as progress:
         contest = hold_contest(
-            scene, entries, seeds, options.task, options.noise, progress=progress
+            scene, entries, seeds, options.task, options.noise, task_options, progress=progress
         )
     if options.output is not None:
         write_contest(contest, options.output)

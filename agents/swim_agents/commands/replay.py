@@ -17,7 +17,7 @@ from swim_agents.commands.playing import (
 from swim_agents.policies import load_policy, policy_label, policy_names, run_label
 from swim_agents.tables import text_table
 from swim_env.envs.assessment import load_assessment
-from swim_env.envs.tasks import check_task
+from swim_env.envs.tasks import check_task, make_task
 from swim_env.errors import SwimError
 from swim_env.files.folders import check_folder
 from swim_env.physics.loading import load_kernels
@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help=f"{', '.join(policy_names())}, or the path of an agent; paper_wave unless given",
     )
-    cli.add_options(parser, "task", "seed", "noise")
+    cli.add_options(parser, "task", "task-option", "seed", "noise")
     parser.add_argument(
         "--record-video", metavar="FOLDER", help="write a video of the episode into this folder"
     )
@@ -61,7 +61,11 @@ def main(options: argparse.Namespace) -> int:
             "--accuracy chooses settings by the prescribed torque and has no meaning with --env"
         )
     if not options.env:
-        cli.refuse(options, ("policy", "task", "seed", "noise", "record_video"), "needs --env")
+        cli.refuse(
+            options,
+            ("policy", "task", "task_option", "seed", "noise", "record_video"),
+            "needs --env",
+        )
     cli.check_places(
         [options.scene, options.policy],
         {"--output": options.output},
@@ -72,9 +76,11 @@ def main(options: argparse.Namespace) -> int:
     if options.output is not None:
         require_matplotlib()
         check_folder(options.output, RESULT_FILES)
+    task_options = cli.task_options(options)
     policy, task = options.policy or "paper_wave", options.task or "forward"
     if options.env:
         task = check_task(task)
+        make_task(task, scene, task_options)
         load_policy(policy, scene, options.seed, task)
     file = None
     if options.record is not None:
@@ -85,6 +91,7 @@ def main(options: argparse.Namespace) -> int:
             options.seed or 0,
             noise=None if options.noise == 1.0 else options.noise,
             accuracy=options.accuracy,
+            task_options=task_options or None,
         )
         file = recording_file(options.record, label)
     scene = cli.scene_of(options)  # now that nothing is wrong, as choosing settings takes a while
@@ -97,6 +104,7 @@ def main(options: argparse.Namespace) -> int:
             seed=options.seed or 0,
             noise=1.0 if options.noise is None else options.noise,
             video_folder=options.record_video,
+            task_options=task_options,
         )
     else:
         load_kernels()

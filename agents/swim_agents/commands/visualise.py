@@ -16,7 +16,7 @@ from swim_agents.tables import text_table
 from swim_env import recording
 from swim_env.analysis.energy import velocity_of_start
 from swim_env.envs.assessment import load_assessment
-from swim_env.envs.tasks import check_task
+from swim_env.envs.tasks import check_task, make_task
 from swim_env.errors import SwimError
 from swim_env.files.names import file_name
 from swim_env.recording import Swimmer, WrittenRecording
@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="record a saved run (.npz) instead of playing --scene with --set for --duration",
     )
-    cli.add_options(parser, "duration", "task", "seed", "noise")
+    cli.add_options(parser, "duration", "task", "task-option", "seed", "noise")
     parser.add_argument(
         "--output",
         metavar="FILE",
@@ -119,7 +119,9 @@ def _check(options: argparse.Namespace) -> None:
     if options.trajectory is not None:
         cli.refuse(options, ("scene", "set", "duration"), "has no meaning with --trajectory")
     if not options.policy and not options.compare_with:
-        cli.refuse(options, ("task", "seed", "noise"), "needs --policy or --compare-with")
+        cli.refuse(
+            options, ("task", "task_option", "seed", "noise"), "needs --policy or --compare-with"
+        )
     if options.task is not None:
         options.task = check_task(options.task)
     if options.no_flow:
@@ -165,6 +167,7 @@ def _swimmers(options: argparse.Namespace) -> tuple[Path, list[Swimmer]]:
         "flow_rate": 0.0 if options.no_flow else options.flow_rate,
         "frame_rate": options.frame_rate,
         "noise": options.noise,
+        "task_options": cli.task_options(options) or None,
     }
     task, seed = options.task or "forward", options.seed or 0
     others = [] if options.compare_with is None else [options.compare_with]
@@ -195,9 +198,12 @@ def _swimmers(options: argparse.Namespace) -> tuple[Path, list[Swimmer]]:
 
 
 def _load(options: argparse.Namespace, scene: Scene, policies: list[str]) -> None:
-    """Refuse policies that cannot be played, before anything is played."""
+    """Refuse policies, and a task, that cannot be played, before anything is played."""
+    task = options.task or "forward"
+    if policies:
+        make_task(task, scene, cli.task_options(options))
     for policy in policies:
-        load_policy(policy, scene, options.seed, options.task or "forward")
+        load_policy(policy, scene, options.seed, task)
 
 
 def _play(options: argparse.Namespace, scene: Scene, policies: list[str]) -> list[Swimmer]:
@@ -206,7 +212,9 @@ def _play(options: argparse.Namespace, scene: Scene, policies: list[str]) -> lis
     if noise is None:
         noise = 1.0 if options.policy else 0.0
     return [
-        playing.play_policy(scene, policy, task=task, seed=seed, noise=noise)[0]
+        playing.play_policy(
+            scene, policy, task=task, seed=seed, noise=noise, task_options=cli.task_options(options)
+        )[0]
         for policy in policies
     ]
 
