@@ -46,7 +46,10 @@ def load_tuned_wave(path: str | os.PathLike[str] | None = None) -> dict[str, Any
 
 
 def find_tuned_wave(scene: Scene) -> dict[str, Any]:
-    """Return the record beside a scene's file, or where there is none that of scene swimmer."""
+    """Return the record that lies beside a scene's file, or if none does, that of scene swimmer.
+
+    The latter's wave plays no other body: `WavePolicy.check` refuses it.
+    """
     beside = None if scene.source is None else wave_file(scene.source)
     return load_tuned_wave(beside if beside is not None and beside.is_file() else None)
 

@@ -87,7 +87,7 @@ class _Search:
         self.scene, self.known, self._keep, self._progress = scene, known, keep, progress
 
     def play(self, waves: Iterable[Sequence[float]], actions: int) -> list[float]:
-        """Return what waves reach in so many actions; one that does not count less than nothing."""
+        """Return how far waves swim in so many actions (BL), -1 for one that does not count."""
         points: list[Point] = [(*map(float, wave), actions) for wave in waves]  # type: ignore[misc]
         scene = self.scene.replace(
             "episode.duration", actions * self.scene.episode.control_interval

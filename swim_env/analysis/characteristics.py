@@ -17,9 +17,9 @@ from swim_env.sim.simulator import Simulator
 
 __all__ = ["Characteristics", "characterise", "resolve"]
 
-#: What `resolve` takes in the first period T1: actions, and time steps in an action of the scheme
-#: ``composed`` (``paper`` needs twice as many); of T1: the duration and the retardation time.
-#: These are about the values of scene swimmer.
+#: What ``auto`` means, about what scene swimmer has: actions in the first period T1, and time steps
+#: in an action with the scheme ``composed`` (twice as many with ``paper``); periods in an episode,
+#: and retardation times in a period.
 _ACTIONS, _STEPS_IN_ACTION = 10, 4
 _PERIODS_IN_EPISODE, _RETARDATIONS_IN_PERIOD = 100, 200
 #: Bodies of more elements take more steps in proportion: torques reach higher modes of theirs.
@@ -246,7 +246,7 @@ def resolve(scene: Scene, paths: Collection[str]) -> Scene:
     scene : Scene
         Its values of these fields do not matter; all others do.
     paths : collection of str
-        Some of `swim_env.scene.AUTOMATIC`, by the rules that are documented there.
+        Some of `swim_env.scene.scene.AUTOMATIC`; the rules are those of `Scene.from_dict`.
 
     Raises
     ------

@@ -49,7 +49,8 @@ _RETURNS = (
     *_SCORES[3:4],
     *_SCORES[8:],
 )
-_TARGETS = (
+#: More of them where the task can succeed; torques are judged by a target alone.
+_SUCCESSES = (
     ("succeeded", "success_rate", ".0%"),
     ("the same, finer", "verified_success_rate", ".0%"),
     ("torques again, finer", "replayed_success_rate", ".0%"),
@@ -80,7 +81,7 @@ def _scores(record: dict[str, Any]) -> tuple[tuple[str, str, str], ...]:
     chosen = _SCORES if record["score"].startswith("net displacement") else _RETURNS
     columns = tuple((head.format(**record), *rest) for head, *rest in chosen)
     succeeds = any(one["success_rate"] is not None for one in record["policies"].values())
-    return columns + (_TARGETS if succeeds else ())  # type: ignore[return-value]
+    return columns + (_SUCCESSES if succeeds else ())  # type: ignore[return-value]
 
 
 def _rows(record: dict[str, Any], columns: Sequence[tuple[str, str, str]]) -> list[list[str]]:
@@ -150,7 +151,8 @@ def as_markdown(record: dict[str, Any]) -> str:
         "more, and its *torques* are played *again*, without feedback. A displacement is verified "
         f"when it changes by at most {record['tolerance']:.0%} in both, and by at most "
         f"{record['source_tolerance']:.0%} with the step, the panels or the ends refined alone; "
-        "a target, when the closed loop reaches it as well (the torques alone count within "
+        f"a return, when it changes by at most {record['tolerance']:.0%} in the closed loop; a "
+        "success, when the closed loop has it as well (the torques alone reach a target within "
         f"{1.0 + record['tolerance']:.1f} of its radius). Changes are shares of the score, the "
         "largest of all starts. *A*, *f* and *kappa* are those "
         "of the travelling wave nearest to the torques, *explained* is its share of their mean "
