@@ -95,7 +95,7 @@ class Rollout:
 
     @property
     def net_displacement(self) -> float:
-        """Net displacement along what the task aims at, or towards it (BL), see `Task.aim`."""
+        """Net displacement along the task's `displacement_aim`, or towards it (BL)."""
         return score(self, self.path[-1])
 
     def simulate(
@@ -159,7 +159,7 @@ class Rollout:
             name,
             self.simulate() if trajectory is None else self.own(trajectory),
             self.rewards,
-            self.task.aim(self.goal),
+            self.task.displacement_aim(self.goal),
             self.task.radius if self.task.has_target else None,
             self.velocity,
         )
@@ -178,7 +178,7 @@ class Rollout:
 def score(rollout: Rollout, position: Array) -> float:
     """Return how far a position is from the start along the task's aim, or towards it (BL)."""
     start, length = rollout.path[0], rollout.scene.beam.length
-    aim = rollout.task.aim(rollout.goal)
+    aim = rollout.task.displacement_aim(rollout.goal)
     if rollout.task.has_target:
         before, after = (float(np.hypot(*(aim - at))) for at in (start, position))
         return (before - after) / length

@@ -199,7 +199,7 @@ class Tape:
             name,
             trajectory,
             self._rewards[member],
-            task.aim(self._goals[member]),
+            task.displacement_aim(self._goals[member]),
             task.radius if task.has_target else None,
             self._velocities.pop(member, None),
         )

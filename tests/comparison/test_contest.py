@@ -36,6 +36,7 @@ from swim_env import (
     SwimTargetEnv,
     SwimTargetVectorEnv,
     SwimVectorEnv,
+    Task,
     load_scene,
 )
 from swim_env.scene import Actuation
@@ -216,6 +217,28 @@ def test_in_the_target_task_there_are_no_ratios_and_the_closed_loop_must_reach_i
     assert [_summary(far, 0.1)[rate] for rate in rates] == [1.0, 1.0, 0.0]
     missed = replace(far[0], closed_success=False, verified=False)
     assert [_summary([missed, far[1]], 0.1)[rate] for rate in rates] == [1.0, 0.5, 0.0]
+
+
+class Chase(Task):
+    """Its target moves, so that torques played again cannot be judged by where it was."""
+
+    goal_is_point = ends_at_goal = True
+
+    def draw_goal(self, random):
+        return np.array([-1.0, 0.0])
+
+    def update_goal(self, now):
+        return now.goal if now.start else now.goal + [[-0.01, 0.0]]
+
+
+def test_a_target_that_moves_is_judged_by_the_return():
+    scene = load_scene("swimmer", ["episode.duration=0.2"])
+    task = f"{__name__}:Chase"
+    record = hold_contest(scene, entries_of(["zero"], scene, task), [1], task, threads=1).record
+    assert record["score"] == "return (BL)" and "target_radius" not in record
+    zero = record["policies"]["zero"]
+    assert (zero["success_rate"], zero["replayed_success_rate"]) == (0.0, None)
+    assert zero["fine_distance"] == [None]
 
 
 def test_a_cost_that_is_infinite_counts_in_the_median():

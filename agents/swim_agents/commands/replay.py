@@ -144,7 +144,7 @@ def _table(summary: dict[str, Any]) -> str:
             ("policy", f"{summary['policy']}, seed {summary['seed']}, noise {summary['noise']:g}"),
             ("actions", f"{summary['actions']}, each for {summary['control_interval']:g} s"),
             ("sum of rewards", f"{summary['return']:+.6f}"),
-            ("along the goal", f"{summary['net_displacement']:+.6f} body lengths"),
+            ("as the task counts it", f"{summary['net_displacement']:+.6f} body lengths"),
         ]
     if "video" in summary:
         rows.append(("video", summary["video"]))

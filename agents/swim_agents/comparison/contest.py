@@ -331,7 +331,7 @@ def hold_contest(
             kept[entry.name] = rollouts[:keep]
             trajectories[entry.name] = [trajectory for _, trajectory in assessed[:keep]]
     settings = {"noise": noise, "environment": dict(environment or {})}
-    if made.ends_at_goal:
+    if made.ends_at_goal and made.has_target:
         settings["target_radius"] = made.radius
     record = _record(made, entries, seeds, settings, performances)
     return Contest(scene, task, tuple(seeds), performances, kept, trajectories, record)

@@ -81,7 +81,7 @@ _OWN = {
     "SAC": ("actor_loss", "critic_loss", "ent_coef", "ent_coef_loss"),
 }
 
-#: Columns of ``evaluations.csv``: net displacement in BL over the episodes, see `Task.aim`.
+#: Columns of ``evaluations.csv``; the net displacement (BL) counts as of `Task.displacement_aim`.
 EVALUATION_COLUMNS = (
     "steps",
     "seconds",

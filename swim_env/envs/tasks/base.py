@@ -191,7 +191,11 @@ class Task:
         """Write into `Moment.state`, first of all after a start or an action."""
 
     def update_goal(self, now: Moment) -> Array:
-        """Return goals (m, 2), unit vectors or points (m), after `update`."""
+        """Return goals (m, 2), unit vectors or points (m), after `update`.
+
+        At a start one that it has returned before must stay as it is: comparisons begin again
+        with the goal that an episode began with.
+        """
         goals: Array = now.goal
         return goals
 
@@ -224,7 +228,7 @@ class Task:
         """Whether displacement counts along the goal or towards it."""
         return self.has_target if self.goal_is_point else not self.overrides("update_goal")
 
-    def aim(self, goal: Array) -> Array:
+    def displacement_aim(self, goal: Array) -> Array:
         """Return what net displacement counts along, (2,), or towards where there is a target.
 
         That is the goal of the start, or the scene's heading where the goal moves or is a point
@@ -335,7 +339,7 @@ class Task:
                 noise=NOISE(options.get("noise", 1.0), "noise"),
                 exact=frozenset(changes),
                 position=initial.position,
-                goal=None if goal is None else self._goal("given_goal", goal),
+                goal=None if goal is None else self._checked_goal("given_goal", goal),
             )
         except SceneError as error:
             raise OptionError(f"option {error.problem.replace('initial.', '', 1)}") from None
@@ -357,7 +361,8 @@ class Task:
         if speed is None:
             speed = 1e-4 * (VELOCITY_SCALE / episode.control_interval * self.scene.beam.length)
         push = random.uniform(-1.0, 1.0, 3) * (noise * speed)
-        aim, state = self._goal("draw_goal", self.draw_goal(random)), self.draw_state(random)
+        aim = self._checked_goal("draw_goal", self.draw_goal(random))
+        state = self.draw_state(random)
         if "joint_angles" not in exact:
             coordinates[3:] += bend
             # The mean angle of the elements is the body's heading: bending leaves it alone.
@@ -388,7 +393,7 @@ class Task:
             goal = coordinates[:2] + aim if self.goal_is_point else aim
         return Start(coordinates, velocity, goal, state)
 
-    def _goal(self, method: str, value: object) -> Array:
+    def _checked_goal(self, method: str, value: object) -> Array:
         """Return a goal that one of the task's methods has returned."""
         goal = np.asarray(value)
         if goal.shape == (2,) and goal.dtype.kind in "fiu" and np.isfinite(goal).all():
