@@ -46,6 +46,7 @@ from swim_env import (
     SwimTargetEnv,
     SwimVectorEnv,
     Trajectory,
+    characterise,
     load_scene,
     natural_frequencies,
 )
@@ -446,7 +447,9 @@ def test_another_episode_is_not_taken_for_the_closed_loop(env):
 
 
 @pytest.mark.slow
-def test_unexplained_energy_is_an_alarm_for_displacements_that_are_off():
+def test_unexplained_energy_and_advice_are_alarms_for_displacements_that_are_off():
+    # Energy alone is not: a step too long for the first mode may settle into another motion, whose
+    # books are in order.
     scene = load_scene("swimmer")
     for name in ("ppo_forward", "tuned_wave"):
         rollout = play_episode(SwimEnv(scene), load_policy(name, scene), seed=2000000)
@@ -464,7 +467,7 @@ def test_unexplained_energy_is_an_alarm_for_displacements_that_are_off():
                 print(f"{name} {scheme} {1e3 * step:g} ms: {run.energy_drift:.2%} / {error:.2%}")
                 if run.warnings():
                     assert error > 0.025
-                else:
+                elif not characterise(run.scene).advice:
                     assert error < (0.15 if scheme == "paper" else 0.06)
 
 
