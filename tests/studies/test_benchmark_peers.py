@@ -195,6 +195,7 @@ def test_the_chains_calls_do_the_work_that_they_are_credited_with(mujoco):
 # ---- the rod in PyElastica ---------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_rod_has_the_stiffness_and_mass_of_the_beam(elastica):
     rod, soft = (ElasticaRod(UNEVEN, softening=factor).rod for factor in (1.0, 10.0))
     assert rod.mass.sum() == pytest.approx(0.4 * 1.3)
@@ -223,6 +224,7 @@ def test_the_rods_muscles_are_the_simulators_wave(elastica):
         assert not found[1:].any()
 
 
+@pytest.mark.slow
 def test_the_rod_vibrates_at_the_beams_first_frequency(elastica):
     scene = load_scene("paper_i").replace("actuation.amplitude", 0.0)
     peer = ElasticaRod(scene, viscosity=0.0)
