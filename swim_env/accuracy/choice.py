@@ -15,7 +15,7 @@ from swim_env.accuracy.outcome import play
 from swim_env.accuracy.reference import FINE, PILOT, plan_for, reference_of
 from swim_env.accuracy.settings import Settings, duration_for, even, pace_of, refuse_lists
 from swim_env.errors import SceneError, SwimError
-from swim_env.scene import Scene
+from swim_env.scene import Scene, require_planar
 from swim_env.scene.checks import checked_option, is_number, real
 from swim_env.scene.fluid import FLUID_TABLE, NO_FLUID
 from swim_env.sim.replay import steps_of
@@ -88,6 +88,7 @@ def choose(
         If tolerance or duration cannot be used, the scene has no converged reference, or no
         settings of the front are good enough.
     """
+    require_planar(scene, "a choice of settings")
     if not is_number(tolerance) or not _SMALLEST <= tolerance <= _LARGEST:
         raise SwimError(
             f"the tolerance must be {_SMALLEST:g} to {_LARGEST:g}, got {tolerance!r}: smaller ones "

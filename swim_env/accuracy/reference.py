@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from swim_env.accuracy.outcome import SAMPLES, Outcome, play, relative_error
 from swim_env.accuracy.settings import Settings, even, pace_of
 from swim_env.errors import SwimError
-from swim_env.scene import Scene
+from swim_env.scene import Scene, require_planar
 
 __all__ = ["FINE", "PILOT", "Reference", "Refinements", "plan_for", "reference_of"]
 
@@ -125,6 +125,7 @@ def reference_of(
     SwimError
         If one of the fine runs ends early, or the body bends too far for a frozen added mass.
     """
+    require_planar(scene, "a reference")
     plan = plan_for(scene, refinements)
     plan = replace(plan, time_step=pace_of(scene) * plan.time_step)
     runs = _Runs(scene, duration, progress or (lambda _: None))

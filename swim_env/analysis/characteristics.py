@@ -11,7 +11,7 @@ import numpy as np
 
 from swim_env.analysis.modes import bending_frequencies, mass_matrix
 from swim_env.errors import SceneError
-from swim_env.scene import Scene
+from swim_env.scene import Scene, require_planar
 from swim_env.scene.scene import BEND_AT_LIMIT
 from swim_env.sim.simulator import Simulator
 
@@ -132,6 +132,7 @@ def characterise(scene: Scene) -> Characteristics:
     >>> round(found.actions_per_period, 1), found.advice
     (9.8, ())
     """
+    require_planar(scene, "characterise")
     straight = scene.replace({"initial": {}, "stream": None})
     matrix = mass_matrix(Simulator(straight))
     beam, n = scene.beam, scene.beam.elements

@@ -42,7 +42,7 @@ from swim_env.physics.runtime.compile import entry_kernel, kernel
 from swim_env.physics.runtime.dense import dot
 from swim_env.physics.runtime.views import LANES, padded
 from swim_env.physics.status import FINE
-from swim_env.scene import Scene
+from swim_env.scene import Scene, require_planar
 from swim_env.scene.checks import whole
 from swim_env.sim.constants import scene_constants
 from swim_env.sim.trajectory import Trajectory
@@ -192,6 +192,7 @@ class BodyFlow:
     """
 
     def __init__(self, scene: Scene) -> None:
+        require_planar(scene, "a flow")
         fluid = scene.fluid
         if fluid is None or fluid.density is None:
             raise OptionError(f"scene {scene.name} has no fluid, so there is no flow to show")

@@ -73,6 +73,18 @@ def _checks(cls: type[Block]) -> tuple[tuple[str, Check[Any], bool], ...]:
     return tuple(found)
 
 
+def field_paths(cls: type[Block], path: str) -> list[str]:
+    """Return the dotted paths of a block's fields, and of the fields of blocks in it."""
+    hints = get_type_hints(cls)
+    found = []
+    for spec in fields(cls):
+        found.append(f"{path}.{spec.name}")
+        kind = hints[spec.name]
+        if isinstance(kind, type) and issubclass(kind, Block):
+            found += field_paths(kind, found[-1])
+    return found
+
+
 def block(cls: type[_Block]) -> Check[_Block]:
     """Return a check for a block, or a mapping from which it is made."""
     return functools.partial(build_block, cls)

@@ -20,6 +20,7 @@ from swim_env.errors import OptionError, SceneError
 
 T = TypeVar("T")
 Pair = tuple[float, float]
+Triple = tuple[float, float, float]
 Check = Callable[[object, str], T]
 
 
@@ -160,18 +161,43 @@ def reals(unit: str, *, at_least: float | None = None) -> Check[tuple[float, ...
     return check
 
 
-def pair(unit: str = "") -> Check[Pair]:
-    """Return a check for two numbers (x, y)."""
-    each = real(unit)
+def vector(unit: str, *components: str) -> Check[Any]:
+    """Return a check for as many numbers as there are names of components, two or three."""
+    each, count = real(unit), {2: "two", 3: "three"}[len(components)]
+    of = f" in {unit}" if unit else ""
 
-    def check(value: object, field: str) -> Pair:
+    def check(value: object, field: str) -> tuple[float, ...]:
         items = listed(value)
-        if items is None or len(items) != 2:
-            of = f" in {unit}" if unit else ""
-            raise SceneError(f"{field} must be two numbers [x, y]{of}, got {got(value)}")
-        return each(items[0], f"{field}[0]"), each(items[1], f"{field}[1]")
+        if items is None or len(items) != len(components):
+            raise SceneError(
+                f"{field} must be {count} numbers [{', '.join(components)}]{of}, got {got(value)}"
+            )
+        return tuple(each(item, f"{field}[{i}]") for i, item in enumerate(items))
 
     return check
+
+
+def pair(unit: str = "") -> Check[Pair]:
+    """Return a check for two numbers (x, y)."""
+    return vector(unit, "x", "y")
+
+
+def one_or_many(check: Check[Any]) -> Check[Any]:
+    """Return a check for what another checks, a list of numbers, or for a list of such lists."""
+
+    def check_all(value: object, field: str) -> tuple[Any, ...]:
+        items = listed(value)
+        if items and all(listed(item) is not None for item in items):
+            return tuple(check(item, f"{field}[{i}]") for i, item in enumerate(items))
+        return tuple(check(value, field))
+
+    return check_all
+
+
+def one_value_per(what: str, value: Sequence[Any], count: int, field: str) -> None:
+    """Refuse a list that does not have one entry for each joint or element."""
+    if len(value) != count:
+        raise SceneError(f"{field} must list one value per {what}, {count}, got {len(value)}")
 
 
 def checked_option(check: Check[T], value: object, name: str) -> T:

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swim_env.scene.block import Block
-from swim_env.scene.body import Beam
+from swim_env.scene.body import Chain
 from swim_env.scene.checks import real
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Actuation(Block, path="actuation"):
-    """The prescribed torque: a wave that travels along the body.
+class Wave(Block, path="actuation"):
+    """A wave of torque that travels along the body.
 
     Attributes
     ----------
@@ -47,7 +47,25 @@ class Actuation(Block, path="actuation"):
     end_time: Annotated[float | None, real("s", at_least=0.0)] = None
     active_until: Annotated[float, real(above=0.0, at_most=1.0)] = 1.0
 
-    def torques(self, times: ArrayLike, beam: Beam) -> Floats:
+    def travelling(self, shape: np.ufunc, times: ArrayLike, beam: Chain) -> Floats:
+        """Return A shape(f t - kappa s/l + phase) at the joints, (T, N-1) [N m].
+
+        It is zero from `end_time` on and at joints with s/l above `active_until`.
+        """
+        moments = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        place = beam.joint_fractions
+        angle = self.frequency * moments[:, None] - self.wave_number * place + self.phase
+        active = np.broadcast_to(place <= self.active_until, angle.shape)
+        if self.end_time is not None:
+            active = active & (moments < self.end_time)[:, None]
+        return np.where(active, self.amplitude * shape(angle), 0.0)
+
+
+@dataclass(frozen=True)
+class Actuation(Wave, path="actuation"):
+    """The prescribed torque: a wave that travels along the body, see `Wave` for its fields."""
+
+    def torques(self, times: ArrayLike, beam: Chain) -> Floats:
         """Joint torques tau = A cos(f t - kappa s/l + phase) at given times.
 
         Parameters
@@ -55,7 +73,7 @@ class Actuation(Block, path="actuation"):
         times : array_like
             Times [s], shape (T,). For an exact end, compute them as step number times time step
             and not by summing.
-        beam : Beam
+        beam : Chain
             The body whose joints are driven.
 
         Returns
@@ -65,10 +83,4 @@ class Actuation(Block, path="actuation"):
             counter-clockwise and the one before it clockwise. Zero from `end_time` on and at
             joints with s/l above `active_until`.
         """
-        moments = np.atleast_1d(np.asarray(times, dtype=np.float64))
-        place = beam.joint_fractions
-        angle = self.frequency * moments[:, None] - self.wave_number * place + self.phase
-        active = np.broadcast_to(place <= self.active_until, angle.shape)
-        if self.end_time is not None:
-            active = active & (moments < self.end_time)[:, None]
-        return np.where(active, self.amplitude * np.cos(angle), 0.0)
+        return self.travelling(np.cos, times, beam)

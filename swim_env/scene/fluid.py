@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 from swim_env.errors import SceneError
 from swim_env.scene.block import Block
@@ -93,7 +93,52 @@ def _check_caps(value: object, field: str) -> int | str:
 
 
 @dataclass(frozen=True)
-class Fluid(Block, path="fluid"):
+class FluidBase(Block, path="fluid"):
+    """A fluid around a body: its model and its density.
+
+    Attributes
+    ----------
+    model : str
+        Name of the model, one of a table.
+    density : float or None
+        Fluid density [kg/m^3], above 0; None with the model ``none``.
+    """
+
+    #: The models by name.
+    _models: ClassVar[dict[str, FluidModel]]
+
+    model: str = "panels"
+    density: Annotated[float | None, real("kg/m^3", above=0.0)] = None
+
+    @property
+    def present(self) -> bool:
+        """Whether there is any fluid, that is, the model is not ``none``."""
+        return self.model != NO_FLUID
+
+    def __post_init__(self) -> None:
+        """Check every field, and that the model has a use for it."""
+        super().__post_init__()
+        if not self.present and self.density is not None:
+            raise SceneError(
+                f"fluid.density has no meaning with fluid.model {NO_FLUID}, which needs null, "
+                f"got {got(self.density)}"
+            )
+        if self.present and self.density is None:
+            raise SceneError(
+                f"fluid.model {self.model} needs fluid.density, a number above 0 in kg/m^3, "
+                "got null"
+            )
+        for model, row in self._models.items():
+            value = getattr(self, row.field) if row.field else None
+            if value is not None and self.model != model:
+                raise SceneError(
+                    f"fluid.{row.field} has no meaning with fluid.model {self.model}, only with "
+                    f"{model}; it needs null, got {got(value)}"
+                )
+
+
+@dataclass(frozen=True)
+class Fluid(FluidBase, path="fluid"):
     """The fluid around the body: inviscid, irrotational, at rest far away.
 
     Attributes
@@ -121,33 +166,13 @@ class Fluid(Block, path="fluid"):
         turning element; ``consistent`` where None.
     """
 
+    _models = FLUID_TABLE
+
     model: Annotated[str, one_of(FLUID_MODEL_NAMES)] = "panels"
-    density: Annotated[float | None, real("kg/m^3", above=0.0)] = None
     panels_per_element: Annotated[int, _check_panels] = 4
     cap_panels: Annotated[int | str, _check_caps] = 1
     added_mass_per_length: Annotated[float | None, real("kg/m", above=0.0)] = None
     variant: Annotated[str | None, one_of(CENTRELINE_VARIANTS)] = None
-
-    def __post_init__(self) -> None:
-        """Check every field, and that the model has a use for it."""
-        super().__post_init__()
-        if not self.present and self.density is not None:
-            raise SceneError(
-                f"fluid.density has no meaning with fluid.model {NO_FLUID}, which needs null, "
-                f"got {got(self.density)}"
-            )
-        if self.present and self.density is None:
-            raise SceneError(
-                f"fluid.model {self.model} needs fluid.density, a number above 0 in kg/m^3, "
-                "got null"
-            )
-        for model, row in FLUID_TABLE.items():
-            value = getattr(self, row.field) if row.field else None
-            if value is not None and self.model != model:
-                raise SceneError(
-                    f"fluid.{row.field} has no meaning with fluid.model {self.model}, only with "
-                    f"{model}; it needs null, got {got(value)}"
-                )
 
     def panels_per_end(self, beam: Beam) -> int:
         """Return the number of panels that close each end of a body."""
@@ -155,11 +180,6 @@ class Fluid(Block, path="fluid"):
             on_a_side = 2.0 * beam.element_length / self.panels_per_element
             return max(1, round(2.0 * beam.half_thickness / (on_a_side / 3.0)))
         return self.cap_panels
-
-    @property
-    def present(self) -> bool:
-        """Whether there is any fluid, that is, the model is not ``none``."""
-        return self.model != NO_FLUID
 
     def check_body(self, beam: Beam) -> None:
         """Refuse a body that the model cannot be computed for.

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,16 @@ from numpy.typing import NDArray
 from swim_env.errors import SceneError
 from swim_env.scene.block import Block
 from swim_env.scene.body import Beam
-from swim_env.scene.checks import Check, Pair, listed, pair, real, reals
+from swim_env.scene.checks import (
+    Check,
+    Pair,
+    listed,
+    one_or_many,
+    one_value_per,
+    pair,
+    real,
+    reals,
+)
 
 Floats = NDArray[np.float64]
 
@@ -22,19 +30,6 @@ def _one_or_many(unit: str) -> Check[float | tuple[float, ...]]:
         return real(unit)(value, field) if listed(value) is None else reals(unit)(value, field)
 
     return check
-
-
-def _check_velocity(value: object, field: str) -> Pair | tuple[Pair, ...]:
-    check, items = pair("m/s"), listed(value)
-    if items and all(listed(item) is not None for item in items):
-        return tuple(check(item, f"{field}[{i}]") for i, item in enumerate(items))
-    return check(value, field)
-
-
-def _per_element(value: Sequence[Any], count: int, field: str, what: str) -> None:
-    """Refuse a list that does not have one entry per joint or element."""
-    if len(value) != count:
-        raise SceneError(f"{field} must list one value per {what}, {count}, got {len(value)}")
 
 
 @dataclass(frozen=True)
@@ -61,7 +56,7 @@ class Initial(Block, path="initial"):
     position: Annotated[Pair, pair("m")] = (0.0, 0.0)
     heading: Annotated[float, real("rad")] = 0.0
     joint_angles: Annotated[float | tuple[float, ...], _one_or_many("rad")] = 0.0
-    velocity: Annotated[Pair | tuple[Pair, ...], _check_velocity] = (0.0, 0.0)
+    velocity: Annotated[Pair | tuple[Pair, ...], one_or_many(pair("m/s"))] = (0.0, 0.0)
     velocity_slope: Annotated[float, real("1/s")] = 0.0
     turning_rate: Annotated[float | tuple[float, ...] | None, _one_or_many("rad/s")] = None
 
@@ -69,11 +64,11 @@ class Initial(Block, path="initial"):
         """Refuse lists that do not fit the beam's number of elements."""
         count = beam.elements
         if isinstance(self.joint_angles, tuple):
-            _per_element(self.joint_angles, count - 1, "initial.joint_angles", "joint")
+            one_value_per("joint", self.joint_angles, count - 1, "initial.joint_angles")
         if isinstance(self.velocity[0], tuple):
-            _per_element(self.velocity, count, "initial.velocity", "element")
+            one_value_per("element", self.velocity, count, "initial.velocity")
         if isinstance(self.turning_rate, tuple):
-            _per_element(self.turning_rate, count, "initial.turning_rate", "element")
+            one_value_per("element", self.turning_rate, count, "initial.turning_rate")
 
     def pose(self, beam: Beam) -> tuple[Floats, Floats]:
         """Element centres and angles at time zero.

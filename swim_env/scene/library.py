@@ -25,9 +25,16 @@ def _scene_folder() -> Path | None:
 
 
 def scene_names() -> tuple[str, ...]:
-    """Return the names of the shipped scenes, sorted."""
+    """Return the names of the shipped scenes, sorted, planar ones before those in space."""
     folder = _scene_folder()
-    return () if folder is None else tuple(sorted(path.stem for path in folder.glob("*.yaml")))
+    files = [] if folder is None else folder.glob("*.yaml")
+    return tuple(path.stem for path in sorted(files, key=lambda path: (_is_spatial(path), path)))
+
+
+def _is_spatial(shipped: Path) -> bool:
+    """Whether a shipped scene has dimension 3, which its first line says."""
+    with shipped.open(encoding="utf-8") as file:
+        return file.readline().startswith("dimension: 3")
 
 
 def find_scene_file(scene: object) -> tuple[Path, str]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 from swim_env.errors import SceneError
 from swim_env.scene.block import Block
-from swim_env.scene.checks import Pair, one_of, pair, real
+from swim_env.scene.checks import Check, Pair, one_of, real, vector
 
 SCHEME_NAMES: tuple[str, ...] = ("paper", "composed")
 """Names that `Integrator.scheme` may have: of first order, and of second."""
@@ -60,19 +60,25 @@ class Integrator(Block, path="integrator"):
     energy_excess: Annotated[str, one_of(ENERGY_EXCESSES)] = "warn"
 
 
-def _check_direction(value: object, field: str) -> Pair:
-    heading = pair()(value, field)
-    norm = math.hypot(*heading)
-    if not abs(norm - 1.0) <= 1e-6:
-        raise SceneError(
-            f"{field} must be a unit vector (x, y), got {list(heading)} of length {norm:.6g}"
-        )
-    return heading[0] / norm, heading[1] / norm
+def direction(*components: str) -> Check[Any]:
+    """Return a check for a unit vector with components of these names."""
+
+    def check(value: object, field: str) -> tuple[float, ...]:
+        heading = vector("", *components)(value, field)
+        norm = math.hypot(*heading)
+        if not abs(norm - 1.0) <= 1e-6:
+            raise SceneError(
+                f"{field} must be a unit vector ({', '.join(components)}), got {list(heading)} of "
+                f"length {norm:.6g}"
+            )
+        return tuple(one / norm for one in heading)
+
+    return check
 
 
 @dataclass(frozen=True)
-class Episode(Block, path="episode"):
-    """How the scene is played: how long, and for learners, how often they act and for what.
+class EpisodeBase(Block, path="episode"):
+    """How a scene is played: how long, and for learners, how often they act and for what.
 
     Attributes
     ----------
@@ -82,23 +88,30 @@ class Episode(Block, path="episode"):
         Time over which an environment holds an action [s], above 0; environments need a whole
         number of time steps in it.
     heading : tuple of float
-        Direction (x, y) in which an environment counts displacement, a unit vector. By default
-        -x, which is head first for a body that starts along +x.
+        Direction (x, y) or (x, y, z) in which an environment counts displacement, a unit vector.
+        By default -x, which is head first for a body that starts along +x.
     bend_noise : float
         Environments start with joint angles that are off by up to this [rad], 0 to pi.
     heading_noise : float
         They start with the body turned by up to this [rad], 0 to pi.
     velocity_noise : float or None
         They start with a rigid motion whose components are off by up to this [m/s], at least 0:
-        the velocity along x and y, and the turning rate times the body length. In an ideal fluid
-        this impulse P stays, and about a body that swims away at speed U its moment grows as
+        the velocity along every axis, and the turning rates times the body length. In an ideal
+        fluid this impulse P stays, and about a body that swims away at speed U its moment grows as
         U P t: 1e-4 m/s turn a body of 1 m that swims 0.2 m/s by a radian in 80 s, however it
         swims. None for 2e-7 body lengths per control interval (1e-5 m/s for 1 m and 0.02 s).
     """
 
     duration: Annotated[float, real("s", above=0.0)] = 20.0
     control_interval: Annotated[float, real("s", above=0.0)] = 0.02
-    heading: Annotated[Pair, _check_direction] = (-1.0, 0.0)
+    heading: tuple[float, ...] = (-1.0, 0.0)
     bend_noise: Annotated[float, real("rad", at_least=0.0, at_most=math.pi)] = 0.01
     heading_noise: Annotated[float, real("rad", at_least=0.0, at_most=math.pi)] = 0.05
     velocity_noise: Annotated[float | None, real("m/s", at_least=0.0)] = None
+
+
+@dataclass(frozen=True)
+class Episode(EpisodeBase, path="episode"):
+    """How a scene in the plane is played, see `EpisodeBase` for the fields."""
+
+    heading: Annotated[Pair, direction("x", "y")] = (-1.0, 0.0)

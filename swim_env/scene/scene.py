@@ -10,15 +10,15 @@ import os
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from swim_env.errors import SceneError
 from swim_env.files.names import file_name
-from swim_env.scene.block import Block, build_block, plain
+from swim_env.scene.block import Block, plain
 from swim_env.scene.body import Beam
-from swim_env.scene.checks import check_fields, got, nearest, text
+from swim_env.scene.checks import text
 from swim_env.scene.drive import Actuation
 from swim_env.scene.effects import (
     EFFECT_BLOCKS,
@@ -30,26 +30,13 @@ from swim_env.scene.effects import (
     SelfContact,
     Stream,
 )
-from swim_env.scene.fluid import FLUID_TABLE, NO_FLUID, Fluid
+from swim_env.scene.fluid import Fluid
 from swim_env.scene.initial import Initial
-from swim_env.scene.library import find_scene_file, read_scene_file, scene_names
+from swim_env.scene.library import find_scene_file, scene_names
+from swim_env.scene.making import KINDS, changed, elsewhere, from_file, unresolved
 from swim_env.scene.run import Episode, Integrator
 from swim_env.scene.yaml import dump_yaml, parse_overrides, write_text
 
-_BLOCKS: dict[str, type[Block]] = {
-    "beam": Beam,
-    "fluid": Fluid,
-    **EFFECT_BLOCKS,
-    "actuation": Actuation,
-    "initial": Initial,
-    "integrator": Integrator,
-    "episode": Episode,
-}
-_OPTIONAL = ("fluid", *EFFECT_BLOCKS, "actuation")
-#: Blocks without fields, which are there or not.
-_BARE = tuple(name for name, cls in _BLOCKS.items() if not fields(cls))
-#: Fields of an actuation that mean something to environments without a prescribed torque.
-_WITHOUT_WAVE = {"torque_limit", "active_until"}
 _NOTHING: Any = object()
 
 AUTOMATIC: tuple[str, ...] = (
@@ -64,14 +51,6 @@ AUTOMATIC: tuple[str, ...] = (
 )
 """Fields that may be ``auto``: their values follow from the body, see `Scene.from_dict`."""
 
-AUTO = "auto"
-"""What these fields, and a scene's whole integrator, may be instead of a value."""
-
-#: The integrator that learning needs, where a file leaves it to the body.
-_LEARNING = {"scheme": "composed", "tolerance": 1e-4, "time_step": AUTO}
-#: What a file that says nothing of them leaves to the body; and a fluid's panels per element and
-#: an actuation's torque limit.
-_LEFT_OUT = ("integrator.time_step", "episode.control_interval", "episode.duration")
 #: Static bend of a body (rad) by the torque limit that follows from it: that of scene swimmer.
 BEND_AT_LIMIT = 0.2
 
@@ -85,7 +64,9 @@ MOST_STEPS_PER_ACTION, MOST_ACTIONS = 100_000, 1_000_000_000
 
 @dataclass(frozen=True)
 class Scene:
-    """A body, its fluid, effects, drive, start and integrator.
+    """A body in the plane, its fluid, effects, drive, start and integrator.
+
+    Base of `SpatialScene`, whose blocks are others: `dimension` tells which a scene is.
 
     Attributes
     ----------
@@ -128,6 +109,22 @@ class Scene:
     integrator: Integrator = Integrator()
     episode: Episode = Episode()
 
+    #: Of the space that the body moves in: 2, or 3 for a `SpatialScene`.
+    dimension: ClassVar[int] = 2
+
+    #: Blocks by name, those that may be absent, and the fields that may be ``auto``.
+    _blocks: ClassVar[dict[str, type[Block]]] = {
+        "beam": Beam,
+        "fluid": Fluid,
+        **EFFECT_BLOCKS,
+        "actuation": Actuation,
+        "initial": Initial,
+        "integrator": Integrator,
+        "episode": Episode,
+    }
+    _optional: ClassVar[tuple[str, ...]] = ("fluid", *EFFECT_BLOCKS, "actuation")
+    _automatic: ClassVar[tuple[str, ...]] = AUTOMATIC
+
     #: What `for_accuracy` and ``auto`` call. They compute motions, so they are in a higher room,
     #: which puts them here.
     _choose: ClassVar[Callable[[Scene, float, bool, float | None], Scene]]
@@ -137,19 +134,26 @@ class Scene:
     source: ClassVar[str | None] = None
 
     def __post_init__(self) -> None:
-        """Check what the blocks cannot check alone."""
+        """Check names and types, then what the blocks cannot check alone."""
         if not text(self.name, "name").strip() or not self.name.isprintable():
             raise SceneError(
                 f"name must be text on one line, of printable characters, got {self.name!r}"
             )
         if not re.sub(r"[\n\t]", "", text(self.description, "description")).isprintable():
             raise SceneError("description must be text of printable characters, tabs and newlines")
-        for block, cls in _BLOCKS.items():
+        for block, cls in self._blocks.items():
             value = getattr(self, block)
-            if not isinstance(value, cls) and not (value is None and block in _OPTIONAL):
+            if not isinstance(value, cls) and not (value is None and block in self._optional):
                 raise SceneError(
                     f"{block} must be of type {cls.__name__}, got {type(value).__name__}"
                 )
+        for block in EFFECT_BLOCKS:
+            if block not in self._blocks and getattr(self, block) is not None:
+                raise elsewhere(type(self), block)
+        self._check_together()
+
+    def _check_together(self) -> None:
+        """Refuse blocks that do not fit together."""
         if self.fluid is not None:
             self.fluid.check_body(self.beam)
         if not self.has_fluid and self.beam.rotary_inertia == 0.0:
@@ -230,9 +234,11 @@ class Scene:
     def bend_per_torque(self) -> float | None:
         """Static bend of the whole body under the same torque everywhere [rad / (N m)].
 
-        It is l times the mean of 1/EI over the joints; None where some have no stiffness.
+        It is l times the mean of 1/EI over the joints, that of yaw in three dimensions; None where
+        some have no stiffness.
         """
         stiffness = self.beam.stiffness_at_joints()
+        stiffness = stiffness if self.dimension == 2 else stiffness[:, 1]
         return float(self.beam.length * np.mean(1.0 / stiffness)) if stiffness.all() else None
 
     @property
@@ -256,7 +262,8 @@ class Scene:
     def to_dict(self) -> dict[str, Any]:
         """Return every field as mappings, lists and scalars; absent blocks are left out."""
         data = {spec.name: plain(getattr(self, spec.name)) for spec in fields(self)}
-        return {key: value for key, value in data.items() if value is not None}
+        present = {key: value for key, value in data.items() if value is not None}
+        return present if self.dimension == 2 else {"dimension": self.dimension, **present}
 
     def to_yaml(self) -> str:
         """Return the scene as YAML text, with all defaults written out."""
@@ -280,8 +287,8 @@ class Scene:
     # ---- making scenes -------------------------------------------------------------------------
 
     @classmethod
-    def from_dict(cls, mapping: Mapping[str, Any], source: str | None = None) -> Scene:
-        """Make a scene from mappings, lists and scalars.
+    def from_dict(cls, mapping: Mapping[str, Any], source: str | None = None) -> Self:
+        """Make a scene from mappings, lists and scalars, a `SpatialScene` from ``dimension: 3``.
 
         Parameters
         ----------
@@ -308,13 +315,13 @@ class Scene:
             fit together; or if one is ``auto`` and joints have no stiffness.
         """
         try:
-            scene, automatic = _unresolved(mapping)
-            return scene._resolve(automatic) if automatic else scene
+            scene, automatic = unresolved(cls, mapping)
+            return scene._resolve(automatic) if automatic else scene  # type: ignore[return-value]
         except SceneError as error:
             raise error.located(source) from None
 
     @classmethod
-    def from_yaml(cls, path: str | os.PathLike[str]) -> Scene:
+    def from_yaml(cls, path: str | os.PathLike[str]) -> Self:
         """Read a scene from a YAML file; without a name it takes the file's.
 
         What a file leaves out of time step, control interval, duration, a fluid's panels per
@@ -331,10 +338,10 @@ class Scene:
         SceneError
             If the file cannot be read or does not hold a valid scene.
         """
-        source = os.fspath(path)
-        return _from_file(path, source, {})
+        data = from_file(cls, path, os.fspath(path), {})
+        return cls.from_dict(data, os.fspath(path))._from(os.path.abspath(path))
 
-    def replace(self, path: str | Mapping[str, object], value: object = _NOTHING) -> Scene:
+    def replace(self, path: str | Mapping[str, object], value: object = _NOTHING) -> Self:
         """Return a scene with one or several fields changed; it is checked with all changes.
 
         Parameters
@@ -369,10 +376,10 @@ class Scene:
             raise TypeError("replace needs a value for the path")
         else:
             changes = {path: value}
-        scene = Scene.from_dict(_changed(self.to_dict(), changes))
+        scene = self.from_dict(changed(type(self), self.to_dict(), changes))
         return scene._from(self.source)
 
-    def _from(self, source: str | None) -> Scene:
+    def _from(self, source: str | None) -> Self:
         """Remember the file that a new scene comes from."""
         if source is not None:
             object.__setattr__(self, "source", source)
@@ -408,37 +415,23 @@ class Scene:
         return self._choose(tolerance, keep_elements, duration)
 
 
-def _known_path(path: object) -> str:
-    """Return a dotted path if it names a field or block of a scene."""
-    known = ["name", "description"]
-    for block, cls in _BLOCKS.items():
-        known += [block, *(f"{block}.{spec.name}" for spec in fields(cls))]
-    if path not in known:
-        leaf = str(path).rpartition(".")[2]
-        hint = nearest(str(path), known)
-        same_leaf = [name for name in known if name.rpartition(".")[2] == leaf]
-        if same_leaf:
-            hint = f" (nearest: {same_leaf[0]})"
-        blocks = ", ".join(["name", "description", *_BLOCKS])
-        raise SceneError(f"unknown field {path}{hint or f'; a scene has {blocks}'}")
-    return str(path)
+KINDS[Scene.dimension] = Scene
 
 
-def _build(name: str, cls: type[Block], value: object) -> object:
-    """Make one block of a scene from its form in a file."""
-    if name in _BARE:
-        if value is True:
-            return cls()
-        if value is None or value is False:
-            raise SceneError(
-                f"{name} must be {{}} or true, or left out to have none, got "
-                + ("null" if value is None else "false")
-            )
-    if value is None and name in _OPTIONAL:
-        return None
-    if cls is Actuation and isinstance(value, Mapping) and value and value.keys() <= _WITHOUT_WAVE:
-        value = {"amplitude": 0.0, **value}
-    return build_block(cls, value, name)
+def require_planar(scene: Scene, wish: str) -> None:
+    """Refuse a scene of dimension 3 (SceneError) for what cannot be done with one yet.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    wish : str
+        What needs a planar scene: ``a recording``.
+    """
+    if scene.dimension != 2:
+        raise SceneError(
+            f"{wish} needs a scene of dimension 2, got {scene.name} of dimension {scene.dimension}"
+        )
 
 
 def load_scene(
@@ -473,103 +466,15 @@ def load_scene(
     """
     changes = {} if overrides is None else parse_overrides(overrides)
     if isinstance(scene, Mapping):
-        _unresolved(scene)  # its errors are not those of the changes
-        return Scene.from_dict(_changed(dict(scene), changes))
+        plainly, _ = unresolved(Scene, scene)  # its errors are not those of the changes
+        return Scene.from_dict(changed(type(plainly), scene, changes))
     if isinstance(scene, Scene):
         return scene.replace(changes) if changes else scene
     path, source = find_scene_file(scene)
-    return _from_file(path, source, changes)
-
-
-def _from_file(path: str | os.PathLike[str], source: str, changes: Mapping[str, object]) -> Scene:
-    """Read a file with changes by dotted path; what it leaves out is left to the body."""
-    data = read_scene_file(path, source)
-    try:
-        plainly, _ = _unresolved(data)  # errors of the file are not those of the changes
-        if changes:
-            source = f"{source} with overrides"
-            if plainly.bend_per_torque is not None:  # changes are made to what is left to the body
-                data = {"integrator": AUTO, **data}
-            data = _changed(data, changes)
-            plainly, _ = _unresolved(data)
-    except SceneError as error:
-        raise error.located(source) from None
-    if plainly.bend_per_torque is not None:
-        data = _left_to_the_body(data, changes, plainly)
+    data = from_file(Scene, path, source, changes)
+    if changes:
+        source = f"{source} with overrides"
     return Scene.from_dict(data, source)._from(os.path.abspath(path))
-
-
-def _changed(data: dict[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
-    """Return the fields of a scene with changes by dotted path."""
-    data = dict(data)
-    for key, new in changes.items():
-        block, _, field = _known_path(key).partition(".")
-        if field:
-            inner = {} if data.get(block) is None else data[block]
-            if not isinstance(inner, Mapping):
-                inner = _LEARNING if inner == AUTO else plain(_build(block, _BLOCKS[block], inner))
-            data[block] = {**inner, field: new}
-        elif new is None and block in _OPTIONAL:
-            data.pop(block, None)
-        else:
-            data[block] = new
-    if changes.get("fluid.model") == NO_FLUID and "fluid.density" not in changes:
-        data["fluid"].pop("density", None)
-    return data
-
-
-def _left_to_the_body(
-    data: Mapping[str, Any], changes: Mapping[str, object], scene: Scene
-) -> dict[str, Any]:
-    """Return the fields of a file, those of `scene`, with ``auto`` for what it leaves out.
-
-    A block that is changed as a whole has its defaults, as in `Scene.replace`.
-    """
-    found = dict(data)
-    if "integrator" not in found:
-        found["integrator"] = AUTO
-    paths = list(_LEFT_OUT)
-    if scene.fluid is not None and FLUID_TABLE[scene.fluid.model].panels:
-        paths.append("fluid.panels_per_element")
-    if scene.actuation is not None:
-        paths.append("actuation.torque_limit")
-    for block, field in (path.split(".") for path in paths):
-        inner = found.get(block) or {}
-        if isinstance(inner, Mapping) and block not in changes:
-            found[block] = {field: AUTO, **inner}
-    return found
-
-
-def _unresolved(mapping: Mapping[str, Any]) -> tuple[Scene, list[str]]:
-    """Return a checked scene with placeholders for what is ``auto``, and the paths of that."""
-    given = check_fields(mapping, "", [spec.name for spec in fields(Scene)])
-    given, automatic = _without_auto(given)
-    for name, block in _BLOCKS.items():
-        if name in given:
-            given[name] = _build(name, block, given[name])
-    return Scene(**given), automatic
-
-
-def _without_auto(given: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Return the fields of a scene without those that are ``auto``, and the paths of these."""
-    found = dict(given)
-    whole = found.get("integrator")
-    if isinstance(whole, str):
-        if whole != AUTO:
-            raise SceneError(f"integrator must be a mapping of fields or {AUTO}, got {got(whole)}")
-        found["integrator"] = _LEARNING
-    automatic = []
-    for path in AUTOMATIC:
-        block, field = path.split(".")
-        inner = found.get(block)
-        if isinstance(inner, Mapping) and isinstance(inner.get(field), str):
-            if inner[field] != AUTO:
-                kind = "an integer" if field == "panels_per_element" else "a number"
-                raise SceneError(f"{path} must be {kind} or {AUTO}, got {got(inner[field])}")
-            automatic.append(path)
-            # A field without a default needs a number until it has its own.
-            found[block] = {**inner, field: 4 if field == "panels_per_element" else 1.0}
-    return found, automatic
 
 
 def scene_label(scene: Scene) -> str:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from swim_env.envs.assessment import TASK_SETTINGS, VELOCITY_SCALE
 from swim_env.envs.tasks.moment import Moment
 from swim_env.errors import OptionError, SceneError, TaskError
-from swim_env.scene import Initial, Scene
+from swim_env.scene import Initial, Scene, require_planar
 from swim_env.scene.checks import checked_option, got, integer, nearest, real
 from swim_env.sim.batch import minimal_start
 
@@ -149,6 +149,7 @@ class Task:
     def __init__(
         self, scene: Scene, effort_weight: float = 0.0, heading_weight: float = 0.0
     ) -> None:
+        require_planar(scene, "a task")
         self.scene = scene
         weight = real("BL/s", at_least=0.0)
         self.effort_weight = checked_option(weight, effort_weight, "effort_weight")

@@ -1,0 +1,1 @@
+"""Scenes of bodies that move in three dimensions."""

@@ -1,0 +1,90 @@
+"""A scene in three dimensions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.errors import SceneError
+from swim_env.scene.checks import Triple
+from swim_env.scene.making import KINDS
+from swim_env.scene.run import EpisodeBase, Integrator, direction
+from swim_env.scene.scene import Scene
+from swim_env.scene.spatial.body import SpatialBeam
+from swim_env.scene.spatial.drive import SpatialActuation, SpatialDamping
+from swim_env.scene.spatial.fluid import SpatialFluid
+from swim_env.scene.spatial.initial import SpatialInitial
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SpatialEpisode(EpisodeBase, path="episode"):
+    """How a scene in three dimensions is played, see `EpisodeBase` for the fields."""
+
+    heading: Annotated[Triple, direction("x", "y", "z")] = (-1.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class SpatialScene(Scene):
+    """A body in space, its fluid, damping, drive, start and integrator.
+
+    Its fields are those of `Scene`, with blocks of three dimensions; damping is the only effect
+    that has a meaning there, the others are None. The integrator's strain is of the averaged
+    directors or of the joint angle.
+    """
+
+    # Every block is that of its dimension and no planar one in disguise, whatever mypy expects.
+    beam: SpatialBeam = SpatialBeam()  # type: ignore[assignment]
+    fluid: SpatialFluid | None = None  # type: ignore[assignment]
+    damping: SpatialDamping | None = None  # type: ignore[assignment]
+    actuation: SpatialActuation | None = None  # type: ignore[assignment]
+    initial: SpatialInitial = SpatialInitial()  # type: ignore[assignment]
+    episode: SpatialEpisode = SpatialEpisode()  # type: ignore[assignment]
+
+    dimension = 3
+    _blocks = {
+        "beam": SpatialBeam,
+        "fluid": SpatialFluid,
+        "damping": SpatialDamping,
+        "actuation": SpatialActuation,
+        "initial": SpatialInitial,
+        "integrator": Integrator,
+        "episode": SpatialEpisode,
+    }
+    _optional = ("fluid", "damping", "actuation")
+    _automatic = ()
+
+    def _check_together(self) -> None:
+        """Refuse blocks that do not fit together."""
+        if self.fluid is not None:
+            self.fluid.check_body(self.beam)
+        self.inertia_per_length()
+        if self.damping is not None:
+            self.damping.check_scene(self.beam, self.fluid)
+        self.initial.check_sizes(self.beam)
+        if self.integrator.strain == "mean_angles":
+            raise SceneError(
+                "integrator.strain mean_angles has no meaning in a scene of dimension 3, which "
+                "needs averaged_directors or joint_angle"
+            )
+
+    def inertia_per_length(self) -> Floats:
+        """Mean inertia of every element, (N, 3), see `SpatialBeam.inertia_per_length`."""
+        return self.beam.inertia_per_length(self.fluid.density if self.fluid else None)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The actuated axes of the joints; yaw without an actuation."""
+        return self.actuation.axes if self.actuation is not None else ("yaw",)
+
+    @property
+    def torque_limit(self) -> tuple[float, ...]:  # type: ignore[override]
+        """Torque of an environment's action of 1 [N m], for each of `axes`."""
+        return self.actuation.limits if self.actuation is not None else (super().torque_limit,)
+
+
+KINDS[SpatialScene.dimension] = SpatialScene
