@@ -48,6 +48,10 @@ class OutlineError(SwimError, ValueError):
     """An outline cannot be divided into panels."""
 
 
+class SurfaceError(SwimError, ValueError):
+    """A surface cannot be divided into panels."""
+
+
 class TorqueError(SwimError, ValueError):
     """Joint torques have the wrong shape or type, or are not finite."""
 

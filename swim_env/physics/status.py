@@ -32,13 +32,14 @@ ENERGY_UNEXPLAINED = 10
 _MEANING = {
     "outline_degenerate": (
         "the beam bends so far at a joint that the inner side of its outline is shorter than 0.1 "
-        "element lengths or the mitre longer than 4 half thicknesses; more stiffness or less "
+        "element lengths or the mitre longer than 4 half thicknesses (in space: a strip of panels "
+        "is shorter than 0.1 of its length, or a joint turns by 0.9 pi); more stiffness or less "
         "torque bends it less far, a thinner body may bend further"
     ),
     "under_resolved_gap": (
         "parts of the beam that are not neighbours are closer to each other than half the length "
         "of their panels, which these cannot resolve; more panels (fluid.panels_per_element, "
-        "fluid.cap_panels) or less bending would help"
+        "fluid.cap_panels; in space fluid.rows, fluid.around) or less bending would help"
     ),
     "influence_singular": (
         "the normal influence matrix of the panels has no inverse that could be trusted, its "
@@ -47,8 +48,8 @@ _MEANING = {
     ),
     "mass_not_positive": (
         "the discrete total mass is not positive definite: the outline is too coarse for the bend "
-        "(more fluid.panels_per_element would help), or the inertia too small for the numbers "
-        "(beam.rotary_inertia above 0 would help)"
+        "(more fluid.panels_per_element, in space fluid.rows, would help), or the inertia too "
+        "small for the numbers (beam.rotary_inertia above 0 would help)"
     ),
     "step_not_solved": (
         "the step equations could not be solved, however short a part of the step was tried, or "

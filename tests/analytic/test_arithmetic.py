@@ -6,7 +6,14 @@ import pytest
 
 from swim_env.physics.runtime.compile import entry_kernel
 from swim_env.physics.runtime.dense import multiply
-from swim_env.physics.runtime.elementary import SMALL_ANGLE, atan2, cos_small, log, sin_small
+from swim_env.physics.runtime.elementary import (
+    SMALL_ANGLE,
+    atan2,
+    cos_small,
+    log,
+    log_quotient,
+    sin_small,
+)
 from tests.support import Array
 
 
@@ -14,6 +21,12 @@ from tests.support import Array
 def _logs(x: Array, out: Array) -> None:
     for i in range(x.size):
         out[i] = log(x[i])
+
+
+@entry_kernel
+def _log_quotients(s: Array, d: Array, out: Array) -> None:
+    for i in range(s.size):
+        out[i] = log_quotient(s[i], d[i])
 
 
 @entry_kernel
@@ -57,6 +70,25 @@ def test_logarithm_over_all_magnitudes_and_next_to_one():
     _logs(x, out)
     assert out[-1] == 0.0
     assert units_off(out[:-1], [mpmath.log(mpmath.mpf(float(v))) for v in x[:-1]]) < 2.0
+
+
+def test_logarithm_of_quotients_from_small_to_nearly_infinite():
+    random = np.random.default_rng(4)
+    s = 10.0 ** random.uniform(-12, 12, 1000)
+    share = np.concatenate(
+        [10.0 ** random.uniform(-12, 0, 500), random.uniform(0.0, 1.0, 499), [0]]
+    )
+    d = share * s
+    out = np.empty_like(s)
+    _log_quotients(s, d, out)
+    pairs = [(mpmath.mpf(float(a)), mpmath.mpf(float(b))) for a, b in zip(s, d, strict=True)]
+    exact = [mpmath.log((a + b) / (a - b)) for a, b in pairs]
+    assert out[-1] == 0.0
+    # The sum and the difference are rounded, which is worth a unit each where the result is 0.4.
+    assert units_off(out[:-1], exact[:-1]) < 5.0
+    # On an edge it is finite, and what is not finite stays so.
+    _log_quotients(np.array([2.0, np.nan]), np.array([2.0, 1.0]), out[:2])
+    assert 35.0 < out[0] < 45.0 and np.isnan(out[1])
 
 
 def test_angle_in_all_quadrants_and_on_the_axes():

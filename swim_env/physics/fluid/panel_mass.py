@@ -57,7 +57,7 @@ def _part_end_of_chain(last: int, inverse: Array, layers: Array) -> None:
 
 
 @kernel
-def _largest_column_sum(count: int, matrix: Array) -> float:
+def largest_column_sum(count: int, matrix: Array) -> float:
     """Return the 1-norm of the first rows and columns, as many as count."""
     largest = 0.0
     for j in range(count):
@@ -82,10 +82,10 @@ def invert_influence(count: int, chained: bool, fluid: FluidConstants, work: Flu
             if invert_in_order(work.inverse, SMALLEST_PIVOT):
                 break
         else:
-            before = _largest_column_sum(count, work.inverse)
+            before = largest_column_sum(count, work.inverse)
             if not invert(work.inverse, work.permutation):
                 return INFLUENCE_SINGULAR
-            condition = before * _largest_column_sum(count, work.inverse)
+            condition = before * largest_column_sum(count, work.inverse)
             if not condition <= LARGEST_CONDITION:
                 return INFLUENCE_SINGULAR
     return FINE

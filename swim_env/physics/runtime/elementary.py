@@ -3,7 +3,7 @@
 The compiler turns a loop with ``math.log`` or ``math.atan2`` into one library call per number.
 These are made of arithmetic, selects and bit casts only. The polynomials of logarithm and arc
 tangent are minimax fits (relative error below 2e-18 before rounding) of ``2 atanh(s)/s`` on the
-range that remains after the power of two is split off, and of ``atan(a)/a`` on
+ranges that remain after the power of two is split off, and of ``atan(a)/a`` on
 ``|a| <= tan(pi/8)``. Sine and cosine of small angles are their power series.
 """
 
@@ -33,6 +33,7 @@ _MANTISSA_BITS = 0x000FFFFFFFFFFFFF
 # An integer below 2^52 put under these exponent bits reads as 2^52 plus the integer.
 _TWO_52_BITS = 0x4330000000000000
 _TWO_52 = 4503599627370496.0
+_HALF_EXPONENT_BITS = 1 << 51
 
 
 @intrinsic
@@ -84,6 +85,32 @@ def log(x: float) -> float:
     series = series * z + 0.66666666666667652707
     # 2 s + s^3 (...) keeps the last digits of small logarithms; ln 2 comes in two parts.
     result: float = power * _LN2_HIGH + (2.0 * s + (s * z * series + power * _LN2_LOW))
+    return result
+
+
+@kernel
+def log_quotient(s: float, d: float) -> float:
+    """Return ln((s + d)/(s - d)) of finite numbers 0 <= d < s, to its last digits where d << s.
+
+    Where rounding has left nothing of s - d, it is taken as 1e-17 s.
+    """
+    numerator = s + d
+    denominator = max(s - d, 1e-17 * s)
+    # Without the power of two nearest to it the quotient is within a factor 2^(+-0.59) of 1.
+    power = (_bits_of(numerator) - _bits_of(denominator) + _HALF_EXPONENT_BITS) >> 52
+    scaled = _float_of((power + 1023) << 52) * denominator
+    a = (d + d if power == 0 else numerator - scaled) / (numerator + scaled)
+    z = a * a
+    series = 0.13629110721861268
+    series = series * z + 0.13207080082069364
+    series = series * z + 0.1538900212516573
+    series = series * z + 0.18181734246400322
+    series = series * z + 0.2222222309164114
+    series = series * z + 0.2857142856701462
+    series = series * z + 0.40000000000008523
+    series = series * z + 0.6666666666666666
+    exponent = _float_of((power + 1023) | _TWO_52_BITS) - _TWO_52 - 1023.0
+    result: float = exponent * _LN2_HIGH + (2.0 * a + (a * z * series + exponent * _LN2_LOW))
     return result
 
 

@@ -62,8 +62,9 @@ class Linked:
             raise RuntimeError(f"{self.name} is compiled for other kernels to call, not for Python")
         if self._address[0] == 0:
             raise RuntimeError(
-                f"{self.name} was called before it was loaded; call "
-                "swim_env.physics.loading.load_kernels() first"
+                f"{self.name} was called before it was loaded; call load_kernels of "
+                "swim_env.physics.loading first, or load_spatial_kernels of "
+                "swim_env.physics.spatial.loading"
             )
 
     def type_of_call(self, arguments: tuple[Any, ...]) -> Any:

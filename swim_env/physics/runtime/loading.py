@@ -1,0 +1,177 @@
+"""Loads groups of compiled kernels, in one order; separate processes compile them.
+
+Two entry points that share a callee both bring a copy of it, and a process binds both to the copy
+that came first. Copies may differ in the last bit, because the compiler contracts products and
+sums differently in different surroundings. For results to be the same to the bit in every process,
+kernels are therefore always taken from the cache and always in the same order. A process that
+finds the cache empty has another one fill it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numba
+from filelock import FileLock, Timeout
+from numba.core import config as numba_config
+
+from swim_env.physics.runtime.cache import ForgivingCache, cache_folder, say, why_temporary
+
+Loads = list[Callable[[], None]]
+
+
+def linked(kernel: Any, *arguments: object) -> Callable[[], None]:
+    """Return what loads a kernel that others call at an address, with arguments like these."""
+    kernel.linked.declare(*arguments)
+    return kernel.linked.load  # type: ignore[no-any-return]
+
+
+def entry(kernel: Any, *arguments: object) -> Callable[[], None]:
+    """Return what loads a kernel that Python calls with arguments like these."""
+    return functools.partial(kernel.compile, tuple(map(numba.typeof, arguments)))
+
+
+class KernelGroup:
+    """Kernels that are needed together: all that others call at an address, or Python calls.
+
+    Parameters
+    ----------
+    module, attribute : str
+        Where the group is found.
+    name : str
+        What they are, for messages.
+    marker : str
+        File of the cache folder that says that all of them are there.
+    halves : callable
+        Returns what compiles each kernel or takes it from the cache, in two lists that take about
+        as long.
+    """
+
+    def __init__(
+        self,
+        module: str,
+        attribute: str,
+        name: str,
+        marker: str,
+        halves: Callable[[], tuple[Loads, Loads]],
+    ) -> None:
+        self._module = module
+        self._attribute = attribute
+        self._name = name
+        self._marker = marker
+        self._halves = halves
+
+    def load(self) -> None:
+        """Load every kernel; compile them first where that is needed.
+
+        It takes a fraction of a second where the cache is filled, and announces on stderr when it
+        is not. Of several processes that find it empty one compiles, and the others wait for it.
+        """
+        if numba_config.DISABLE_JIT:
+            say(
+                f"NUMBA_DISABLE_JIT is set: the {self._name} run as Python, a thousand times slower"
+            )
+            return
+        marker = cache_folder() / self._marker
+        if not marker.exists():
+            with self._alone():
+                if not marker.exists():
+                    self._fill_cache(marker)
+        self._load_all()
+
+    def compile_half(self, half: int) -> None:
+        """Compile the kernels of the first or the second half."""
+        for load in self._halves()[half]:
+            load()
+
+    def _load_all(self) -> None:
+        first, second = self._halves()
+        for load in (*first, *second):
+            load()
+
+    @contextlib.contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Wait while another process compiles into the same folder."""
+        lock = FileLock(cache_folder() / "lock")
+        try:
+            lock.acquire(blocking=False)
+        except Timeout:
+            say("another process compiles the physics kernels; waiting for it")
+            lock.acquire()
+        except (OSError, NotImplementedError):
+            # A file system without locks: each compiles for itself.
+            yield
+            return
+        try:
+            yield
+        finally:
+            lock.release()
+
+    def _fill_cache(self, marker: Path) -> None:
+        """Compile everything and leave a mark that all of it is there."""
+        start = time.perf_counter()
+        say(f"compiling the {self._name}, once for this version and machine (half a minute)")
+        filled = self._compile_in_own_processes()
+        self._load_all()
+        took = f"compiled in {time.perf_counter() - start:.0f} s"
+        if not filled:
+            # Results may then differ in the last bit from those of processes that load the cache.
+            say("a process that compiled kernels was lost; the next start tries again")
+        elif ForgivingCache.complaints:
+            say(f"{took} for this process only")
+        elif why_temporary():
+            say(
+                f"{took} for this process only, as {why_temporary()}; "
+                "NUMBA_CACHE_DIR may name a folder"
+            )
+        else:
+            try:
+                marker.touch()
+                say(f"{took}, kept in the kernel cache")
+            except OSError as error:
+                say(f"{took} for this process only: {error}")
+
+    def _compile_in_own_processes(self) -> bool:
+        """Fill the cache; return whether that went well.
+
+        Where no process can be started, this one compiles as it loads. Otherwise two processes
+        compile one half of the kernels each.
+        """
+        if not sys.executable:
+            return True
+        root = str(Path(__file__).parents[3])
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache_folder().parent)}
+        started = []
+        try:
+            for half in range(2):
+                code = (
+                    f"import sys; sys.path.append({root!r}); "
+                    f"from {self._module} import {self._attribute} as group; "
+                    f"group.compile_half({half})"
+                )
+                started.append(
+                    subprocess.Popen(
+                        [sys.executable, "-P", "-c", code],
+                        stdin=subprocess.DEVNULL,
+                        # What stops them stops this process as well, and it says so once.
+                        stderr=subprocess.DEVNULL,
+                        env=environment,
+                    )
+                )
+        except OSError:
+            pass
+        try:
+            return all([process.wait() == 0 for process in started])
+        except BaseException:
+            for process in started:
+                process.kill()
+                process.wait()
+            raise

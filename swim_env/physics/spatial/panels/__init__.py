@@ -1,0 +1,1 @@
+"""Panels on the surface of the spatial body: influence, added mass, shape derivative."""
