@@ -27,14 +27,16 @@ from swim_env.errors import (
     OutlineError,
     SceneError,
     SimulationEndedError,
+    SurfaceError,
     SwimError,
     TaskError,
     TorqueError,
     TrajectoryError,
 )
 from swim_env.physics import FLUID_MODELS
-from swim_env.scene import EFFECT_NAMES, Initial, Scene, load_scene, scene_names
+from swim_env.scene import EFFECT_NAMES, Initial, Scene, SpatialScene, load_scene, scene_names
 from swim_env.sim.simulator import Simulator, Snapshot
+from swim_env.sim.spatial.trajectory import SpatialTrajectory
 from swim_env.sim.trajectory import Trajectory
 
 __version__ = "0.1.0"
@@ -67,7 +69,10 @@ __all__ = [
     "SimulationEndedError",
     "Simulator",
     "Snapshot",
+    "SpatialScene",
+    "SpatialTrajectory",
     "StationTask",
+    "SurfaceError",
     "SwimEnv",
     "SwimError",
     "SwimTargetEnv",

@@ -6,6 +6,8 @@ so through the same compiled code: a body moves the same to the bit whichever of
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,7 +27,7 @@ from swim_env.physics.solve.state import (
     work_sizes,
 )
 from swim_env.physics.status import STATE_NOT_FINITE, TERMINATION_REASONS, describe
-from swim_env.scene import Initial, Scene
+from swim_env.scene import Initial, Scene, require_planar
 from swim_env.sim.constants import scene_constants
 from swim_env.sim.recorder import Recorder, trace_columns
 
@@ -57,39 +59,52 @@ class Bodies:
         Steps taken by the last advance, and 0 or the code of the reason for an early end.
     all_members : (M,) array of int
         The indices of all members.
+    coordinates_size, unknowns : int
+        Numbers of coordinates and of momenta, N + 2 of both.
     trace_columns : int
         Columns of a trace, see `swim_env.sim.recorder.trace_columns`.
     recorder : Recorder or None
         What keeps their steps, where the scene has the effect `recording`.
     """
 
+    # The kernels; another class of bodies has others that take the same.
+    _advance: Any = staticmethod(advance)
+    _energy_and_velocity: Any = staticmethod(energy_and_velocity)
+    _momentum_of_velocity: Any = staticmethod(momentum_of_velocity)
+    _record_columns = len(RECORD_NAMES)
+
     def __init__(self, scene: Scene, count: int = 1) -> None:
+        require_planar(scene, "a simulation")
         load_kernels()
-        self.scene = scene
         beam, fluid, solver = scene_constants(scene)
-        self._constants = pack_constants(beam, fluid, solver)
-        floats, integers = work_sizes(beam, fluid)
-        self._floats = aligned_zeros(count, floats)
-        self._integers = np.zeros((count, integers), dtype=np.int64)
-        self.unknowns = scene.beam.elements + 2
-        self.states: Array = np.zeros((count, state_size(scene.beam.elements)))
+        self.coordinates_size = self.unknowns = scene.beam.elements + 2
+        self.trace_columns = trace_columns(scene)
+        self._constants: Any = pack_constants(beam, fluid, solver)
+        sizes = work_sizes(beam, fluid)
+        self._allocate(scene, count, state_size(scene.beam.elements), sizes)
+
+    def _allocate(self, scene: Scene, count: int, state: int, work: tuple[int, int]) -> None:
+        self.scene = scene
+        self._floats = aligned_zeros(count, work[0])
+        self._integers = np.zeros((count, work[1]), dtype=np.int64)
+        self.states: Array = np.zeros((count, state))
         self.velocities: Array = np.zeros((count, self.unknowns))
         self.outcome = np.zeros((count, 2), dtype=np.int64)
         self.all_members = np.arange(count)
-        self._steps_column = steps_column(scene.beam.elements)
+        self._steps_column = steps_column(state)
         self.recorder = Recorder(scene, count) if scene.recording is not None else None
-        self.trace_columns = trace_columns(scene)
         self._no_trace = np.zeros((count, 0, self.trace_columns))
 
     @property
     def coordinates(self) -> Array:
         """Minimal coordinates (M, N + 2), a view: mean centre, angle of element 1, joint angles."""
-        return self.states[:, : self.unknowns]
+        return self.states[:, : self.coordinates_size]
 
     @property
     def momenta(self) -> Array:
         """Momenta (M, N + 2), a view: linear (kg m/s), and angular of every element (kg m^2/s)."""
-        return self.states[:, self.unknowns : 2 * self.unknowns]
+        first = self.coordinates_size
+        return self.states[:, first : first + self.unknowns]
 
     @property
     def steps_taken(self) -> Array:
@@ -106,15 +121,20 @@ class Bodies:
         Nothing changes but the member's work space. A SimulationEndedError says that the pose
         cannot be simulated.
         """
-        state: Array = np.zeros(self.states.shape[1])
-        state[: self.unknowns] = coordinates
-        state_views(state, self.scene.beam.elements)[0].inertia[:] = coordinates[3:]
+        state = self._state_at(coordinates)
         given = self.member(member)
-        _, status = energy_and_velocity(state, np.empty(self.unknowns), *given)
-        if not status and not np.isfinite(momentum_of_velocity(state, velocity, *given)):
+        _, status = self._energy_and_velocity(state, np.empty(self.unknowns), *given)
+        if not status and not np.isfinite(self._momentum_of_velocity(state, velocity, *given)):
             status = STATE_NOT_FINITE
         if status:
             raise ended(TERMINATION_REASONS[status], 0.0)
+        return state
+
+    def _state_at(self, coordinates: Array) -> Array:
+        """Return a state vector (S,) with these coordinates, at rest and without a past."""
+        state: Array = np.zeros(self.states.shape[1])
+        state[: self.unknowns] = coordinates
+        state_views(state, self.scene.beam.elements)[0].inertia[:] = coordinates[3:]
         return state
 
     def move_to(self, member: int, coordinates: Array, momenta: Array) -> None:
@@ -144,12 +164,13 @@ class Bodies:
         state it may raise a SimulationEndedError, which names a time (s).
         """
         velocity = np.zeros(self.unknowns)
-        energy, status = energy_and_velocity(self.states[member], velocity, *self.member(member))
+        given = self.member(member)
+        energy, status = self._energy_and_velocity(self.states[member], velocity, *given)
         if status:
             raise ended(TERMINATION_REASONS[status], time)
         return energy, velocity
 
-    def member(self, index: int) -> tuple[NDArray[np.void], Array, Array, Indices]:
+    def member(self, index: int) -> tuple[Any, ...]:
         """Return what kernels take of one member: the scene's constants and its work space."""
         return (*self._constants, self._floats[index], self._integers[index])
 
@@ -166,7 +187,7 @@ class Bodies:
 
     def new_record(self, steps: int) -> Array:
         """Return an array for `advance` to write to: (M, steps, 12), columns RECORD_NAMES."""
-        return np.zeros((len(self.states), steps, len(RECORD_NAMES)))
+        return np.zeros((len(self.states), steps, self._record_columns))
 
     def advance(
         self,
@@ -189,7 +210,7 @@ class Bodies:
             traced = self.recorder.room(record.shape[1])
 
         def run(some: Indices) -> None:
-            advance(
+            self._advance(
                 some,
                 self.states,
                 torques,

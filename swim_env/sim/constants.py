@@ -15,9 +15,9 @@ from swim_env.scene.fluid import NO_FLUID
 
 #: Time that an outer step may take before it ends unsolved (s), by rough figures of the costs: a
 #: core that is shared takes twice as long, and has to be done within a second.
-_LONGEST_STEP = 0.4
+LONGEST_STEP = 0.4
 #: Smallest scale of a step's residual, in `momentum_units`.
-_SMALLEST_SCALE = 1e-3
+SMALLEST_SCALE = 1e-3
 
 
 def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, SolverConstants]:
@@ -50,8 +50,8 @@ def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, Solver
             scene.integrator.strain != "averaged_directors",
             scene.integrator.strain == "joint_angle",
             beam.half_thickness if scene.self_contact else 0.0,
-            _SMALLEST_SCALE * momentum,
-            _SMALLEST_SCALE * spin,
+            SMALLEST_SCALE * momentum,
+            SMALLEST_SCALE * spin,
         ),
         fluid_constants(
             fluid.model,
@@ -62,16 +62,20 @@ def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, Solver
             drag=0.5 * density * drag.coefficient if drag else 0.0,
             stream=stream.velocity if stream else (0.0, 0.0),
         ),
-        SolverConstants(
-            scene.integrator.time_step,
-            scene.integrator.tolerance,
-            *_costs(scene),
-            scene.integrator.scheme == "composed",
-            scene.internal_forces is not None,
-            scene.integrator.energy_tolerance
-            if scene.integrator.energy_excess == "end"
-            else np.inf,
-        ),
+        solver_constants(scene, _costs(scene)),
+    )
+
+
+def solver_constants(scene: Scene, costs: tuple[float, float, float]) -> SolverConstants:
+    """Return the integrator's constants; the costs are those of `SolverConstants`."""
+    integrator = scene.integrator
+    return SolverConstants(
+        integrator.time_step,
+        integrator.tolerance,
+        *costs,
+        integrator.scheme == "composed",
+        scene.internal_forces is not None,
+        integrator.energy_tolerance if integrator.energy_excess == "end" else np.inf,
     )
 
 
@@ -92,7 +96,7 @@ def momentum_units(scene: Scene) -> tuple[float, float]:
 def _costs(scene: Scene) -> tuple[float, float, float]:
     """Return what a residual, an added mass and a matrix take of the effort of a step.
 
-    A step may take `_LONGEST_STEP`, or as long as one attempt to solve it where this is longer. The
+    A step may take `LONGEST_STEP`, or as long as one attempt to solve it where this is longer. The
     times are rough (s on a core of 2023), and depend on sizes alone, so that results do not depend
     on the machine.
     """
@@ -109,5 +113,5 @@ def _costs(scene: Scene) -> tuple[float, float, float]:
     # In the second half of a composed step every evaluation needs the added mass of a shape.
     shapes = 8.0 if scene.integrator.scheme == "composed" else 2.0
     attempt = shapes * added_mass + 3.0 * matrix + 12.0 * residual
-    budget = max(_LONGEST_STEP, attempt)
+    budget = max(LONGEST_STEP, attempt)
     return residual / budget, added_mass / budget, matrix / budget

@@ -5,16 +5,17 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swim_env.errors import OptionError, SwimError, TorqueError
+from swim_env.errors import OptionError, SceneError, SwimError, TorqueError
 from swim_env.physics.fluid.outline import LENGTH
 from swim_env.physics.fluid.sources import normal_influence
 from swim_env.physics.invariants import momentum_map
 from swim_env.physics.planar.chain import centres
-from swim_env.physics.solve.state import RECORD_NAMES, energy_drift_of
+from swim_env.physics.solve.state import energy_drift_of
 from swim_env.physics.status import TERMINATION_REASONS
 from swim_env.scene import Initial, Scene, load_scene
 from swim_env.scene.checks import checked_option, got, real
@@ -70,12 +71,51 @@ class Simulator:
     True
     """
 
+    scene: Scene
+    _bodies: Any
+
+    def __new__(cls, *arguments: Any, **options: Any) -> Simulator:
+        """Make the simulator that the scene's dimension calls for."""
+        given = [*arguments, *options.values()]
+        # A class based on this one is made as it is, and so is a copy, which has no arguments.
+        if cls is not Simulator or len(given) != 1:
+            return super().__new__(cls)
+        scene = load_scene(given[0])
+        if scene.dimension == 3:
+            from swim_env.sim.spatial.simulator import SpatialSimulator
+
+            cls = SpatialSimulator
+        simulator = super().__new__(cls)
+        simulator.scene = scene
+        return simulator
+
     def __init__(self, scene: Scene | str | os.PathLike[str]) -> None:
-        self.scene = load_scene(scene)
-        self._bodies = Bodies(self.scene)
+        # Where it was loaded to choose the class, a file is not read again.
+        self.scene = vars(self).get("scene") or load_scene(scene)
+        self._bodies = self._make_bodies()
         self._record = self._bodies.new_record(1)
         self._reason = ""
         self.reset()
+
+    # ---- what differs in space -------------------------------------------------------------------
+
+    def _make_bodies(self) -> Any:
+        return Bodies(self.scene)
+
+    @property
+    def _joint_shape(self) -> tuple[int, ...]:
+        """Shape of the torques of one step."""
+        return (self.elements - 1,)
+
+    def _start(self, initial: Any) -> tuple[Array, Array]:
+        """Return coordinates and velocity of an initial state."""
+        return minimal_start(self.scene, initial)
+
+    def _trajectory(
+        self, first: int, energy: float, trace: Array, torques: Array, record: Array
+    ) -> Any:
+        """Return the run of steps that a trace (T + 1, C) holds."""
+        return trajectory_of(self.scene, self._reason, first, energy, trace, torques, record)
 
     @property
     def _state(self) -> Array:
@@ -113,7 +153,8 @@ class Simulator:
     @property
     def coordinates(self) -> Array:
         """Minimal coordinates (N + 2,): mean centre (m), angle of element 1, joint angles (rad)."""
-        return self._state[: self.elements + 2].copy()
+        coordinates: Array = self._bodies.coordinates[0].copy()
+        return coordinates
 
     @property
     def joint_angles(self) -> Array:
@@ -149,7 +190,7 @@ class Simulator:
 
         This does not fail: no state is reached at which it cannot be computed.
         """
-        return self._bodies.energy_and_velocity(0)[0]
+        return float(self._bodies.energy_and_velocity(0)[0])
 
     def velocity(self) -> Array:
         """Return M(q_n)^-1 p_n, (N + 2,).
@@ -159,7 +200,7 @@ class Simulator:
         (N + 2,) array
             Velocity of the mean centre (m/s) and turning rate of every element (rad/s).
         """
-        return self._bodies.energy_and_velocity(0)[1]
+        return np.asarray(self._bodies.energy_and_velocity(0)[1])
 
     def energy_drift(self) -> float:
         """Return the largest unexplained energy of all steps since the start.
@@ -171,7 +212,7 @@ class Simulator:
             scene's ``integrator.energy_tolerance`` the run should not be trusted; a smaller time
             step, the composed scheme or damping helps.
         """
-        return energy_drift_of(self._state, self.elements)
+        return energy_drift_of(self._state)
 
     def panel_condition(self) -> float:
         """Return the condition of the panels' normal influence G at the present shape.
@@ -207,12 +248,20 @@ class Simulator:
         Raises
         ------
         SceneError
-            If the initial state does not fit the beam or breaks inextensibility.
+            If the initial state is one of another dimension, does not fit the beam or breaks
+            inextensibility.
         SimulationEndedError
             If the initial pose cannot be simulated.
         """
-        start = minimal_start(self.scene, self.scene.initial if initial is None else initial)
-        self.reset_to(*start)
+        chosen, kind = (
+            self.scene.initial if initial is None else initial,
+            self.scene._blocks["initial"],
+        )
+        if not isinstance(chosen, kind):
+            raise SceneError(
+                f"initial must be of class {kind.__name__}, got {type(chosen).__name__}"
+            )
+        self.reset_to(*self._start(chosen))
 
     def reset_to(self, coordinates: ArrayLike, velocity: ArrayLike) -> None:
         """Go to a start given in minimal coordinates, at time zero.
@@ -232,12 +281,12 @@ class Simulator:
             If the pose cannot be simulated; the state is as before.
         """
         given = []
-        for name, value in (("coordinates", coordinates), ("velocity", velocity)):
+        pairs = (("coordinates", coordinates), ("velocity", velocity))
+        sizes = (self._bodies.coordinates_size, self._bodies.unknowns)
+        for (name, value), size in zip(pairs, sizes, strict=True):
             array = np.array(value, dtype=np.float64)
-            if array.shape != (self.elements + 2,) or not np.isfinite(array).all():
-                raise SwimError(
-                    f"{name} must be {self.elements + 2} finite numbers, got {array.tolist()}"
-                )
+            if array.shape != (size,) or not np.isfinite(array).all():
+                raise SwimError(f"{name} must be {size} finite numbers, got {array.tolist()}")
             given.append(array)
         self._bodies.start(0, *given)
         self._reason = ""
@@ -259,7 +308,7 @@ class Simulator:
             If the step cannot be taken, or too much energy is unexplained after it
             (``energy_unexplained``); the state is the last one that was reached.
         """
-        held = self._checked(torques, 1)
+        held = self._checked(torques, many=False)
         self._refuse_after_end()
         self._bodies.advance(held[None], 1, self._record)
         status = int(self._bodies.outcome[0, 1])
@@ -281,7 +330,7 @@ class Simulator:
 
         Returns
         -------
-        Trajectory
+        Trajectory, in space SpatialTrajectory
             From the present state to the end, or to the last state that was reached; then
             `termination_reason` says why it ends there.
 
@@ -292,14 +341,14 @@ class Simulator:
         SimulationEndedError
             If the simulation had ended before.
         """
-        held = self._checked(torques, 2)
+        held = self._checked(torques, many=True)
         self._refuse_after_end()
-        n = self.elements + 2
+        n = self._bodies.coordinates_size + self._bodies.unknowns
         total = len(held)
         first, start = self.steps, self.energy()
         trace = np.empty((1, total + 1, self._bodies.trace_columns))
-        record = np.zeros((total, len(RECORD_NAMES)))
-        trace[0, 0, : 2 * n] = self._state[: 2 * n]
+        record = np.zeros((total, self._record.shape[-1]))
+        trace[0, 0, :n] = self._state[:n]
         taken = 0
         while taken < total and not self._reason:
             chunk = slice(taken, min(total, taken + _CHUNK) if progress else total)
@@ -312,9 +361,8 @@ class Simulator:
             if progress:
                 progress(steps)
         traced = trace[0, : taken + 1]
-        return trajectory_of(
-            self.scene, self._reason, first, start, traced, held[:taken], record[:taken]
-        )
+        run: Trajectory = self._trajectory(first, start, traced, held[:taken], record[:taken])
+        return run
 
     def recorded(self) -> Trajectory:
         """Return the trajectory of all steps since the start, of a scene with the effect recording.
@@ -332,10 +380,11 @@ class Simulator:
         if self._reason:
             raise ended(self._reason, self.time)
 
-    def _checked(self, torques: ArrayLike, dimensions: int) -> Array:
-        """Return torques as a contiguous (T, N - 1) array of finite numbers."""
-        joints = self.elements - 1
-        wanted = f"({joints},)" if dimensions == 1 else f"(T, {joints})"
+    def _checked(self, torques: ArrayLike, many: bool) -> Array:
+        """Return torques of one or many steps as a contiguous array (T, ...) of finite numbers."""
+        step = self._joint_shape
+        inner = ", ".join(map(str, step))
+        wanted = f"(T, {inner})" if many else f"({inner}{',' * (len(step) == 1)})"
         try:
             given = np.asarray(torques)
             if given.dtype.kind not in "iuf":
@@ -345,16 +394,16 @@ class Simulator:
             raise TorqueError(
                 f"torques at t = {self.time:.6g} s must be numbers of shape {wanted}: {error}"
             ) from None
-        if held.ndim != dimensions or held.shape[-1] != joints:
+        if given.ndim != len(step) + many or given.shape[many:] != step:
             raise TorqueError(
                 f"torques at t = {self.time:.6g} s must have shape {wanted}, got {given.shape}"
             )
-        held = held.reshape(-1, joints)
+        held = held.reshape(-1, *step)
         if not np.isfinite(held).all():
-            row, joint = (int(i) for i in np.argwhere(~np.isfinite(held))[0])
+            row, joint, *axis = (int(i) for i in np.argwhere(~np.isfinite(held))[0])
             raise TorqueError(
-                f"torques must be finite, got {held[row, joint]} at joint {joint} for the step at "
-                f"t = {self.time + row * self.time_step:.6g} s"
+                f"torques must be finite, got {held[row, joint, *axis]} at joint {joint} for the "
+                f"step at t = {self.time + row * self.time_step:.6g} s"
             )
         return held
 
@@ -370,7 +419,7 @@ class Simulator:
             raise OptionError(f"steps must be a whole number, got {got(steps)}")
         steps = int(count)
         if self.scene.actuation is None:
-            return np.zeros((steps, self.elements - 1))
+            return np.zeros((steps, *self._joint_shape))
         into = 0.5 if self.scene.integrator.scheme == "composed" else 0.0
         times = (self.steps + np.arange(steps) + into) * self.time_step
         return self.scene.actuation.torques(times, self.scene.beam)

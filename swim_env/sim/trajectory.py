@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import zipfile
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -31,8 +32,10 @@ _READABLE = (2, FORMAT_VERSION)
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory:
-    """A run of T steps of one scene.
+class TrajectoryBase:
+    """A run of T steps of one scene: what runs in the plane and in space have in common.
+
+    Vectors have D = 2 components in the plane and 3 in space, momenta J = 3 and 6.
 
     Attributes
     ----------
@@ -42,17 +45,15 @@ class Trajectory:
         Why the run ended early, a key of `swim_env.TERMINATION_REASONS`; empty if it did not.
     time : (T + 1,) array
         Instants (s).
-    centres : (T + 1, N, 2) array
+    centres : (T + 1, N, D) array
         Element centres (m).
-    angles : (T + 1, N) array
-        Element angles (rad).
-    torques : (T, N - 1) array
+    torques : (T, N - 1) array, in space (T, N - 1, 3)
         Joint torques held over each step (N m).
-    momentum : (T + 1, 3) array
+    momentum : (T + 1, J) array
         Linear momentum (kg m/s) and angular momentum about the origin (kg m^2/s).
     energy : (T + 1,) array
         H(q_n, p_n) (J).
-    impulse : (T, 3) array
+    impulse : (T, J) array
         Linear and angular impulse of drag and stream in each step, in the units of `momentum`:
         the change of the momentum.
     work, positive_work, dissipated : (T,) arrays
@@ -68,18 +69,12 @@ class Trajectory:
         Parts that a step had to be cut into; 1 where it was solved whole.
     at_round_off : (T,) array
         1 where rounding kept the residual above the tolerance.
-    internal_forces : (T, N - 1, 2) array or None
-        Force (N) of the part behind a joint on the part in front of it, at the beginning of each
-        step, a mean over that step and the one before; NaN at the beginning of a run. None unless
-        the scene has the effect. It follows from the momentum balance of the elements, including
-        the fluid's impulse on an element's own panels.
     """
 
     scene: Scene
     termination_reason: str
     time: Array
     centres: Array
-    angles: Array
     torques: Array
     momentum: Array
     energy: Array
@@ -92,22 +87,31 @@ class Trajectory:
     parts: Array
     at_round_off: Array
     impulse: Array
-    internal_forces: Array | None = None
+
+    def _shapes(self) -> dict[str, tuple[int, ...]]:
+        """Return the shapes of the arrays that depend on the number of elements."""
+        raise NotImplementedError
+
+    @property
+    def heading_change(self) -> float:
+        """By how much the body has turned from the start to the end (rad)."""
+        raise NotImplementedError
 
     def __post_init__(self) -> None:
         """Check that the arrays are those of the scene's body (else TrajectoryError)."""
-        elements, steps = self.scene.beam.elements, len(np.atleast_1d(self.torques))
-        ends = {"centres": (elements, 2), "angles": (elements,), "torques": (elements - 1,)}
-        for key, end in ends.items():
+        for key, wanted in self._shapes().items():
             shape = np.shape(getattr(self, key))
-            if shape[1:] != end:
-                wanted = (steps + (key != "torques"), *end)
+            if shape[1:] != wanted[1:]:
                 raise TrajectoryError(
                     f"the trajectory's {key} must have shape {wanted} in scene {self.scene.name}, "
                     f"got {shape}"
                 )
 
     # ---- figures -------------------------------------------------------------------------------
+
+    @property
+    def _torque_rows(self) -> int:
+        return len(np.atleast_1d(self.torques))
 
     @property
     def steps(self) -> int:
@@ -121,27 +125,15 @@ class Trajectory:
 
     @property
     def path(self) -> Array:
-        """Path of the mean element centre, (T + 1, 2) (m)."""
+        """Path of the mean element centre, (T + 1, D) (m)."""
         mean: Array = self.centres.mean(axis=1)
         return mean
 
     @property
     def displacement(self) -> Array:
-        """Change of the mean element centre, (2,) (m)."""
+        """Change of the mean element centre, (D,) (m)."""
         net: Array = self.path[-1] - self.path[0]
         return net
-
-    @property
-    def heading_change(self) -> float:
-        """Change of the mean element angle (rad)."""
-        return float(self.angles[-1].mean() - self.angles[0].mean())
-
-    @property
-    def nodes(self) -> Array:
-        """Nodes of the centre line from head to tail, (T + 1, N + 1, 2) (m)."""
-        half = 0.5 * self.scene.beam.element_length
-        arms = half * np.stack([np.cos(self.angles), np.sin(self.angles)], axis=-1)
-        return np.concatenate([self.centres - arms, (self.centres + arms)[:, -1:]], axis=1)
 
     @property
     def unexplained_energy(self) -> Array:
@@ -150,7 +142,7 @@ class Trajectory:
 
     @property
     def unexplained_momentum(self) -> Array:
-        """Unexplained momentum since the start, (T + 1, 3) (kg m/s, kg m^2/s)."""
+        """Unexplained momentum since the start, (T + 1, J) (kg m/s, kg m^2/s)."""
         return unexplained_momentum(self.momentum, self.impulse)
 
     @property
@@ -178,8 +170,8 @@ class Trajectory:
         Returns
         -------
         dict
-            ``scene``; ``duration`` (s) and ``steps`` that were run; ``displacement`` [dx, dy] (m)
-            of the mean element centre, ``heading_change`` (rad), ``mean_speed``
+            ``scene``; ``duration`` (s) and ``steps`` that were run; ``displacement`` (m) of
+            the mean element centre, a list; ``heading_change`` (rad), ``mean_speed``
             |displacement|/duration (m/s); ``work``, ``positive_work``, ``dissipated`` (J);
             ``energy_drift``, the scene's ``energy_tolerance``, whether the run is ``trusted`` by
             it, and the ``warnings``; ``momentum_drift``; ``max_residual``;
@@ -188,7 +180,7 @@ class Trajectory:
             early).
         """
         steps = self.steps
-        speed = float(np.hypot(*self.displacement)) / self.duration if steps else 0.0
+        speed = float(np.linalg.norm(self.displacement)) / self.duration if steps else 0.0
         warnings = self.warnings()
         return {
             "scene": self.scene.name,
@@ -231,10 +223,8 @@ class Trajectory:
             "format_version": FORMAT_VERSION,
             "scene": self.scene.to_yaml(),
             "termination_reason": self.termination_reason,
-            **{name: getattr(self, name) for name in _ARRAYS},
+            **{name: getattr(self, name) for name in self._arrays()},
         }
-        if self.internal_forces is not None:
-            content["internal_forces"] = self.internal_forces
         try:
             write_atomically(path, lambda file: np.savez_compressed(file, **content))
         except (OSError, ValueError) as error:
@@ -244,8 +234,8 @@ class Trajectory:
             ) from None
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Trajectory:
-        """Read a trajectory that `save` wrote.
+    def load(cls, path: str | os.PathLike[str]) -> Any:
+        """Read a trajectory that `save` wrote: a `Trajectory`, or in space a `SpatialTrajectory`.
 
         Raises
         ------
@@ -273,10 +263,7 @@ class Trajectory:
             ) from None
         if content.get("format_version", np.array(0)).tolist() == 2 and "torques" in content:
             content["impulse"] = np.zeros((len(content["torques"]), 3))
-        wanted = ("format_version", "scene", "termination_reason", *_ARRAYS)
-        missing = [key for key in wanted if key not in content]
-        if missing:
-            raise TrajectoryError(f"not a trajectory file, it lacks {', '.join(missing)} ({name})")
+        _require(("format_version", "scene", "termination_reason"), content, name)
         version = content["format_version"].tolist()
         if version not in _READABLE:
             raise TrajectoryError(
@@ -291,37 +278,39 @@ class Trajectory:
             scene = Scene.from_dict(data, name)
         except SceneError as error:
             raise TrajectoryError(f"the trajectory's scene is not valid: {error}") from None
+        kind = TRAJECTORIES[scene.dimension]
+        wanted = kind._names(scene)
+        _require(wanted, content, name)
         try:
-            arrays = {
-                key: np.asarray(content[key], dtype=np.float64)
-                for key in (*_ARRAYS, "internal_forces")
-                if key in content
-            }
+            arrays = {key: np.asarray(content[key], dtype=np.float64) for key in wanted}
         except (TypeError, ValueError) as error:
             raise TrajectoryError(f"the trajectory holds no numbers: {error} ({name})") from None
-        if scene.internal_forces is not None and "internal_forces" not in arrays:
-            raise TrajectoryError(f"not a trajectory file, it lacks internal_forces ({name})")
         try:
-            trajectory = cls(scene=scene, termination_reason=reason, **arrays)
+            trajectory = kind(scene=scene, termination_reason=reason, **arrays)
             trajectory._check_shapes()
             return trajectory
         except TrajectoryError as error:
             raise TrajectoryError(f"{error} ({name})") from None
 
+    @classmethod
+    def _names(cls, scene: Scene) -> list[str]:
+        """Return the names of the arrays that a scene's run has."""
+        return [one.name for one in fields(cls) if one.name not in ("scene", "termination_reason")]
+
+    def _arrays(self) -> list[str]:
+        """Return the names of the arrays that there are."""
+        return [name for name in self._names(self.scene) if getattr(self, name) is not None]
+
     def _check_shapes(self) -> None:
-        elements = self.scene.beam.elements
-        steps = len(np.atleast_1d(self.torques))
-        shapes = dict.fromkeys(_ARRAYS, (steps,)) | {
+        steps = self._torque_rows
+        momenta = 3 * self.scene.dimension - 3
+        shapes: dict[str, tuple[int, ...]] = dict.fromkeys(self._arrays(), (steps,)) | {
+            **self._shapes(),
             "time": (steps + 1,),
-            "centres": (steps + 1, elements, 2),
-            "angles": (steps + 1, elements),
-            "torques": (steps, elements - 1),
-            "momentum": (steps + 1, 3),
             "energy": (steps + 1,),
-            "impulse": (steps, 3),
+            "momentum": (steps + 1, momenta),
+            "impulse": (steps, momenta),
         }
-        if self.internal_forces is not None:
-            shapes["internal_forces"] = (steps, elements - 1, 2)
         for key, shape in shapes.items():
             found = getattr(self, key).shape
             if found != shape:
@@ -330,8 +319,62 @@ class Trajectory:
                 )
 
 
-_ARRAYS = tuple(
-    field.name
-    for field in fields(Trajectory)
-    if field.name not in ("scene", "termination_reason", "internal_forces")
-)
+TRAJECTORIES: dict[int, type[TrajectoryBase]] = {}
+"""The class of runs by the dimension of their scenes."""
+
+
+def _require(names: Iterable[str], content: Mapping[str, object], file: str) -> None:
+    """Refuse a file that lacks some entries."""
+    missing = [name for name in names if name not in content]
+    if missing:
+        raise TrajectoryError(f"not a trajectory file, it lacks {', '.join(missing)} ({file})")
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory(TrajectoryBase):
+    """A run of T steps of a scene in the plane; see `TrajectoryBase` for what is not said here.
+
+    Attributes
+    ----------
+    angles : (T + 1, N) array
+        Element angles (rad).
+    internal_forces : (T, N - 1, 2) array or None
+        Force (N) of the part behind a joint on the part in front of it, at the beginning of each
+        step, a mean over that step and the one before; NaN at the beginning of a run. None unless
+        the scene has the effect. It follows from the momentum balance of the elements, including
+        the fluid's impulse on an element's own panels.
+    """
+
+    angles: Array
+    internal_forces: Array | None = None
+
+    def _shapes(self) -> dict[str, tuple[int, ...]]:
+        elements, steps = self.scene.beam.elements, self._torque_rows
+        shapes: dict[str, tuple[int, ...]] = {
+            "centres": (steps + 1, elements, 2),
+            "angles": (steps + 1, elements),
+            "torques": (steps, elements - 1),
+        }
+        if self.internal_forces is not None:
+            shapes["internal_forces"] = (steps, elements - 1, 2)
+        return shapes
+
+    @classmethod
+    def _names(cls, scene: Scene) -> list[str]:
+        names = super()._names(scene)
+        return names if scene.internal_forces is not None else names[:-1]
+
+    @property
+    def heading_change(self) -> float:
+        """Change of the mean element angle (rad)."""
+        return float(self.angles[-1].mean() - self.angles[0].mean())
+
+    @property
+    def nodes(self) -> Array:
+        """Nodes of the centre line from head to tail, (T + 1, N + 1, 2) (m)."""
+        half = 0.5 * self.scene.beam.element_length
+        arms = half * np.stack([np.cos(self.angles), np.sin(self.angles)], axis=-1)
+        return np.concatenate([self.centres - arms, (self.centres + arms)[:, -1:]], axis=1)
+
+
+TRAJECTORIES[2] = Trajectory

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from swim_env import OptionError, Simulator, load_scene, natural_frequencies
+from swim_env import OptionError, Scene, Simulator, load_scene, natural_frequencies
 from tests.support import run_python
 
 #: beta l of the bending modes of a free-free beam.
@@ -67,3 +67,31 @@ def test_drive_damping_stream_and_start_do_not_matter() -> None:
 def test_to_import_it_loads_no_scipy() -> None:
     code = "import sys, swim_env; print({'scipy.linalg', 'scipy.integrate'} & set(sys.modules))"
     assert run_python("-c", code).out == "set()\n"
+
+
+def test_modes_in_space_are_those_of_the_fish_that_the_specification_measured():
+    # Lateral, second lateral, dorsoventral ..., torsion; with strips.
+    found = natural_frequencies(load_scene("fish_3d"), 24)
+    assert len(found) == 24
+    assert [found[0], found[2], found[4]] == pytest.approx([1.91, 6.1, 14.4], rel=0.01)
+
+
+def test_a_body_in_space_has_the_modes_of_the_plane():
+    # Without a fluid, with the same mass, rotary inertia and stiffness about d2.
+    changes = {"beam.line_density": 0.31, "beam.rotary_inertia": 7.8e-6, "damping": None}
+    planar = load_scene("paper_i", {**changes, "fluid": None})
+    section = {"profile": "uniform", "half_width": 0.01, "half_height": 0.02}
+    beam = {
+        "elements": 9,
+        "section": section,
+        "line_density": 0.31,
+        "rotary_inertia_1": 7.8e-6,
+        "rotary_inertia_2": 3e-5,
+        "lateral_stiffness": 5.0,
+        "dorsoventral_stiffness": 80.0,
+        "torsional_stiffness": 900.0,
+    }
+    spatial = Scene.from_dict({"dimension": 3, "beam": beam})
+    found = natural_frequencies(spatial, 24)
+    for frequency in natural_frequencies(planar, 8):
+        assert np.abs(np.array(found) / frequency - 1.0).min() < 1e-9

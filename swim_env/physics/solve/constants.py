@@ -55,18 +55,16 @@ class SolverConstants(NamedTuple):
 
 
 _KINDS: dict[object, type] = {int: np.int64, float: np.float64, bool: np.bool_}
-_SCALARS = np.dtype(
-    [
-        (name, _KINDS[kind])
-        for name, kind in {
-            name: kind
-            for constants in (BeamConstants, FluidGeometry, FluidConstants, SolverConstants)
-            for name, kind in get_type_hints(constants).items()
-        }.items()
-        if kind in _KINDS
-    ],
-    align=True,
-)
+
+
+def record_of_scalars(*classes: type) -> np.dtype[np.void]:
+    """Return the record of all numbers and flags that classes of constants have, by name."""
+    kinds = {name: kind for one in classes for name, kind in get_type_hints(one).items()}
+    found = [(name, _KINDS[kind]) for name, kind in kinds.items() if kind in _KINDS]
+    return np.dtype(found, align=True)
+
+
+_SCALARS = record_of_scalars(BeamConstants, FluidGeometry, FluidConstants, SolverConstants)
 
 
 def pack_constants(
@@ -116,7 +114,14 @@ def unpack_constants(
         s["stream_x"],
         s["stream_y"],
     )
-    solver = SolverConstants(
+    return beam, fluid, unpack_solver(scalars)
+
+
+@shared
+def unpack_solver(scalars: NDArray[np.void]) -> SolverConstants:
+    """Return the constants of the integrator from a record of scalars."""
+    s = scalars[0]
+    return SolverConstants(
         s["time_step"],
         s["tolerance"],
         s["evaluation_cost"],
@@ -126,4 +131,3 @@ def unpack_constants(
         s["forces"],
         s["energy_tolerance"],
     )
-    return beam, fluid, solver

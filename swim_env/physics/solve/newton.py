@@ -37,12 +37,12 @@ Array = NDArray[np.float64]
 
 #: Newton's iterates keep within this turn (rad): the strain softens beyond, and wrong roots wait.
 TRUSTED_TURN = 1.0
-_MOST_ITERATIONS = 20
-_MOST_SHORTENINGS = 8
+MOST_ITERATIONS = 20
+MOST_SHORTENINGS = 8
 #: A residual within this multiple of the rounding of its terms counts as met.
 ROUND_OFF_MARGIN = 32.0
 #: But not one that is larger than this and than the tolerance.
-_LARGEST_ROUND_OFF = 1e-6
+LARGEST_ROUND_OFF = 1e-6
 
 # Passes of corrections with one matrix and the shape force held, and corrections in one of them.
 # Each at least halves the correction. The first pass ends where the residual has fallen by this
@@ -312,7 +312,7 @@ def newton_with_shortening(
     fresh = False
     renew = True
     size = 0.0
-    for _ in range(_MOST_ITERATIONS):
+    for _ in range(MOST_ITERATIONS):
         if renew:
             effort[0] += solver.matrix_cost
             if difference > 0.0 and not adjoint and fluid.varies:
@@ -334,7 +334,7 @@ def newton_with_shortening(
         length = 1.0
         accepted = False
         new_size = np.inf
-        for _ in range(_MOST_SHORTENINGS):
+        for _ in range(MOST_SHORTENINGS):
             if effort[0] > 1.0:
                 return False, norm, False
             for i in range(z.size):
@@ -353,7 +353,7 @@ def newton_with_shortening(
                 if new_size <= (1.0 - 0.25 * length) * size:
                     accepted = True
                     break
-                largest = max(solver.tolerance, _LARGEST_ROUND_OFF)
+                largest = max(solver.tolerance, LARGEST_ROUND_OFF)
                 if norm <= min(
                     ROUND_OFF_MARGIN * round_off_floor(balance.size, balance.scale), largest
                 ):

@@ -27,6 +27,7 @@ from swim_env.physics.runtime.dense import copy
 from swim_env.physics.solve.budget import keep_budget
 from swim_env.physics.solve.constants import SolverConstants
 from swim_env.physics.solve.forces import add_momenta, begin_forces, find_forces
+from swim_env.physics.solve.history import extrapolate, remember
 from swim_env.physics.solve.newton import newton_in_passes, newton_with_shortening, turns_beyond
 from swim_env.physics.solve.prepare import energy_of_pose, prepare
 from swim_env.physics.solve.state import (
@@ -61,27 +62,8 @@ Array = NDArray[np.float64]
 LARGEST_TURN = 0.5
 #: A step is cut into at most 2**MOST_HALVINGS parts.
 MOST_HALVINGS = 10
-_WHOLE = 1 << MOST_HALVINGS
-
-
-@inlined
-def _extrapolate(
-    part: int, history: Array, shape_history: Array, counters: Array, increment: Array, shape: Array
-) -> None:
-    """Guess increment and shape force of a part from those before it.
-
-    Beyond h0 + h1 - h2 the stiff modes, which turn by many radians a step, are carried away.
-    """
-    ratio = part / counters[LAST_PART]
-    known = counters[KNOWN_INCREMENTS] if ratio == 1.0 else 1.0
-    for i in range(increment.size):
-        increment[i] = ratio * history[0, i]
-        if known == 3.0:
-            increment[i] += history[1, i] - history[2, i]
-    for k in range(shape.size):
-        shape[k] = ratio * ratio * shape_history[0, k]
-        if known == 3.0:
-            shape[k] += shape_history[1, k] - shape_history[2, k]
+#: Length of a whole step in the smallest parts.
+WHOLE = 1 << MOST_HALVINGS
 
 
 @embedded
@@ -114,7 +96,7 @@ def _solve_part(
         if start == 0:
             if state.counters[KNOWN_INCREMENTS] == 0.0:
                 continue
-            _extrapolate(
+            extrapolate(
                 part,
                 state.history,
                 state.shape_history,
@@ -276,28 +258,6 @@ def _loss_of_halves(h: float, step: OuterStep, velocity: Array) -> float:
     return loss
 
 
-@inlined
-def _move_on(
-    state: State, increment: Array, change: Array, shape: Array, total: Array, part: int
-) -> None:
-    """Add increment and change of the momentum to the state, and keep them for the next guess."""
-    for i in range(increment.size):
-        state.q[i] += increment[i]
-        state.p[i] += change[i]
-        total[i] += increment[i]
-        state.history[2, i] = state.history[1, i]
-        state.history[1, i] = state.history[0, i]
-        state.history[0, i] = increment[i]
-    for k in range(shape.size):
-        state.shape_history[2, k] = state.shape_history[1, k]
-        state.shape_history[1, k] = state.shape_history[0, k]
-        state.shape_history[0, k] = shape[k]
-    counters = state.counters
-    known = counters[KNOWN_INCREMENTS] if part == int(counters[LAST_PART]) else 0.0
-    counters[KNOWN_INCREMENTS] = min(known + 1.0, 3.0)
-    counters[LAST_PART] = part
-
-
 @embedded
 def outer_step(
     m: Member,
@@ -314,7 +274,7 @@ def outer_step(
     increment = newton.increment
     # A step that had to be cut is followed by one that starts with parts twice as long.
     last_part = int(counters[LAST_PART])
-    part = min(_WHOLE, 2 * last_part) if last_part > 0 else _WHOLE
+    part = min(WHOLE, 2 * last_part) if last_part > 0 else WHOLE
     done = 0
     record[:] = 0.0
     step.tally[:] = 0
@@ -341,20 +301,20 @@ def outer_step(
             if status == FINE and pending > 0.0:
                 record[DISSIPATED] += _loss_of_halves(pending, step, mass.velocity)
                 pending = 0.0
-            if status != FINE or done == _WHOLE:
+            if status != FINE or done == WHOLE:
                 break
             if not begun:
                 # What the first pose takes depends on what the work space remembers.
                 step.effort[0] = 0.0
                 begun = True
-        h = solver.time_step * (part / _WHOLE)
+        h = solver.time_step * (part / WHOLE)
         if solver.composed:
             h *= 0.5
             if not second:
                 _keep_part(state, step, forces, record)
                 if part != int(counters[LAST_PART]):
                     state.lag[:] = 0.0
-        if part < _WHOLE and step.effort[0] > 1.0:
+        if part < WHOLE and step.effort[0] > 1.0:
             status = STEP_NOT_SOLVED
             break
         outcome, norm, at_round_off = _solve_part(m, torques, h, part, adjoint, beam, fluid, solver)
@@ -386,7 +346,11 @@ def outer_step(
             add_momenta(h / solver.time_step, fluid.drag > 0.0, balance, drag, forces)
         if fluid.drag > 0.0 or fluid.stream_x != 0.0 or fluid.stream_y != 0.0:
             _drift(state, increment, h, fluid, pose, inc, drag, record)
-        _move_on(state, increment, balance.change, balance.shape, step.total, part)
+        for i in range(increment.size):
+            state.q[i] += increment[i]
+            state.p[i] += balance.change[i]
+            step.total[i] += increment[i]
+        remember(part, increment, balance.shape, state.history, state.shape_history, state.counters)
         copy(mass.shape if adjoint and fluid.varies else state.q[3:], state.inertia)
         record[RESIDUAL_MET] = max(record[RESIDUAL_MET], norm)
         record[AT_ROUND_OFF] = max(record[AT_ROUND_OFF], 1.0 if at_round_off else 0.0)
@@ -401,7 +365,7 @@ def outer_step(
         record[PARTS] += 1.0
         done += part
         # Once two halves have made a whole, try the longer part again.
-        if done < _WHOLE and done % (2 * part) == 0:
+        if done < WHOLE and done % (2 * part) == 0:
             part *= 2
     if status != FINE:
         copy(step.q, state.q)

@@ -30,7 +30,7 @@ Integers = NDArray[np.int64]
 #: start, work and losses explain, the largest energy, what was lost to damping and drag, and the
 #: largest that was not explained.
 STEPS, KNOWN_INCREMENTS, LAST_PART, EXPLAINED, LARGEST, LOST, UNEXPLAINED = range(7)
-_COUNTERS = 7
+COUNTERS = 7
 
 #: Columns of the record that `advance` writes for every step.
 RECORD_NAMES = (
@@ -90,7 +90,7 @@ class State(NamedTuple):
 def state_views(buffer: Array, elements: int) -> tuple[State, int]:
     """Lay a `State` over a vector; returns it and the vector's length."""
     rows, end = matrix(buffer, 0, 12, elements + 2)
-    counters, end = vector(buffer, end, _COUNTERS)
+    counters, end = vector(buffer, end, COUNTERS)
     state = State(
         *(rows[0], rows[1], rows[2:5], rows[5:8], rows[8:10], rows[10]),
         rows[11, : elements - 1],
@@ -104,14 +104,14 @@ def state_size(elements: int) -> int:
     return state_views(MEASURE, elements)[1]
 
 
-def energy_drift_of(state: Array, elements: int) -> float:
+def energy_drift_of(state: Array) -> float:
     """Return `swim_env.physics.invariants.energy_drift` of the steps since the start."""
-    return float(unexplained_share(state_views(state, elements)[0].counters))
+    return float(unexplained_share(state[-COUNTERS:]))
 
 
 @shared
 def unexplained_share(counters: Array) -> float:
-    """Return `energy_drift_of` from the counters of a state."""
+    """Return `energy_drift_of` from the counters of a state, with which it ends."""
     through = counters[LARGEST] + counters[LOST]
     if counters[UNEXPLAINED] == 0.0:
         return 0.0
@@ -120,9 +120,9 @@ def unexplained_share(counters: Array) -> float:
     return np.inf
 
 
-def steps_column(elements: int) -> int:
-    """Return the column of a state vector that counts the steps taken."""
-    return state_size(elements) - _COUNTERS + STEPS
+def steps_column(size: int) -> int:
+    """Return the column of a state vector, of that many, that counts the steps taken."""
+    return size - COUNTERS + STEPS
 
 
 #: Entries of `OuterStep.tally`.

@@ -1,0 +1,70 @@
+"""The states of one or many bodies in space of one scene, and the kernel calls that move them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swim_env.errors import SceneError
+from swim_env.physics.spatial.advance import advance_spatial, spatial_energy, spatial_momentum
+from swim_env.physics.spatial.invariants import centres_of, directors_of
+from swim_env.physics.spatial.layout import RECORD_SIZE, state_size
+from swim_env.physics.spatial.loading import load_spatial_kernels
+from swim_env.scene.spatial.initial import SpatialInitial
+from swim_env.scene.spatial.scene import SpatialScene
+from swim_env.sim.batch import Bodies
+from swim_env.sim.spatial.constants import spatial_constants
+
+Array = NDArray[np.float64]
+
+
+class SpatialBodies(Bodies):
+    """M bodies of one scene in space, see `Bodies` for what is not said here.
+
+    States are coordinates (4 N + 3), momenta (3 N + 3), see `swim_env.physics.spatial.chain`, and
+    what the predictor remembers. Velocities are (M, 3 N + 3): of the mean centre (m/s), and angular
+    ones of the elements in the axes of space (rad/s). Torques are (M, R, N - 1, 3), records have
+    9 columns.
+    """
+
+    _advance = staticmethod(advance_spatial)
+    _energy_and_velocity = staticmethod(spatial_energy)
+    _momentum_of_velocity = staticmethod(spatial_momentum)
+    _record_columns = RECORD_SIZE
+
+    def __init__(self, scene: SpatialScene, count: int = 1) -> None:
+        if scene.dimension != 3:
+            found = f"got {scene.name} of dimension {scene.dimension}"
+            raise SceneError(f"a simulation in space needs a scene of dimension 3, {found}")
+        load_spatial_kernels(scene.fluid is not None and scene.fluid.model == "panels")
+        elements = scene.beam.elements
+        self.coordinates_size, self.unknowns = 4 * elements + 3, 3 * elements + 3
+        self.trace_columns = self.coordinates_size + self.unknowns
+        self._constants, sizes = spatial_constants(scene)
+        self._allocate(scene, count, state_size(elements), sizes)
+
+    def _state_at(self, coordinates: Array) -> Array:
+        state: Array = np.zeros(self.states.shape[1])
+        state[: self.coordinates_size] = coordinates
+        return state
+
+
+def spatial_start(scene: SpatialScene, initial: SpatialInitial) -> tuple[Array, Array]:
+    """Return the minimal coordinates (4 N + 3,) and velocity (3 N + 3,) of an initial state.
+
+    A SceneError says that the initial state does not fit the beam.
+    """
+    elements = scene.beam.elements
+    rotations = initial.rotations(scene.beam)
+    q = np.zeros(4 * elements + 3)
+    # Element 1 lies along e_x, with d1 = e_y and d2 = e_z.
+    q[3:7] = 0.5
+    angle = np.linalg.norm(rotations, axis=1)
+    joints = q[7:].reshape(-1, 4)
+    joints[:, 0] = np.cos(0.5 * angle)
+    joints[:, 1:] = 0.5 * np.sinc(0.5 * angle / np.pi)[:, None] * rotations
+    directors, _ = directors_of(q)
+    # The head is at the origin.
+    ahead = centres_of(np.zeros(3), directors, scene.beam.element_length)
+    q[:3] = 0.5 * scene.beam.element_length * directors[0, :, 2] - ahead[0]
+    return q, np.concatenate([initial.velocity, np.tile(initial.spin, elements)])
