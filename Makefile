@@ -71,11 +71,12 @@ test: $(STAMP_DEV) ## set up and run the tests (under 6 minutes)
 test-slow: $(STAMP_DEV) ## set up and run the tests that take longer
 	$(PYTEST) -n $(WORKERS) -m slow --timeout 3600
 
-# Passes with a message while no test is marked (pytest's exit code 5).
+# Passes with a message while no test is marked (pytest's exit code 5). Tests of a module stay together: those
+# that compile a copy of the package would do it once for each worker.
 test-ci-slice: $(STAMP_DEV) ## set up and run the fixed-seed slices of the slow tests
 	@code=0; $(PYTEST) -m ci_slice --collect-only -qq >/dev/null 2>&1 || code=$$?; \
 	if [ $$code -eq 5 ]; then echo "no test is marked ci_slice"; else \
-	set -x; $(PYTEST) -n $(WORKERS) -m ci_slice --timeout 600; fi
+	set -x; $(PYTEST) -n $(WORKERS) --dist loadscope -m ci_slice --timeout 600; fi
 
 release: $(STAMP_DEV) ## set up, list stale studies, check speed and stored results (on an idle machine)
 	$(BIN)/python scripts/release.py

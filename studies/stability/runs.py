@@ -301,7 +301,7 @@ class _Watch:
         first, last = (math.fsum(one) for one in self._quarters)
         verdict.energy_ratio = last / first if first > 0.0 else 1.0
         # The kernels' own budget, and the end that they make of it.
-        kept = energy_drift_of(self._bodies.states[0], self._bodies.scene.beam.elements)
+        kept = energy_drift_of(self._bodies.states[0])
         own, allowed = verdict.energy_drift, max(tolerance, _LARGEST_ROUND_OFF)
         ends = self._integrator.energy_excess == "end" and not verdict.trusted
         # The state that is left is one to continue from, or at least to look at.

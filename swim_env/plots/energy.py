@@ -41,6 +41,7 @@ def draw_energy(
         With which the runs started, see `swim_env.analysis.energy.split_energy`. Without, the
         kinetic energy is not split between body and fluid.
     """
+    style.require_planar_runs(trajectories)
     style.require_steps(trajectories)
     figure = style.new_figure(style.WIDTH, 5.4)
     axes = figure.subplots(3, len(trajectories), height_ratios=(1.2, 1.2, 0.8), squeeze=False)

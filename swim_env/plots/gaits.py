@@ -74,6 +74,7 @@ def draw_paths(
 
     They have the same start; the goals, (2,) each, are targets (m).
     """
+    style.require_planar_runs(trajectories)
     names, goals = list(trajectories), goals or {}
     looks = style.policy_looks(names)
     seen = [_from_start(run, run.path) for run in trajectories.values()]
@@ -151,6 +152,7 @@ def draw_gaits(
 
     The gaits are `Gait.to_dict` of each policy's, or None.
     """
+    style.require_planar_runs(trajectories)
     figure = style.new_figure(style.WIDTH, 0.9 + 1.05 * len(trajectories))
     looks = style.policy_looks(trajectories)
     grid = figure.add_gridspec(len(trajectories), 3, width_ratios=(1.25, 1.25, 0.8))

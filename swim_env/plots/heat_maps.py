@@ -10,15 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.plots import style
-from swim_env.sim.trajectory import Trajectory
+from swim_env.sim.trajectory import Trajectory, TrajectoryBase
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
     from matplotlib.image import AxesImage
 
-__all__ = ["curvature", "draw_kymographs", "draw_map", "draw_torques", "draw_wave_search", "tail"]
+__all__ = [
+    "add_bar",
+    "curvature",
+    "draw_kymographs",
+    "draw_map",
+    "draw_torques",
+    "draw_wave_search",
+    "tail",
+]
 
 Array = NDArray[np.float64]
 
@@ -39,12 +47,14 @@ def draw_kymographs(trajectories: Mapping[str, Trajectory], seconds: float | Non
 
     Stripes that lean are waves that travel along the body, upright ones are standing waves.
     """
+    style.require_planar_runs(trajectories)
     maps = {name: curvature(run)[1:] for name, run in trajectories.items()}
     return _draw_maps(trajectories, maps, seconds, "curvature (1/m)", "1/m")
 
 
 def draw_torques(trajectories: Mapping[str, Trajectory], seconds: float | None = None) -> Figure:
     """Draw the torques of the joints over time, as `draw_kymographs` draws the curvature."""
+    style.require_planar_runs(trajectories)
     maps = {name: run.torques for name, run in trajectories.items()}
     return _draw_maps(trajectories, maps, seconds, "joint torque (N m)", "N m")
 
@@ -78,11 +88,11 @@ def _draw_maps(
             f"{name}, largest {float(np.abs(values).max()):.2g} {unit}",
             grid=False,
         )
-    _add_bar(figure, axes, image, label, aspect=30, pad=0.015)
+    add_bar(figure, axes, image, label, aspect=30, pad=0.015)
     return figure
 
 
-def draw_map(axes: Axes, run: Trajectory, values: Array, limit: float) -> AxesImage:
+def draw_map(axes: Axes, run: TrajectoryBase, values: Array, limit: float) -> AxesImage:
     """Draw values (K, N - 1) of a run's last steps and its joints as colours, -limit to limit."""
     end = float(run.time[-1])
     begin = end - len(values) * run.scene.integrator.time_step
@@ -98,7 +108,7 @@ def draw_map(axes: Axes, run: Trajectory, values: Array, limit: float) -> AxesIm
     )
 
 
-def tail(values: Array, run: Trajectory, seconds: float | None) -> Array:
+def tail(values: Array, run: TrajectoryBase, seconds: float | None) -> Array:
     """Return the rows of the last seconds of values (T, ...) of a run's steps, at least one."""
     shown = style.shown_seconds(run, seconds)
     return values[-max(1, round(shown / run.scene.integrator.time_step)) :]
@@ -126,7 +136,7 @@ def draw_wave_search(record: dict[str, Any]) -> Figure:
         vmax=largest,
         shading="nearest",
     )
-    _add_bar(figure, axes, image, "net displacement along the heading (body lengths)")
+    add_bar(figure, axes, image, "net displacement along the heading (body lengths)")
     wave = record["wave"]
     if wave is not None:
         axes.plot(
@@ -149,7 +159,9 @@ def draw_wave_search(record: dict[str, Any]) -> Figure:
     return figure
 
 
-def _add_bar(figure: Figure, axes: Any, image: ScalarMappable, label: str, **options: Any) -> None:
+def add_bar(
+    figure: Figure | SubFigure, axes: Any, image: ScalarMappable, label: str, **options: Any
+) -> None:
     """Add a labelled bar of an image's colours beside axes."""
     bar = figure.colorbar(image, ax=axes, **options)
     bar.set_label(label, fontsize=style.SMALL)

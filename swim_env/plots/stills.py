@@ -9,6 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swim_env.plots import style
+from swim_env.plots.spatial_stills import draw_spatial_path
+from swim_env.scene import require_planar
+from swim_env.sim.spatial.trajectory import SpatialTrajectory
 from swim_env.sim.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -33,7 +36,7 @@ _COVERED, _APART = 0.4, 0.06
 
 
 def draw_path(
-    trajectory: Trajectory,
+    trajectory: Trajectory | SpatialTrajectory,
     shapes: int = 6,
     name: str = "",
     target: ArrayLike | None = None,
@@ -43,11 +46,12 @@ def draw_path(
 
     Above, the centre line at equal intervals of time in the plane, with the normal director at
     every element's centre and the path of the mean centre; a slow swimmer covers its own track, so
-    its shapes are moved apart, downwards with time. Below, displacement and heading over time.
+    its shapes are moved apart, downwards with time. Below, displacement and heading over time. A
+    run in space is drawn from three sides, with its true sections and without a target.
 
     Parameters
     ----------
-    trajectory : Trajectory
+    trajectory : Trajectory or SpatialTrajectory
         The run.
     shapes : int
         Number of shapes, the first and the last instant among them.
@@ -56,6 +60,10 @@ def draw_path(
     target, radius : (2,) array_like, float, optional
         A point that was to be reached, and how close (m).
     """
+    if isinstance(trajectory, SpatialTrajectory):
+        if target is not None:
+            require_planar(trajectory.scene, "a picture with a target")
+        return draw_spatial_path(trajectory, shapes, name)
     figure = style.new_figure(style.WIDTH, 1.0)
     instants = np.unique(np.linspace(0, trajectory.steps, shapes).round().astype(int))
     colours = style.time_colours(len(instants))
@@ -99,20 +107,13 @@ def draw_path(
     )
     _draw_displacement(figure.add_subplot(rows[1, 0]), trajectory)
     _draw_heading(figure.add_subplot(rows[1, 1]), trajectory)
-    title = _title(trajectory, name) + (f"; shapes moved apart by {step:.2g} m" if step else "")
+    title = style.title_of(trajectory, name) + (
+        f"; shapes moved apart by {step:.2g} m" if step else ""
+    )
     figure.suptitle(style.literal(title), fontsize=style.SMALL + 1)
     # The limits of equal scales are known only now, and with them the widths of their numbers.
     figure.draw_without_rendering()
     return figure
-
-
-def _title(trajectory: Trajectory, name: str) -> str:
-    dx, dy = trajectory.displacement / trajectory.scene.beam.length
-    text = f"{name} on {trajectory.scene.name}" if name else trajectory.scene.name
-    text += f": {trajectory.duration:g} s, net displacement ({dx:+.3g}, {dy:+.3g}) body lengths"
-    if trajectory.termination_reason:
-        text += f", ended early: {trajectory.termination_reason}"
-    return text
 
 
 def _step_apart(trajectory: Trajectory, instants: NDArray[np.int64]) -> float:

@@ -17,12 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 from swim_env.colours import TORQUE_STOPS
 from swim_env.errors import SwimError, require_packages
 from swim_env.files.atomic import write_atomically
-from swim_env.sim.trajectory import Trajectory
+from swim_env.scene import require_planar
+from swim_env.sim.trajectory import Trajectory, TrajectoryBase
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.colors import LinearSegmentedColormap
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
     from matplotlib.legend import Legend
 
 BLACK, GREY, SILVER = "#000000", "#666666", "#999999"
@@ -40,6 +41,8 @@ WIDTH, SMALL, SMALLER = 8.0, 8, 7
 #: Widths of lines (points).
 THIN, LINE, THICK = 0.6, 1.3, 2.2
 _DOTS_PER_INCH = 150
+#: Displacements below this are rounding (body lengths).
+_NOTHING = 1e-12
 #: Frames of a moving picture that a still one shows of a run's end.
 _FRAMES_SHOWN = 50
 
@@ -106,7 +109,24 @@ def require_steps(trajectories: Mapping[str, Trajectory]) -> None:
         raise SwimError("there is nothing to draw: no trajectory, or one without steps")
 
 
-def shown_seconds(run: Trajectory, seconds: float | None) -> float:
+def require_planar_runs(trajectories: Mapping[str, TrajectoryBase]) -> None:
+    """Refuse runs in space for a picture that is of the plane only (SceneError)."""
+    for run in trajectories.values():
+        require_planar(run.scene, "this picture")
+
+
+def title_of(trajectory: TrajectoryBase, name: str) -> str:
+    """Return the title of a picture of one run of somebody, with how far it went."""
+    net = trajectory.displacement / trajectory.scene.beam.length
+    shown = ", ".join(f"{part:+.3g}" for part in np.where(np.abs(net) < _NOTHING, 0.0, net))
+    text = f"{name} on {trajectory.scene.name}" if name else trajectory.scene.name
+    text += f": {trajectory.duration:g} s, net displacement ({shown}) body lengths"
+    if trajectory.termination_reason:
+        text += f", ended early: {trajectory.termination_reason}"
+    return text
+
+
+def shown_seconds(run: TrajectoryBase, seconds: float | None) -> float:
     """Return how much of a run's end is shown (s), a second on the shipped scenes unless given."""
     return _FRAMES_SHOWN * run.scene.frame_interval if seconds is None else seconds
 
@@ -155,7 +175,7 @@ def literal(text: str) -> str:
     return text.replace("$", r"\$")
 
 
-def add_legend(axes: Axes | Figure, *entries: Any, **options: Any) -> Legend:
+def add_legend(axes: Axes | Figure | SubFigure, *entries: Any, **options: Any) -> Legend:
     """Add a legend in small letters, without a frame; the rest is matplotlib's."""
     return axes.legend(*entries, **{"fontsize": SMALLER, "frameon": False, **options})
 

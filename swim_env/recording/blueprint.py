@@ -13,7 +13,16 @@ from rerun.chunk import RrdReader
 from swim_env.colours import WATER
 from swim_env.recording.layout import Layout
 from swim_env.recording.legend import LEGEND_HEIGHT, LEGEND_WIDTH
-from swim_env.recording.schema import APPLICATION, DETAILS, LEGEND, REWARDS, TIMELINE, group_path
+from swim_env.recording.schema import (
+    APPLICATION,
+    LEGEND,
+    REWARDS,
+    SPATIAL_DETAILS,
+    TIMELINE,
+    group_path,
+    groups_of,
+)
+from swim_env.recording.spatial_blueprint import spatial_views
 
 __all__ = ["blueprint_of"]
 
@@ -25,7 +34,10 @@ _MARGIN = 0.35
 _ROOM = 0.45
 #: What plots of oscillations show before the present, and the room behind it (s).
 _BEFORE, _BEHIND = 3.0, 1.6
-_OSCILLATING = ("energy", "torques", "joint_angles", "momentum", "solver")
+_OSCILLATING = (
+    *("energy", "torques", "joint_angles", "momentum", "solver", "orientation"),
+    *("angular_momentum", *SPATIAL_DETAILS),
+)
 #: Joints up to which a plot of all of them has a legend.
 _NAMED_JOINTS = 10
 #: Marks that go with a swimmer in the view of the whole course.
@@ -54,7 +66,26 @@ class _KeptBlueprint(rrb.Blueprint):  # type: ignore[misc]  # rerun's types are 
 
 def blueprint_of(lanes: Sequence[Layout]) -> Any:
     """Return the blueprint of recordings whose swimmers are shown like these."""
-    wide = lanes[0].pressure is not None
+    if lanes[0].scene.dimension == 3:
+        wide = True
+        views, shares = spatial_views(lanes, _paths(lanes))
+    else:
+        wide = lanes[0].pressure is not None
+        views, shares = _planar_views(lanes)
+    legend = _plane(LEGEND, "Colours and arrows", [0.0, LEGEND_WIDTH], [0.0, LEGEND_HEIGHT])
+    left = rrb.Vertical(*views, legend, row_shares=[*shares, 0.75])
+    return _KeptBlueprint(
+        rrb.Horizontal(left, _plots(lanes), column_shares=[1.45 if wide else 1.2, 1.0]),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing", loop_mode="all"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _planar_views(lanes: Sequence[Layout]) -> tuple[list[Any], list[float]]:
+    """Return the views of the plane, and their shares of the height."""
     views, shares = [_following(lane) for lane in lanes], [3.0] * len(lanes)
     course, course_share = _course(lanes), 1.8
     if len(lanes) < 3:
@@ -66,16 +97,7 @@ def blueprint_of(lanes: Sequence[Layout]) -> Any:
             views, shares = [rrb.Grid(*views, course, grid_columns=2)], [rows]
         else:
             views, shares = [rrb.Grid(*views, grid_columns=2), course], [rows, course_share]
-    legend = _plane(LEGEND, "Colours and arrows", [0.0, LEGEND_WIDTH], [0.0, LEGEND_HEIGHT])
-    left = rrb.Vertical(*views, legend, row_shares=[*shares, 0.75])
-    return _KeptBlueprint(
-        rrb.Horizontal(left, _plots(lanes), column_shares=[1.45 if wide else 1.2, 1.0]),
-        rrb.BlueprintPanel(state="hidden"),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing", loop_mode="all"),
-        auto_views=False,
-        auto_layout=False,
-    )
+    return views, shares
 
 
 def _following(lane: Layout) -> Any:
@@ -124,7 +146,8 @@ def _paths(lanes: Sequence[Layout]) -> dict[str, Any]:
         start=rrb.TimeRangeBoundary.infinite(),
         end=rrb.TimeRangeBoundary.cursor_relative(),
     )
-    return {f"{lane.place}/path": grown for lane in lanes}
+    marks = ("path",) if lanes[0].scene.dimension == 2 else ("path", "head_path")
+    return {f"{lane.place}/{mark}": grown for lane in lanes for mark in marks}
 
 
 def _plots(lanes: Sequence[Layout]) -> Any:
@@ -137,13 +160,7 @@ def _plots(lanes: Sequence[Layout]) -> Any:
     rows = [first]
     for names in (
         {"energy": "Energy (J)", "work": "Work (J)"},
-        {
-            "torques": "Joint torques (N m)",
-            "joint_angles": "Joint angles (rad)",
-            "momentum": "Momentum (kg m/s, kg m\u00b2/s)",
-            "drift": "Momentum drift (kg m/s, kg m\u00b2/s)",
-            "solver": "Newton solver",
-        },
+        _detailed(lanes[0].scene.dimension),
     ):
         views = []
         for group, name in names.items():
@@ -155,10 +172,33 @@ def _plots(lanes: Sequence[Layout]) -> Any:
     return rrb.Vertical(*tabs, row_shares=[1.0, 1.0, 1.35])
 
 
+def _detailed(dimension: int) -> dict[str, str]:
+    """Return the titles of the plots behind the last tabs, by group."""
+    drift = {"drift": "Momentum drift (kg m/s, kg m\u00b2/s)", "solver": "Newton solver"}
+    if dimension == 2:
+        return {
+            "torques": "Joint torques (N m)",
+            "joint_angles": "Joint angles (rad)",
+            "momentum": "Momentum (kg m/s, kg m\u00b2/s)",
+            **drift,
+        }
+    return {
+        **{
+            group: f"{group.replace('_', ' ').capitalize()} ({unit})"
+            for group, unit in SPATIAL_DETAILS.items()
+        },
+        "orientation": "Orientation (\u00b0)",
+        "momentum": "Momentum (kg m/s)",
+        "angular_momentum": "Angular momentum (kg m\u00b2/s)",
+        **drift,
+    }
+
+
 def _plot(lanes: Sequence[Layout], name: str, group: str, shown: Sequence[Layout]) -> Any:
     """Return one plot, with room for its legend behind the end of the run or the present."""
     begin, end = lanes[0].begin, lanes[0].end
     joints = max(lane.scene.beam.elements for lane in lanes) - 1
+    details = groups_of(lanes[0].scene.dimension)[1]
     at = rrb.TimeRangeBoundary
     ranges = None
     view = rrb.TimeRange(
@@ -174,7 +214,7 @@ def _plot(lanes: Sequence[Layout], name: str, group: str, shown: Sequence[Layout
         name=name,
         axis_x=rrb.TimeAxis(view_range=view),
         plot_legend=rrb.PlotLegend(
-            rrb.Corner2D.RightTop, visible=group not in DETAILS or joints <= _NAMED_JOINTS
+            rrb.Corner2D.RightTop, visible=group not in details or joints <= _NAMED_JOINTS
         ),
         time_ranges=ranges,
     )

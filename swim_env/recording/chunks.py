@@ -34,18 +34,21 @@ def column(descriptor: Any, batch: Any, rows: int) -> Any:
 
 
 def lines(points: NDArray[Any]) -> Any:
-    """Return lines (n, k, 2) as rerun keeps them; it would take arrays one line after the other."""
-    count, length = points.shape[:2]
+    """Return lines (n, k, 2 or 3) as rerun keeps them; it would take arrays line after line."""
+    count, length, dimension = points.shape
     pairs = pa.FixedSizeListArray.from_arrays(
         np.ascontiguousarray(points, dtype=np.float32).ravel(),
-        type=pa.list_(pa.field("item", pa.float32(), nullable=False), 2),
+        type=pa.list_(pa.field("item", pa.float32(), nullable=False), dimension),
     )
     offsets = pa.array(np.arange(0, (count + 1) * length, length, dtype=np.int32))
-    return rr.components.LineStrip2DBatch(
-        pa.ListArray.from_arrays(offsets, pairs, type=_type_of_lines())
-    )
+    batch = _batch_of_lines(dimension)
+    return batch(pa.ListArray.from_arrays(offsets, pairs, type=_type_of_lines(dimension)))
+
+
+def _batch_of_lines(dimension: int) -> Any:
+    return rr.components.LineStrip2DBatch if dimension == 2 else rr.components.LineStrip3DBatch
 
 
 @functools.cache
-def _type_of_lines() -> Any:
-    return rr.components.LineStrip2DBatch([]).as_arrow_array().type
+def _type_of_lines(dimension: int) -> Any:
+    return _batch_of_lines(dimension)([]).as_arrow_array().type

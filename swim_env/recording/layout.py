@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from swim_env.colours import Colour
 from swim_env.files.names import shown_name
 from swim_env.recording.palette import SERIES, TRAILS
+from swim_env.recording.planes import WaterPlanes
 from swim_env.recording.schema import label_of, place_of
 from swim_env.recording.swimmer import Swimmer, frames_of
 from swim_env.recording.water import ARROW_EVERY, CELLS_IN_LENGTH, Water
@@ -21,7 +22,7 @@ __all__ = ["Lane", "Layout", "lanes_of"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-Point = tuple[float, float]
+Point = tuple[float, ...]
 
 #: Instants of the energy for each frame: it has peaks that last two frames.
 _ENERGIES_IN_FRAME = 2.0
@@ -39,11 +40,11 @@ class Layout:
     name: str
     label: str
     scene: Scene
-    #: Which lane of how many, and where the lane's origin is drawn in the plane of all (m).
+    #: Which lane of how many, and where the lane's origin is drawn among all (m).
     number: int
     count: int
     offset: Point
-    #: Corners of what all bodies pass through in that plane, rounded outwards (m).
+    #: Corners of what all bodies pass through there, rounded outwards (m).
     low: Point
     high: Point
     #: First and last instant of all swimmers (s).
@@ -55,9 +56,10 @@ class Layout:
     #: What the bodies' colours show, and the torque or moment that they reach to (N m).
     colour: str
     limit: float
-    #: Pressure that colours reach to (Pa), and seconds of the velocity that an arrow is long, for
-    #: all swimmers; None without flow.
+    #: Pressure that colours reach to (Pa; None in space), speed that they reach to there (m/s), and
+    #: seconds of the velocity that an arrow is long, for all swimmers; None without flow.
     pressure: float | None
+    speed: float | None
     arrow_seconds: float | None
 
     @property
@@ -84,14 +86,17 @@ class Lane:
     #: Frames, (F,), and those of the energy, (E,).
     instants: Indices
     energy_instants: Indices
-    #: The run's positions at the frames alone, and its nodes there, (F, N + 1, 2) (m).
+    #: The run's positions at the frames alone, and its nodes there, (F, N + 1, 2 or 3) (m).
     shapes: Trajectory
     nodes: Array
     layout: Layout
 
 
 def lanes_of(
-    swimmers: Sequence[Swimmer], waters: Sequence[Water], rate: float | None, colour: str
+    swimmers: Sequence[Swimmer],
+    waters: Sequence[Water | WaterPlanes],
+    rate: float | None,
+    colour: str,
 ) -> list[Lane]:
     """Give every swimmer its lane, one below the other where they start.
 
@@ -99,25 +104,25 @@ def lanes_of(
     given.
     """
     # One legend serves all lanes, so they share their scales.
-    limit = max([swimmer.scene.torque_limit for swimmer in swimmers])
-    if colour == "moment":
-        limit = max([float(np.abs(one.moments).max(initial=0.0)) for one in swimmers]) or 1.0
+    limit = max([swimmer.largest(colour) for swimmer in swimmers])
     longest = max([swimmer.scene.beam.length for swimmer in swimmers])
-    pressure = max((water.largest_pressure for water in waters), default=None)
+    planar = [water for water in waters if isinstance(water, Water)]
+    pressure = max((water.largest_pressure for water in planar), default=None)
     speed = max((water.largest_speed for water in waters), default=None)
     reach = _ARROW_REACH * ARROW_EVERY * longest / CELLS_IN_LENGTH
     runs = [swimmer.trajectory for swimmer in swimmers]
     frames = [frames_of(run, rate) for run in runs]
-    shapes = [
-        replace(run, time=run.time[at], centres=run.centres[at], angles=run.angles[at])
-        for run, at in zip(runs, frames, strict=True)
-    ]
+    shapes = [_at(run, frame) for run, frame in zip(runs, frames, strict=True)]
     nodes = [shape.nodes for shape in shapes]
     offsets, corners = [], []
     for number, swimmer in enumerate(swimmers):
         length = swimmer.scene.beam.length
-        offset = np.array([0.0, -number * _LANE * length])
-        points = [nodes[number].min(axis=(0, 1)), nodes[number].max(axis=(0, 1))]
+        offset = np.zeros(swimmer.scene.dimension)
+        offset[1] = -number * _LANE * length
+        points = [
+            nodes[number].min(axis=(0, 1)) - swimmer.girth,
+            nodes[number].max(axis=(0, 1)) + swimmer.girth,
+        ]
         if swimmer.target_radius is not None:
             radius = swimmer.target_radius * length
             points += [swimmer.aim - radius, swimmer.aim + radius]
@@ -144,6 +149,7 @@ def lanes_of(
             colour=colour,
             limit=limit,
             pressure=pressure,
+            speed=speed,
             arrow_seconds=None if speed is None else reach / speed,
         )
         energies = frames_of(runs[number], rate, _ENERGIES_IN_FRAME)
@@ -151,8 +157,16 @@ def lanes_of(
     return lanes
 
 
+def _at(run: Trajectory, frames: Indices) -> Trajectory:
+    """Return a run of which positions have some instants alone."""
+    shape = ("angles",) if run.scene.dimension == 2 else ("directors", "joint_rotations")
+    return replace(
+        run, **{name: getattr(run, name)[frames] for name in ("time", "centres", *shape)}
+    )
+
+
 def _point(values: Array) -> Point:
-    return float(values[0]), float(values[1])
+    return tuple(values.tolist())
 
 
 def _rounded(low: Array, high: Array, length: float) -> tuple[Array, Array]:

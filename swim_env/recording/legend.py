@@ -9,7 +9,7 @@ import rerun as rr
 
 from swim_env.recording.chunks import still
 from swim_env.recording.layout import Layout
-from swim_env.recording.palette import ARROWS, pressure_palette, shades_of_torque
+from swim_env.recording.palette import ARROWS, pressure_palette, shades_of_speed, shades_of_torque
 from swim_env.recording.schema import LEGEND
 
 __all__ = ["LEGEND_HEIGHT", "LEGEND_WIDTH", "legend_of"]
@@ -24,19 +24,25 @@ _WORDS = (15, 22, 32)
 def legend_of(layout: Layout) -> list[Any]:
     """Return the chunks of colour bars with the ends of their scales, and of the arrow's."""
     what = "joint torque" if layout.colour == "torque" else "bending moment"
-    bars = [(what, layout.limit, "N m", shades_of_torque(np.linspace(-1.0, 1.0, 64)))]
+    if layout.scene.dimension == 3:
+        what = f"{layout.colour}, + shortens this side"
+    scale = np.linspace(-1.0, 1.0, 64)
+    bars = [(what, -layout.limit, layout.limit, "N m", shades_of_torque(scale))]
     if layout.pressure is not None:
-        bars.append(("pressure", layout.pressure, "Pa", pressure_palette()[1::4]))
+        ends = -layout.pressure, layout.pressure
+        bars.append(("pressure", *ends, "Pa", pressure_palette()[1::4]))
+    if layout.speed is not None and layout.scene.dimension == 3:
+        bars.append(("speed", 0.0, layout.speed, "m/s", shades_of_speed(0.5 + 0.5 * scale)))
     chunks = []
-    for number, (name, limit, unit, shades) in enumerate(bars):
+    for number, (name, low, high, unit, shades) in enumerate(bars):
         left = 5.0 + number * _NEXT
         edges = np.linspace(left, left + _BAR, len(shades) + 1)
         places = np.stack([edges, np.full(len(edges), 1.2)], axis=-1)
         strips = np.stack([places[:-1], places[1:]], axis=1)
         bar = rr.LineStrips2D(strips, colors=shades, radii=0.5 * _THICK, draw_order=1.0)
-        place = f"{LEGEND}/{name.replace(' ', '_')}"
+        place = f"{LEGEND}/{name.partition(',')[0].replace(' ', '_')}"
         chunks.append(still(f"{place}/bar", bar))
-        texts = {0.0: f"-{limit:.3g} {unit}", 0.5: name, 1.0: f"+{limit:.3g} {unit}"}
+        texts = {0.0: f"{low:.3g} {unit}", 0.5: name, 1.0: f"{high:+.3g} {unit}"}
         at = {left + share * _BAR: text for share, text in texts.items()}
         chunks.append(still(f"{place}/scale", _words(at)))
     if layout.arrow_seconds is not None:

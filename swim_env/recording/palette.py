@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,10 @@ SERIES: tuple[Colour, ...] = ((86, 180, 233), (230, 159, 0), (0, 190, 140), (225
 _PRESSURE_STOPS = ((0, 90, 50), (90, 174, 97), WATER, (153, 112, 171), (90, 25, 110))
 #: From head to tail: yellow, orange, purple (series of joints, on dark backgrounds and light ones).
 _JOINT_STOPS = ((225, 185, 40), (240, 125, 70), (210, 65, 105), (130, 90, 220))
+#: From no speed to the largest one: the water's own colour to dark teal.
+_SPEED_STOPS = (WATER, (160, 212, 208), (55, 150, 148), (8, 84, 88))
+#: Of d1, d2 and d3.
+DIRECTORS: tuple[Colour, ...] = ((0, 158, 115), (204, 121, 167), BODY)
 #: Indices of a pressure image: the body's inside, and no pressure.
 INSIDE, MIDDLE = 0, 128
 
@@ -41,6 +46,11 @@ def shades_of_torque(shares: NDArray[np.float64]) -> Bytes:
     index = np.rint(127.5 * (np.clip(shares, -1.0, 1.0) + 1.0)).astype(np.int64)
     colours: Bytes = _torque_table()[index]
     return colours
+
+
+def shades_of_speed(shares: NDArray[Any]) -> Bytes:
+    """Return the colours (..., 3) of speeds as shares (...) of the largest one shown."""
+    return ramp(_SPEED_STOPS, (len(_SPEED_STOPS) - 1) * np.clip(shares, 0.0, 1.0))
 
 
 @functools.cache

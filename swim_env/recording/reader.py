@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 from swim_env.errors import SwimError
 from swim_env.recording.schema import (
     APPLICATION,
-    DETAILS,
-    GROUPS,
     PROPERTY,
     SCHEMA_VERSION,
     TIMELINE,
     group_path,
+    groups_of,
     place_of,
 )
 from swim_env.recording.writer import require_rerun
@@ -59,12 +58,11 @@ class RecordedSwimmer:
     termination_reason: str
     #: Instants of nodes, path and series (s), (F,).
     time: Array
-    #: Nodes of the centre line from head to tail (m), in single precision, (F, N + 1, 2).
+    #: Nodes of the centre line from head to tail (m), in single precision, (F, N + 1, 2 or 3).
     nodes: Array
-    #: Mean element centre (m), in single precision, (F, 2).
+    #: Mean element centre (m), in single precision, (F, 2 or 3).
     path: Array
-    #: By group, see `swim_env.recording.schema.GROUPS` and DETAILS; energy and rewards at their own
-    #: times.
+    #: By group, see `swim_env.recording.schema.groups_of`; energy and rewards at their own times.
     series: dict[str, Array]
     #: Names of the groups' columns, with their units.
     names: dict[str, list[str]]
@@ -72,7 +70,8 @@ class RecordedSwimmer:
     energy_time: Array
     #: Ends of the actions (s), empty without rewards, (A,).
     reward_time: Array
-    #: Instants of the flow (s), empty without one, (W,).
+    #: Instants of the flow (s), empty without one, (W,). In space its numbers are in
+    #: `ReadRecording.columns`.
     flow_time: Array = field(default_factory=lambda: np.zeros(0))
     #: Pressure on the grid (Pa), rows upwards, in steps of the scale's 127th part; not a number
     #: inside of the body, (W, R, C).
@@ -217,10 +216,13 @@ def _swimmer(
     """Return a swimmer of which name and scene are known already."""
     label = known["label"]
     place = f"/{place_of(label)}"
-    outline = columns[(f"{place}/outline", "LineStrips2D:strips")]
-    centre = columns[(f"{place}/centre", "Points2D:positions")]
+    dimension = known["scene"].dimension
+    line = "outline" if dimension == 2 else "centre_line"
+    outline = columns[(f"{place}/{line}", f"LineStrips{dimension}D:strips")]
+    centre = columns[(f"{place}/centre", f"Points{dimension}D:positions")]
     series, names, times = {}, {}, {}
-    for group in (*GROUPS, *DETAILS):
+    groups, details = groups_of(dimension)
+    for group in (*groups, *details):
         entity = f"/{group_path(label, group)}"
         column = columns.get((entity, "Scalars:scalars"))
         if column is not None:
@@ -242,6 +244,9 @@ def _swimmer(
 
 def _flow(columns: Mapping[tuple[str, str], Column], place: str, scale: float) -> dict[str, Any]:
     """Return the fields of a swimmer that are about its flow."""
+    arrows = columns.get((f"{place}/horizontal/velocity", "Arrows3D:vectors"))
+    if arrows is not None:
+        return {"flow_time": arrows.time}
     pictures = columns.get((f"{place}/pressure", "EncodedImage:blob"))
     if pictures is None:
         return {}

@@ -15,7 +15,7 @@ from swim_env.recording.palette import ARROWS, GRID, shades_of_torque
 from swim_env.recording.schema import TIMELINE
 from swim_env.recording.water import PIXELS, Water, pictures_of
 
-__all__ = ["log_swimmer", "scenery_of"]
+__all__ = ["grid_lines", "log_swimmer", "scenery_of"]
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,9 @@ def scenery_of(lane: Layout) -> list[Any]:
         "heading": look(rr.Arrows2D, _points(1.8), lane.shade, _FRONT),
         "path": look(strips, _points(1.2), lane.shade, _TRAIL),
         "centre": look(rr.Points2D, _points(3.0), lane.shade, _FRONT),
-        "grid": rr.LineStrips2D(_grid(lane), radii=_points(0.5), colors=[GRID], draw_order=_LINES),
+        "grid": rr.LineStrips2D(
+            grid_lines(lane), radii=_points(0.5), colors=[GRID], draw_order=_LINES
+        ),
         # A view whose origin is the inner one of these follows the body; its y points downwards as
         # a screen's. Where it is and how it is turned are two entities: rerun takes no part of a
         # transform from what is there once, and another from a frame.
@@ -58,12 +60,12 @@ def scenery_of(lane: Layout) -> list[Any]:
     return [moved, *[still(f"{lane.place}/{mark}", shown) for mark, shown in marks.items()]]
 
 
-def _grid(lane: Layout) -> list[Any]:
-    """Return lines that rest in the fluid, by which motion is seen."""
+def grid_lines(lane: Layout) -> list[Any]:
+    """Return lines in the x-y plane that rest in the fluid, by which motion is seen."""
     step = _GRID * lane.scene.beam.length
     offset = np.array(lane.offset)
-    low = np.floor((np.array(lane.low) - offset) / step - 2.0)
-    high = np.ceil((np.array(lane.high) - offset) / step + 2.0)
+    low = np.floor((np.array(lane.low) - offset)[:2] / step - 2.0)
+    high = np.ceil((np.array(lane.high) - offset)[:2] / step + 2.0)
     # A body that went far would take more lines than anyone can see.
     high = np.minimum(high, low + 400.0)
     (left, bottom), (right, top) = step * low, step * high

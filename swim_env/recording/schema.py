@@ -37,14 +37,39 @@ GROUPS: dict[str, tuple[str, ...]] = {
 #: The group energy of a run whose velocity at the start is not known.
 UNSPLIT_ENERGY = ("kinetic, body and fluid (J)", "elastic (J)", "total (J)")
 
+#: The same of bodies in space.
+SPATIAL_GROUPS: dict[str, tuple[str, ...]] = {
+    **GROUPS,
+    "position": ("x (BL)", "y (BL)", "z (BL)"),
+    "orientation": ("roll (\u00b0)", "pitch (\u00b0)", "yaw (\u00b0)"),
+    "momentum": ("x (kg m/s)", "y (kg m/s)", "z (kg m/s)"),
+    "angular_momentum": ("x (kg m\u00b2/s)", "y (kg m\u00b2/s)", "z (kg m\u00b2/s)"),
+}
+
 #: Groups at the ends of an episode's actions, absent without rewards.
 REWARDS = ("reward", "return")
 
 #: Groups whose values are held, and how rerun draws them: from their instant on, or up to it.
-HELD = {"torques": "StepAfter", "reward": "StepBefore"}
+HELD = {
+    "torques": "StepAfter",
+    **dict.fromkeys(("yaw_torques", "pitch_torques", "roll_torques"), "StepAfter"),
+    "reward": "StepBefore",
+}
 
 #: Groups with a series for each joint, from head to tail.
 DETAILS: dict[str, str] = {"torques": "N m", "joint_angles": "rad"}
+
+#: The same in space, about d1 (pitch), d2 (yaw) and d3 (roll).
+SPATIAL_DETAILS: dict[str, str] = {
+    f"{axis}_{what}": unit
+    for what, unit in (("torques", "N m"), ("rotations", "rad"))
+    for axis in ("yaw", "pitch", "roll")
+}
+
+
+def groups_of(dimension: int) -> tuple[dict[str, tuple[str, ...]], dict[str, str]]:
+    """Return the groups of series of swimmers in the plane or in space, and those by joints."""
+    return (GROUPS, DETAILS) if dimension == 2 else (SPATIAL_GROUPS, SPATIAL_DETAILS)
 
 
 def place_of(label: str) -> str:
@@ -57,14 +82,16 @@ def group_path(label: str, group: str) -> str:
     return f"scalars/{label}/{group}"
 
 
-def names_of(group: str, joints: int, split: bool) -> tuple[str, ...]:
+def names_of(group: str, joints: int, split: bool, dimension: int = 2) -> tuple[str, ...]:
     """Return the names of a group's series, with their units.
 
-    The group is a key of GROUPS or DETAILS; `split` says whether the kinetic energy is split.
+    The group is a key of what `groups_of` returns; `split` says whether the kinetic energy is
+    split.
     """
-    if group in DETAILS:
-        return tuple([f"joint {joint} ({DETAILS[group]})" for joint in range(1, joints + 1)])
-    return UNSPLIT_ENERGY if group == "energy" and not split else GROUPS[group]
+    groups, details = groups_of(dimension)
+    if group in details:
+        return tuple([f"joint {joint} ({details[group]})" for joint in range(1, joints + 1)])
+    return UNSPLIT_ENERGY if group == "energy" and not split else groups[group]
 
 
 def label_of(name: str, taken: Collection[str] = ()) -> str:

@@ -11,12 +11,11 @@ from swim_env.recording.chunks import column, still
 from swim_env.recording.layout import Lane, Layout
 from swim_env.recording.palette import SERIES, joint_colours
 from swim_env.recording.schema import (
-    DETAILS,
-    GROUPS,
     HELD,
     REWARDS,
     TIMELINE,
     group_path,
+    groups_of,
     names_of,
 )
 
@@ -26,12 +25,13 @@ __all__ = ["log_series", "looks_of_series"]
 def looks_of_series(layout: Layout) -> list[Any]:
     """Return the chunks of names and colours of all series of a swimmer."""
     joints = layout.scene.beam.elements - 1
+    groups, details = groups_of(layout.scene.dimension)
     chunks = []
-    for group in (*GROUPS, *DETAILS):
-        names = list(names_of(group, joints, layout.split))
+    for group in (*groups, *details):
+        names = list(names_of(group, joints, layout.split, layout.scene.dimension))
         if not names or (group in REWARDS and not layout.rewarded):
             continue
-        if group in DETAILS:
+        if group in details:
             colours = joint_colours(joints)
         elif len(names) == 1 and layout.count > 1:
             # These of all swimmers share a plot.
@@ -39,7 +39,7 @@ def looks_of_series(layout: Layout) -> list[Any]:
             colours = np.array([layout.bright], dtype=np.uint8)
         else:
             # What has the same name has the same colour, with and without the split.
-            places = [GROUPS[group].index(n) if n in GROUPS[group] else 0 for n in names]
+            places = [groups[group].index(n) if n in groups[group] else 0 for n in names]
             colours = np.array(SERIES, dtype=np.uint8)[places]
         lines = rr.SeriesLines(
             names=names,
@@ -55,7 +55,8 @@ def log_series(stream: Any, lane: Lane) -> None:
     """Log all series of a swimmer."""
     swimmer = lane.swimmer
     time = swimmer.trajectory.time
-    for group in (*GROUPS, *DETAILS):
+    groups, details = groups_of(swimmer.scene.dimension)
+    for group in (*groups, *details):
         instants = lane.energy_instants if group == "energy" else lane.instants
         values = swimmer.series(group, instants)
         if values.size:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from swim_env.analysis.energy import elastic_energy, elastic_moments, split_ener
 from swim_env.errors import OptionError
 from swim_env.scene import Scene
 from swim_env.scene.checks import checked_option, real
-from swim_env.sim.trajectory import Trajectory
+from swim_env.sim.trajectory import Trajectory, TrajectoryBase
 
 __all__ = ["Swimmer", "checked_rate", "frames_of"]
 
@@ -35,13 +36,14 @@ class Swimmer:
         What it is called, and the run.
     rewards : sequence of float, optional
         Reward of every action of an episode (BL).
-    goal : (2,) array_like, optional
+    goal : (2,) array_like, in space (3,), optional
         Direction in which displacement counts, or the target (m); the scene's heading unless given.
     target_radius : float, optional
         How close the target has to be reached (BL); None where the goal is a direction.
     start_velocity : (N + 2,) array_like, optional
         The run's first velocity, as `Simulator.velocity`. With it the kinetic energy is split
-        between body and fluid, for which the torques are played again; without, it is given whole.
+        between body and fluid, for which the torques are played again; without, and always in
+        space, it is given whole.
     """
 
     name: str
@@ -50,6 +52,14 @@ class Swimmer:
     goal: Array | Sequence[float] | None = None
     target_radius: float | None = None
     start_velocity: Array | Sequence[float] | None = None
+
+    def __new__(cls, name: str = "", trajectory: Any = None, *_: Any, **__: Any) -> Swimmer:
+        """Make the swimmer that the run's dimension calls for."""
+        if trajectory is not None and trajectory.scene.dimension == 3:
+            from swim_env.recording.spatial_swimmer import SpatialSwimmer
+
+            return object.__new__(SpatialSwimmer)
+        return object.__new__(cls)
 
     @property
     def scene(self) -> Scene:
@@ -79,6 +89,17 @@ class Swimmer:
         """Elastic bending moments, (T + 1, N - 1) (N m)."""
         return elastic_moments(self.scene, self.joint_angles)[0]
 
+    @property
+    def girth(self) -> float:
+        """How far the body is drawn from its centre line (m), 0 in the plane, where it is thin."""
+        return 0.0
+
+    def largest(self, colour: str) -> float:
+        """Return the torque or, in this run, moment that a colour of the body reaches to (N m)."""
+        if colour == "torque":
+            return self.scene.torque_limit
+        return float(np.abs(self.moments).max(initial=0.0)) or 1.0
+
     @cached_property
     def reward_times(self) -> Array:
         """Ends of the actions, (A,) (s)."""
@@ -94,10 +115,9 @@ class Swimmer:
         Rewards are finite numbers, one for each action that the run has begun. An action in which
         the physics made no step at all may have one too.
         """
-        n = self.scene.beam.elements
         for what, value, size in (
-            ("goal", self.goal, 2),
-            ("start_velocity", self.start_velocity, n + 2),
+            ("goal", self.goal, self.scene.dimension),
+            ("start_velocity", self.start_velocity, self.scene.beam.elements + 2),
         ):
             if value is not None and (
                 np.shape(value) != (size,) or not np.isfinite(np.asarray(value, float)).all()
@@ -133,7 +153,7 @@ class Swimmer:
         if self.target_radius is None:
             along = (path[1:] - path[0]) @ self.aim
         else:
-            far = np.hypot(*(self.aim - path).T)
+            far = np.linalg.norm(self.aim - path, axis=1)
             along = far[0] - far[1:]
         column: Array = along[:, None] / self.scene.beam.length
         return column
@@ -194,7 +214,7 @@ def checked_rate(rate: object, name: str) -> float:
     return checked_option(real(above=0.0), rate, name)
 
 
-def frames_of(trajectory: Trajectory, rate: float | None, times: float = 1.0) -> Indices:
+def frames_of(trajectory: TrajectoryBase, rate: float | None, times: float = 1.0) -> Indices:
     """Return the instants (F,) of a run that come closest to a number of frames a simulated second.
 
     Every so many instants from the first, and the last one; `times` as many as the rate says, that

@@ -60,15 +60,16 @@ class Water:
     @property
     def largest_pressure(self) -> float:
         """Pressure (Pa) that all but a few points stay below; 1 where there is none."""
-        return _scale(np.abs(self.pressures))
+        return scale_of(np.abs(self.pressures))
 
     @property
     def largest_speed(self) -> float:
         """Speed (m/s) that all but a few arrows stay below; 1 where there is none."""
-        return _scale(np.hypot(self.velocities[..., 0], self.velocities[..., 1]))
+        return scale_of(np.hypot(self.velocities[..., 0], self.velocities[..., 1]))
 
 
-def _scale(values: NDArray[np.float32]) -> float:
+def scale_of(values: NDArray[np.float32]) -> float:
+    """Return what all but a few values stay below, 1 where there is nothing."""
     known = values[np.isfinite(values)]
     found = float(np.quantile(known, _SHARE_SHOWN)) if known.size else 0.0
     return found if found > 0.0 else 1.0
@@ -119,7 +120,7 @@ def compute_water(
                     progress(run.duration / len(instants))
 
     # The kernels release the interpreter's lock; every frame is computed by itself.
-    _side_by_side(compute, np.array_split(np.arange(len(instants)), min(_PARTS, len(instants))))
+    side_by_side(compute, np.array_split(np.arange(len(instants)), min(_PARTS, len(instants))))
     return Water(
         run.time[instants],
         cell,
@@ -131,7 +132,7 @@ def compute_water(
     )
 
 
-def _side_by_side(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+def side_by_side(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
     """Return the results of a function for some items, in their order.
 
     It runs in as many threads as numba may use, and in this one where Python is ending and
@@ -155,7 +156,7 @@ def _distances(points: Array, nodes: Array) -> Array:
     return apart
 
 
-def _under_rim(pressures: NDArray[np.float32]) -> NDArray[np.float32]:
+def under_rim(pressures: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return pressures continued under the body's rim, where the drawn body covers them."""
     padded = np.pad(pressures, 1, constant_values=np.nan)
     around = np.stack([padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]])
@@ -170,7 +171,7 @@ _PALETTE = pressure_palette().tobytes()
 
 def pictures_of(water: Water, largest: float) -> list[bytes]:
     """Return a picture of every frame, see `picture_of`."""
-    return _side_by_side(lambda pressures: picture_of(pressures, largest), water.pressures)
+    return side_by_side(lambda pressures: picture_of(pressures, largest), water.pressures)
 
 
 def picture_of(pressures: NDArray[np.float32], largest: float) -> bytes:
@@ -183,7 +184,7 @@ def picture_of(pressures: NDArray[np.float32], largest: float) -> bytes:
     picture has no steps beside the body that is drawn over it; the others are INSIDE. Indices 1 to
     255 stand for pressures (R, C) (Pa), rows upwards, from minus the largest to the largest.
     """
-    drawn = _under_rim(pressures)
+    drawn = under_rim(pressures)
     shares = np.nan_to_num(np.clip(drawn / largest, -1.0, 1.0))
     size = (PIXELS * shares.shape[1], PIXELS * shares.shape[0])
     fine = np.asarray(Image.fromarray(shares).resize(size, Image.Resampling.BICUBIC))

@@ -14,6 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from swim_env.analysis.spatial_flow import has_panels
 from swim_env.errors import OptionError, SwimError, require_packages
 from swim_env.files.atomic import write_atomically
 from swim_env.files.names import file_name, shown_name
@@ -21,10 +22,12 @@ from swim_env.files.provenance import where_and_when
 from swim_env.recording.schema import APPLICATION, PROPERTY, SCHEMA_VERSION, WORLD
 from swim_env.recording.swimmer import Swimmer, checked_rate, frames_of
 from swim_env.scene import Scene
+from swim_env.scene.spatial.scene import SpatialScene
 
 # What needs Pillow is imported where it is used: without it, `require_rerun` says what to do.
 if TYPE_CHECKING:
     from swim_env.recording.layout import Lane, Layout
+    from swim_env.recording.planes import WaterPlanes
     from swim_env.recording.water import Water
 
 #: The rate of the flow's frames that follows the body: one for two of the body's own.
@@ -64,8 +67,8 @@ def require_rerun() -> None:
 
 
 def has_flow(scene: Scene) -> bool:
-    """Return whether there is a fluid in a scene, whose flow can be recorded."""
-    return scene.has_fluid
+    """Return whether a scene has a fluid, in space one of panels, whose flow can be recorded."""
+    return has_panels(scene) if isinstance(scene, SpatialScene) else scene.has_fluid
 
 
 def write_recording(
@@ -111,12 +114,19 @@ def write_recording(
     """
     require_rerun()
     from swim_env.recording.layout import lanes_of
+    from swim_env.recording.planes import compute_planes
+    from swim_env.recording.spatial_swimmer import SpatialSwimmer
     from swim_env.recording.water import REACH, REACH_OF_TWO, compute_water
 
     if not swimmers:
         raise OptionError("a recording takes at least one swimmer")
     if colour not in COLOURS:
         raise OptionError(f"unknown colour {colour!r}; colours: {', '.join(COLOURS)}")
+    if len({swimmer.scene.dimension for swimmer in swimmers}) > 1:
+        raise OptionError(
+            "the swimmers of a recording must all be in scenes of one dimension, got "
+            + ", ".join(f"{one.name} of dimension {one.scene.dimension}" for one in swimmers)
+        )
     made = _text_of_about(about)
     for swimmer in swimmers:
         swimmer.check()
@@ -125,13 +135,16 @@ def write_recording(
         checked_rate(flow_rate, "flow_rate")
     begin = time.perf_counter()
     reach = REACH_OF_TWO if len(swimmers) == 2 else REACH
-    waters: list[Water | None] = []
+    waters: list[Water | WaterPlanes | None] = []
     for swimmer in swimmers:
         if flow_rate is None or not has_flow(swimmer.scene) or swimmer.trajectory.steps < 2:
             waters.append(None)
         else:
             rate = 0.5 / swimmer.scene.frame_interval if flow_rate == AUTO else float(flow_rate)
-            waters.append(compute_water(swimmer, rate, reach, progress))
+            if isinstance(swimmer, SpatialSwimmer):
+                waters.append(compute_planes(swimmer, rate, progress))
+            else:
+                waters.append(compute_water(swimmer, rate, reach, progress))
     known = [water for water in waters if water is not None]
     flow_seconds = float(sum([water.seconds for water in known]))
     lanes = lanes_of(swimmers, known, frame_rate, colour)
@@ -153,13 +166,17 @@ def write_recording(
 
 
 def _content(
-    lanes: Sequence[Lane], waters: Sequence[Water | None], about: str, title: str | None
+    lanes: Sequence[Lane],
+    waters: Sequence[Water | WaterPlanes | None],
+    about: str,
+    title: str | None,
 ) -> bytes:
     """Return the bytes of a recording."""
     import rerun as rr
 
     from swim_env.recording.scenery import log_swimmer
     from swim_env.recording.series import log_series
+    from swim_env.recording.spatial_scenery import log_spatial_swimmer
 
     layouts = tuple([lane.layout for lane in lanes])
     reasons = tuple([lane.swimmer.trajectory.termination_reason for lane in lanes])
@@ -172,7 +189,8 @@ def _content(
     stream.send_recording_name(shown_name(title or f"{names} on {layouts[0].scene.name}"))
     stream.send_property(PROPERTY, _property(layouts, reasons, about))
     for lane, water in zip(lanes, waters, strict=True):
-        log_swimmer(stream, lane, water)
+        log: Any = log_swimmer if lane.layout.scene.dimension == 2 else log_spatial_swimmer
+        log(stream, lane, water)
         log_series(stream, lane)
     stream.disconnect()
     content: bytes = kept.read()
@@ -195,11 +213,14 @@ def _fixed_parts(layouts: tuple[Layout, ...]) -> tuple[Any, list[Any]]:
     from swim_env.recording.legend import legend_of
     from swim_env.recording.scenery import scenery_of
     from swim_env.recording.series import looks_of_series
+    from swim_env.recording.spatial_scenery import spatial_scenery_of
 
+    planar = layouts[0].scene.dimension == 2
     # The plane's y points upwards, the screen's downwards.
-    standing = [still(WORLD, rr.Transform3D(scale=[1.0, -1.0, 1.0])), *legend_of(layouts[0])]
+    world = rr.Transform3D(scale=[1.0, -1.0, 1.0]) if planar else rr.ViewCoordinates.RIGHT_HAND_Z_UP
+    standing = [still(WORLD, world), *legend_of(layouts[0])]
     for layout in layouts:
-        standing += scenery_of(layout)
+        standing += scenery_of(layout) if planar else spatial_scenery_of(layout)
         standing += looks_of_series(layout)
     return blueprint_of(layouts), standing
 

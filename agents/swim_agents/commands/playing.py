@@ -23,7 +23,9 @@ def play_prescribed(scene: Scene, duration: float | None) -> tuple[Swimmer, dict
     """Play a scene's prescribed torque; return the swimmer and the run's summary."""
     with progress_bar(steps_of(scene, duration), "step", scene.name) as progress:
         trajectory, summary = replay(scene, duration, progress)
-    return Swimmer(PRESCRIBED, trajectory, start_velocity=Simulator(scene).velocity()), summary
+    # With it the energy is split between body and fluid, which is for the plane only.
+    start = Simulator(scene).velocity() if scene.dimension == 2 else None
+    return Swimmer(PRESCRIBED, trajectory, start_velocity=start), summary
 
 
 def play_policy(scene: Scene, policy: str, **options: Any) -> tuple[Swimmer, dict[str, Any]]:

@@ -107,7 +107,8 @@ def main(options: argparse.Namespace) -> int:
             task_options=task_options,
         )
     else:
-        load_kernels()
+        if scene.dimension == 2:
+            load_kernels()
         swimmer, summary = play_prescribed(scene, options.duration)
     if file is not None:
         summary["recording"] = record(file, [swimmer]).to_dict()
@@ -121,12 +122,12 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _table(summary: dict[str, Any]) -> str:
-    dx, dy = summary["displacement"]
+    net = ", ".join(f"{part:+.6f}" for part in summary["displacement"])
     rows = [
         ("scene", summary["scene"]),
         ("simulated", f"{summary['duration']:g} s in {summary['steps']} steps"),
         ("wall time", f"{summary['wall_seconds']:.2f} s"),
-        ("net displacement", f"({dx:+.6f}, {dy:+.6f}) m"),
+        ("net displacement", f"({net}) m"),
         ("mean speed", f"{summary['mean_speed']:.6f} m/s"),
         ("heading change", f"{summary['heading_change']:+.6f} rad"),
         ("positive work", f"{summary['positive_work']:.4f} J"),

@@ -152,8 +152,9 @@ def _check_scene(options: argparse.Namespace, scene: Scene, end: float) -> None:
     """Refuse what has no meaning with a scene, or a run up to some time (s)."""
     if options.flow_rate is not None and not recording.has_flow(scene):
         raise SwimError(
-            f"--flow-rate has no meaning: scene {scene.name} has no fluid, so there is no flow to "
-            "record"
+            f"--flow-rate has no meaning: scene {scene.name} has no fluid"
+            f"{'' if scene.dimension == 2 else ' of panels (panels, frozen)'}, so there is no flow "
+            "to record"
         )
     if options.at is not None and options.at > end:
         raise SwimError(f"--at must be at most the run's end, {end:g} s, got {options.at:g}")
@@ -180,7 +181,8 @@ def _swimmers(options: argparse.Namespace) -> tuple[Path, list[Swimmer]]:
         labels = [file_name(name, os.path.abspath(options.trajectory)), *map(policy_label, others)]
         label = run_label(saved.scene, labels, task, seed, **looks)
         file = recording.recording_file(place, label)
-        start = velocity_of_start(saved) if saved.steps else None
+        planar = saved.scene.dimension == 2
+        start = velocity_of_start(saved) if saved.steps and planar else None
         kept = Swimmer(name, saved, start_velocity=start)
         return file, [kept, *_play(options, scene, others)]
     options.scene = options.scene or _SCENE
@@ -192,7 +194,8 @@ def _swimmers(options: argparse.Namespace) -> tuple[Path, list[Swimmer]]:
     _load(options, scene, policies)
     labels = [*([] if options.policy else [playing.PRESCRIBED]), *map(policy_label, policies)]
     file = recording.recording_file(place, run_label(scene, labels, task, seed, **looks))
-    load_assessment()
+    if scene.dimension == 2:
+        load_assessment()
     swimmers = [] if options.policy else [playing.play_prescribed(scene, options.duration)[0]]
     return file, [*swimmers, *_play(options, scene, policies)]
 

@@ -8,7 +8,7 @@ from swim_env import natural_frequencies
 from swim_env.errors import SettingsError
 from swim_env.scene import Scene
 from swim_env.scene.checks import got
-from swim_env.scene.scene import AUTO
+from swim_env.scene.making import AUTO
 
 #: How far a learner looks ahead, and how long exploration is held, in periods of the body's first
 #: bending mode. A critic that is fitted to its own guesses learns a shorter horizon sooner.
