@@ -19,6 +19,8 @@ class FluidModel(NamedTuple):
     ----------
     panels : bool
         Whether the body is cut into panels, if only once.
+    needs_density : bool
+        Whether it has to know the fluid's density.
     outline : bool
         Whether the panels are those of its closed outline, which needs a thickness.
     axial : bool
@@ -30,6 +32,7 @@ class FluidModel(NamedTuple):
     """
 
     panels: bool = False
+    needs_density: bool = True
     outline: bool = False
     axial: bool = False
     most_elements: int = MOST_ELEMENTS
@@ -41,7 +44,7 @@ NO_FLUID = "none"
 """The name of no fluid at all."""
 
 FLUID_TABLE: dict[str, FluidModel] = {
-    NO_FLUID: FluidModel(),
+    NO_FLUID: FluidModel(needs_density=False),
     "strip": FluidModel(field="added_mass_per_length"),
     "frozen": FluidModel(panels=True, outline=True),
     "expansion": FluidModel(
@@ -123,7 +126,7 @@ class FluidBase(Block, path="fluid"):
                 f"fluid.density has no meaning with fluid.model {NO_FLUID}, which needs null, "
                 f"got {got(self.density)}"
             )
-        if self.present and self.density is None:
+        if self._models[self.model].needs_density and self.density is None:
             raise SceneError(
                 f"fluid.model {self.model} needs fluid.density, a number above 0 in kg/m^3, "
                 "got null"

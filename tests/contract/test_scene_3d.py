@@ -8,6 +8,7 @@ import pytest
 from swim_agents import load_policy
 
 from swim_env import (
+    Simulator,
     SwimEnv,
     SwimVectorEnv,
     characterise,
@@ -186,6 +187,16 @@ def test_changes_reach_the_fields_of_the_section():
         lambda: scene.replace({"beam.section": 5, "beam.section.profile": "fish"}),
         "section must be a mapping of fields, got 5",
     )
+
+
+def test_a_matrix_needs_no_density_of_the_fluid():
+    matrix = np.eye(54).tolist()
+    fluid = {"model": "given", "matrix": matrix}
+    scene = Scene.from_dict({"dimension": 3, "beam": {"density": 500.0}, "fluid": fluid})
+    assert scene.fluid.density is None
+    assert Scene.from_dict(scene.to_dict()) == scene
+    assert Simulator(scene).velocity().shape == (30,)
+    fails(lambda: Scene.from_dict({"dimension": 3, "fluid": fluid}), "beam.density is missing")
 
 
 def test_model_none_drops_the_density_which_the_body_then_needs():
@@ -375,7 +386,7 @@ BAD = [
     ("fluid.model", "expansion", "must be one of none, strip, frozen, panels, given"),
     ("fluid.density", None, "strip needs fluid.density"),
     ("fluid.rows", 0, "must be at least 1, got 0"),
-    ("fluid.around", 4, "must be at least 8, got 4"),
+    ("fluid.around", 0, "must be at least 4, got 0"),
     ("fluid.around", 10, "must be a multiple of 4"),
     ("fluid.self_term", "bare", "must be one of gauss, flat, got 'bare'"),
     ("fluid.self_term", "flat", f"{UNUSED} fluid.model strip, only with frozen or panels"),

@@ -17,11 +17,11 @@ Floats = NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
 
 SPATIAL_FLUID_TABLE: dict[str, FluidModel] = {
-    NO_FLUID: FluidModel(),
+    NO_FLUID: FluidModel(needs_density=False),
     "strip": FluidModel(),
     "frozen": FluidModel(panels=True),
     "panels": FluidModel(panels=True),
-    "given": FluidModel(field="matrix"),
+    "given": FluidModel(needs_density=False, field="matrix"),
 }
 """The models by name, from the crudest to the full one; the last one is for comparisons."""
 
@@ -40,7 +40,7 @@ _ASYMMETRY = 1e-12
 
 
 def _check_around(value: object, field: str) -> int:
-    around = integer(8, MOST_PANELS)(value, field)
+    around = integer(4, MOST_PANELS)(value, field)
     if around % 4:
         raise SceneError(
             f"{field} must be a multiple of 4, so that rings have both mirror planes, got {around}"
@@ -83,11 +83,11 @@ class SpatialFluid(FluidBase, path="fluid"):
         a matrix.
     density : float or None
         Fluid density [kg/m^3], above 0, also the body's where that has none; None with the model
-        ``none``.
+        ``none``, and as one likes with ``given``.
     rows : int
         Rings of panels on each element, 1 to 1000.
     around : int
-        Panels in a ring, a multiple of 4, 8 to 1000. Models without panels leave both alone.
+        Panels in a ring, a multiple of 4, 4 to 1000. Models without panels leave both alone.
     self_term : str
         One of `SELF_TERM_NAMES`, a panel's influence on itself, with panels alone: from Gauss's
         law, or that of a ``flat`` panel, for comparison only.
