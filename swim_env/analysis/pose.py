@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from swim_env.physics.spatial.invariants import heading_of
+
 __all__ = ["ORIENTATION", "orientation_of"]
 
 Array = NDArray[np.float64]
@@ -16,7 +18,7 @@ ORIENTATION = ("roll", "pitch", "yaw")
 def orientation_of(directors: Array) -> Array:
     """Return how the body is turned from the reference pose, (T, 3) (rad).
 
-    The body's rotation is the polar factor of the mean of its directors. From the reference pose
+    The body's rotation is that of `heading_of`. From the reference pose
     (d3, head to tail, along +x; d2 upwards along +z) it is turned by the yaw about z, then by the
     pitch about its own d1, then by the roll about its own d3. A positive yaw turns to the left,
     a positive pitch lifts the head. Angles count whole turns from the first instant on; where the
@@ -27,9 +29,7 @@ def orientation_of(directors: Array) -> Array:
     directors : (T, N, 3, 3) array
         R_k of every element, with columns d1, d2, d3.
     """
-    left, _, right = np.linalg.svd(directors.mean(axis=1))
-    left[..., -1] *= np.linalg.det(left @ right)[:, None]
-    d1, d2, d3 = np.moveaxis(left @ right, -1, 0)
+    d1, d2, d3 = np.moveaxis(heading_of(directors), -1, 0)
     roll = np.arctan2(d1[:, 2], d2[:, 2])
     pitch = np.arctan2(-d3[:, 2], np.hypot(d3[:, 0], d3[:, 1]))
     yaw = np.arctan2(d3[:, 1], d3[:, 0])

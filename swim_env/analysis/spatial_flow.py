@@ -17,6 +17,7 @@ from swim_env.physics.spatial.panels.influence import KEPT, NORMAL, POINT_ROWS, 
 from swim_env.physics.spatial.panels.mass import MOTIONS, panel_buffers, panel_mass, panel_views
 from swim_env.physics.status import FINE
 from swim_env.scene.checks import whole
+from swim_env.scene.spatial.fluid import SPATIAL_FLUID_TABLE
 from swim_env.scene.spatial.scene import SpatialScene
 from swim_env.sim.spatial.constants import surface_of
 from swim_env.sim.spatial.trajectory import SpatialTrajectory
@@ -31,7 +32,7 @@ _LANES = 8
 
 def has_panels(scene: SpatialScene) -> bool:
     """Return whether a scene's fluid is made of source panels, whose flow is known."""
-    return scene.fluid is not None and scene.fluid.model in ("panels", "frozen")
+    return scene.fluid is not None and SPATIAL_FLUID_TABLE[scene.fluid.model].panels
 
 
 class SpatialBodyFlow:

@@ -52,24 +52,32 @@ def trajectory_of(
         forces = trace[1:, 2 * n :].reshape(-1, elements - 1, 2).copy()
     positions = np.empty((len(q), elements, 2))
     centres_of_trajectory(q, scene.beam.element_length, positions)
-    columns = dict(zip(RECORD_NAMES, record.T.copy(), strict=True))
-    # The kernel records the energy at the end of each step.
-    energies = np.concatenate([[energy], columns.pop("energy")])
+    columns = columns_of(scene, first, energy, record)
     outside = [columns.pop(name) for name in ("impulse_x", "impulse_y", "angular_impulse")]
-    steps = np.arange(first, first + len(q), dtype=np.float64)
     return Trajectory(
         scene=scene,
         termination_reason=reason,
-        time=steps * scene.integrator.time_step,
         centres=positions,
         angles=np.cumsum(q[:, 2:], axis=1),
         torques=torques.copy(),
         momentum=momentum_map(q, p),
-        energy=energies,
         impulse=np.stack(outside, axis=-1),
         internal_forces=forces,
         **columns,
     )
+
+
+def columns_of(scene: Scene, first: int, energy: float, record: Array) -> dict[str, Array]:
+    """Return time (T + 1,) (s), energy (T + 1,) (J) and the other columns (T,) of a record.
+
+    `first` steps were taken before the first instant, at which H is the energy (J).
+    """
+    # In space there are no columns for impulses from outside.
+    found = dict(zip(RECORD_NAMES[: record.shape[1]], record.T.copy(), strict=True))
+    # The kernel records the energy at the end of each step.
+    found["energy"] = np.concatenate([[energy], found["energy"]])
+    steps = np.arange(first, first + len(record) + 1, dtype=np.float64)
+    return {"time": steps * scene.integrator.time_step, **found}
 
 
 class Recorder:

@@ -56,11 +56,10 @@ def momentum_map(q: Array, p: Array) -> Array:
 
 
 def heading_of(directors: Array) -> Array:
-    """Return the body's rotation (3, 3): the polar factor of the mean of directors (N, 3, 3)."""
-    left, _, right = np.linalg.svd(directors.mean(axis=0))
-    signs = np.ones(3)
-    signs[-1] = np.linalg.det(left @ right)
-    return np.asarray(left @ (signs[:, None] * right))
+    """Return the body's rotation (..., 3, 3): the polar factor of mean directors (..., N, 3, 3)."""
+    left, _, right = np.linalg.svd(directors.mean(axis=-3))
+    left[..., -1] *= np.linalg.det(left @ right)[..., None]
+    return np.asarray(left @ right)
 
 
 def rotation_angle(rotation: Array) -> float:

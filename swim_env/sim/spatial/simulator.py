@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swim_env.errors import OptionError, SwimError
-from swim_env.physics.solve.state import RECORD_NAMES
 from swim_env.physics.spatial.invariants import centres_of, directors_of, momentum_map
-from swim_env.physics.spatial.layout import RECORD_SIZE
 from swim_env.scene.spatial.scene import SpatialScene
+from swim_env.sim.recorder import columns_of
 from swim_env.sim.simulator import Simulator
 from swim_env.sim.spatial.bodies import SpatialBodies, spatial_start
 from swim_env.sim.spatial.trajectory import SpatialTrajectory
@@ -103,19 +102,14 @@ class SpatialSimulator(Simulator):
     ) -> SpatialTrajectory:
         q, p = np.split(trace, [self._bodies.coordinates_size], axis=1)
         directors, rotations = directors_of(q)
-        columns = dict(zip(RECORD_NAMES[:RECORD_SIZE], record.T.copy(), strict=True))
-        energies = np.concatenate([[energy], columns.pop("energy")])
-        steps = np.arange(first, first + len(q), dtype=np.float64)
         return SpatialTrajectory(
             scene=self.scene,
             termination_reason=self._reason,
-            time=steps * self.time_step,
             centres=centres_of(q[:, :3], directors, self.scene.beam.element_length),
             directors=directors,
             joint_rotations=rotations,
             torques=torques.copy(),
             momentum=momentum_map(q, p),
-            energy=energies,
             impulse=np.zeros((len(torques), 6)),
-            **columns,
+            **columns_of(self.scene, first, energy, record),
         )
