@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from swim_env.errors import SceneError
 from swim_env.files.names import file_name
@@ -50,6 +51,8 @@ AUTOMATIC: tuple[str, ...] = (
     "actuation.frequency",
 )
 """Fields that may be ``auto``: their values follow from the body, see `Scene.from_dict`."""
+
+Floats = NDArray[np.float64]
 
 #: Static bend of a body (rad) by the torque limit that follows from it: that of scene swimmer.
 BEND_AT_LIMIT = 0.2
@@ -229,6 +232,45 @@ class Scene:
             return self.actuation.torque_limit
         bend = self.bend_per_torque
         return BEND_AT_LIMIT / bend if bend else 1.0
+
+    @property
+    def action_limits(self) -> Floats:
+        """Torque limit of each of an environment's actions [N m], shape (n,).
+
+        There is one action for each joint from head to tail; in three dimensions one for each
+        actuated axis of every joint, joint by joint.
+        """
+        per_joint = np.atleast_1d(np.array(self.torque_limit, dtype=np.float64))
+        return np.tile(per_joint, self.joints)
+
+    @property
+    def action_places(self) -> NDArray[np.int64]:
+        """Where the actions' torques are among those of a step, flattened; shape (n,)."""
+        return np.arange(self.joints)
+
+    @property
+    def action_torques(self) -> Floats:
+        """Torque of each action of 1 [N m], shape (n,); 0 at joints that nothing drives."""
+        limits = self.action_limits
+        until = self.actuation.active_until if self.actuation else 1.0
+        active = np.repeat(self.beam.joint_fractions <= until, limits.size // self.joints)
+        return np.where(active, limits, 0.0)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints, N - 1."""
+        return self.beam.elements - 1
+
+    def actions_of(self, torques: ArrayLike) -> Floats:
+        """Return actions, (..., n), that command torques [N m], (..., N-1) or (..., N-1, 3).
+
+        They are shares of the limits, and beyond 1 where the torques are beyond those. Torques
+        about axes that are not actuated are left out.
+        """
+        given = np.asarray(torques, dtype=np.float64)
+        flat = given if self.dimension == 2 else given.reshape(*given.shape[:-2], -1)
+        shares: Floats = flat[..., self.action_places] / self.action_limits
+        return shares
 
     @property
     def bend_per_torque(self) -> float | None:

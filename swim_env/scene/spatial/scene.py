@@ -13,7 +13,7 @@ from swim_env.scene.checks import Triple
 from swim_env.scene.making import KINDS
 from swim_env.scene.run import EpisodeBase, Integrator, direction
 from swim_env.scene.scene import Scene
-from swim_env.scene.spatial.body import SpatialBeam
+from swim_env.scene.spatial.body import AXIS_NAMES, SpatialBeam
 from swim_env.scene.spatial.drive import SpatialActuation, SpatialDamping
 from swim_env.scene.spatial.fluid import SpatialFluid
 from swim_env.scene.spatial.initial import SpatialInitial
@@ -85,6 +85,12 @@ class SpatialScene(Scene):
     def torque_limit(self) -> tuple[float, ...]:  # type: ignore[override]
         """Torque of an environment's action of 1 [N m], for each of `axes`."""
         return self.actuation.limits if self.actuation is not None else (super().torque_limit,)
+
+    @property
+    def action_places(self) -> NDArray[np.int64]:
+        """Where the actions' torques are among those of a step, flattened; shape (n,)."""
+        axes = np.array([AXIS_NAMES.index(axis) for axis in self.axes])
+        return (3 * np.arange(self.joints)[:, None] + axes).ravel()
 
 
 KINDS[SpatialScene.dimension] = SpatialScene
