@@ -300,7 +300,7 @@ def _distance(rollout: Rollout, path: Array) -> float | None:
     """Return how near a path (T, 2) (m) comes to an episode's target (BL), None without one."""
     if not rollout.task.has_target:
         return None
-    return float(np.hypot(*(path - rollout.goal).T).min()) / rollout.scene.beam.length
+    return float(np.linalg.norm(path - rollout.goal, axis=1).min()) / rollout.scene.beam.length
 
 
 def _played(rollout: Rollout) -> _Run:

@@ -8,6 +8,7 @@ does, and share no code with it.
 from __future__ import annotations
 
 import functools
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,14 +38,14 @@ OBSERVATION_LAYOUT = 3
 #: Observations are clipped to this, so that the space is finite; sine and cosine have their own.
 OBSERVATION_LIMIT = 100.0
 
-#: The figures that `assess` keeps of every member, all of them floats. The coordinate counts the
+#: The figures that are kept of every member, all of them floats. The coordinate counts the
 #: progress: along the heading, or minus the distance (BL).
 FIGURES = np.dtype(
     [
         (name, np.float64)
         for name in (
             *("reward", "reward_progress", "reward_effort", "reward_heading"),
-            *("progress", "x", "y", "heading_error", "distance", "work", "positive_work"),
+            *("progress", "x", "y", "z", "heading_error", "distance", "work", "positive_work"),
             *("time", "coordinate", "coordinate_at_start", "energy_drift"),
         )
     ]
@@ -74,35 +75,90 @@ ACTIONS_TAKEN, END_CODE, TIME_IS_UP = range(3)
 REACHED = 9
 
 
-def observation_size(elements: int, goal_is_point: bool) -> int:
-    """Return the number of observed quantities, 2 (N - 1) + 5, and the distance to a point."""
-    return 2 * (elements - 1) + 5 + goal_is_point
-
-
 @entry_kernel
 def torques_of_actions(
-    members: Indices, actions: Array, torque_of_one: Array, torques: Array
+    members: Indices, actions: Array, torque_of_one: Array, places: Indices, torques: Array
 ) -> int:
-    """Write the torques (M, 1, N - 1) (N m) of members' actions (M, N - 1), clipped to [-1, 1].
+    """Write the torques (M, K) (N m) of members' actions (M, n), clipped to [-1, 1].
 
-    The torque of an action of 1 (N - 1,) (N m) is 0 where nothing drives a joint. Returned is -1,
-    or member (N - 1) + joint of the first action that is not finite; then nothing is written.
+    The torque of an action of 1 (n,) (N m) is 0 where nothing drives a joint, and the places (n,)
+    are the columns of the torques. Returned is -1, or n member + action of the first one that is
+    not finite; then nothing is written.
     """
     for member in members:
-        for joint in range(actions.shape[1]):
-            if not np.isfinite(actions[member, joint]):
-                bad: int = member * actions.shape[1] + joint
+        for i in range(actions.shape[1]):
+            if not np.isfinite(actions[member, i]):
+                bad: int = member * actions.shape[1] + i
                 return bad
     for member in members:
-        for joint in range(actions.shape[1]):
-            action = min(1.0, max(-1.0, actions[member, joint]))
-            torques[member, 0, joint] = torque_of_one[joint] * action
+        for i in range(actions.shape[1]):
+            action = min(1.0, max(-1.0, actions[member, i]))
+            torques[member, places[i]] = torque_of_one[i] * action
     return -1
 
 
 @kernel
-def _observed(value: float) -> float:
+def observed(value: float) -> float:
+    """Return a number as it is observed, within the limits."""
     return min(OBSERVATION_LIMIT, max(-OBSERVATION_LIMIT, value))
+
+
+@kernel
+def account(
+    start: bool,
+    task: Any,
+    figure: Any,
+    counter: Indices,
+    record: Array,
+    outcome: Indices,
+    budget: Array,
+    coordinate: float,
+    distance: float,
+    sine: float,
+    cosine: float,
+    effort: float,
+    drives: int,
+) -> None:
+    """Write a member's figures and counters, but for its position; see `assess`.
+
+    `effort` is the sum of squares of so many actions, sine and cosine are those of the angle from
+    the head's direction to the goal's, coordinate and distance (m) are there now.
+    """
+    time_step = task["time_step"]
+    taken = 0 if start else outcome[0]
+    seconds = taken * time_step
+    figure["time"] = time_step * budget[STEPS]
+    figure["heading_error"] = np.arctan2(sine, cosine)
+    figure["distance"] = distance / task["body_length"]
+    figure["work"] = 0.0
+    figure["positive_work"] = 0.0
+    figure["energy_drift"] = unexplained_share(budget)
+    if start:
+        figure["coordinate"] = coordinate
+        figure["coordinate_at_start"] = coordinate
+        figure["progress"] = 0.0
+        figure["reward"] = 0.0
+        figure["reward_progress"] = 0.0
+        figure["reward_effort"] = 0.0
+        figure["reward_heading"] = 0.0
+        counter[:] = 0
+        return
+    for step in range(taken):
+        figure["work"] += record[step, WORK]
+        figure["positive_work"] += record[step, POSITIVE_WORK]
+    gained = coordinate - figure["coordinate"]
+    figure["coordinate"] = coordinate
+    figure["progress"] = coordinate - figure["coordinate_at_start"]
+    figure["reward_progress"] = gained
+    figure["reward_effort"] = 0.0 - task["effort_weight"] * effort / drives * seconds
+    figure["reward_heading"] = 0.0 - task["heading_weight"] * max(0.0, 1.0 - cosine) * seconds
+    figure["reward"] = gained + figure["reward_effort"] + figure["reward_heading"]
+    code = outcome[1]
+    if code == 0 and task["goal_is_point"] and distance <= task["radius"]:
+        code = REACHED
+    counter[ACTIONS_TAKEN] += 1
+    counter[END_CODE] = code
+    counter[TIME_IS_UP] = int(counter[ACTIONS_TAKEN] >= task["actions_per_episode"])
 
 
 @entry_kernel
@@ -113,6 +169,7 @@ def assess(
     velocities: Array,
     torques: Array,
     torque_of_one: Array,
+    places: Indices,
     record: Array,
     outcome: Indices,
     goals: Array,
@@ -125,16 +182,16 @@ def assess(
     """Evaluate members after a start or an action: what they observe, gain and whether they end.
 
     At a start nothing has been gained. States, velocities, record and outcome are as
-    `swim_env.physics.solve.advance.advance` leaves them, torques (M, 1, N - 1) (N m) those that
-    were held, goals (M, 2) unit vectors or points (m), settings (1,) the task's. The coordinates at
-    the last evaluation, earlier (M, N + 2), observations (M, n), figures (M,) and counters (M, 3)
-    are overwritten for these members.
+    `swim_env.physics.solve.advance.advance` leaves them, torques (M, N - 1) (N m) those that were
+    held, places (N - 1,) their columns by action, goals (M, 2) unit vectors or points (m), settings
+    (1,) the task's. The coordinates at the last evaluation, earlier (M, N + 2), observations
+    (M, n), figures (M,) and counters (M, 3) are overwritten for these members.
 
     Rates and velocities are observed as means over the action: when torques jump, the stiffest
     modes ring, and no affordable time step resolves their velocities at one instant.
     """
     task = settings[0]
-    length, time_step = task["body_length"], task["time_step"]
+    length = task["body_length"]
     rate_of_one = RATE_SCALE / task["control_interval"]
     speed_of_one = VELOCITY_SCALE / task["control_interval"] * length
     turning_of_one = TURNING_SCALE / task["control_interval"]
@@ -145,9 +202,7 @@ def assess(
         q = states[member]
         velocity = velocities[member]
         seen = observations[member]
-        figure = figures[member]
-        taken = 0 if start else outcome[member, 0]
-        seconds = taken * time_step
+        seconds = 0.0 if start else outcome[member, 0] * task["time_step"]
 
         # By how much the coordinates move, and in how long (s): in the action, or at the velocity
         # of a start in a second.
@@ -192,68 +247,49 @@ def assess(
         sine = ahead_x * goal_y - ahead_y * goal_x
 
         for k in range(joints):
-            seen[k] = _observed(q[3 + k] / ANGLE_SCALE)
+            seen[k] = observed(q[3 + k] / ANGLE_SCALE)
         at = 2 * joints
         seen[at] = min(1.0, max(-1.0, sine))
         seen[at + 1] = min(1.0, max(-1.0, cosine))
         # Where not one step could be taken, all is as it was.
         if lasted > 0.0:
             for k in range(joints):
-                seen[joints + k] = _observed(moves[3 + k] / lasted / rate_of_one)
+                seen[joints + k] = observed(moves[3 + k] / lasted / rate_of_one)
             velocity_x = moves[0] / lasted
             velocity_y = moves[1] / lasted
             forward = velocity_x * ahead_x + velocity_y * ahead_y
             leftward = velocity_y * ahead_x - velocity_x * ahead_y
-            seen[at + 2] = _observed(forward / speed_of_one)
-            seen[at + 3] = _observed(leftward / speed_of_one)
-            seen[at + 4] = _observed(mean_turned / lasted / turning_of_one)
+            seen[at + 2] = observed(forward / speed_of_one)
+            seen[at + 3] = observed(leftward / speed_of_one)
+            seen[at + 4] = observed(mean_turned / lasted / turning_of_one)
         if to_point:
-            seen[at + 5] = _observed(distance / length)
+            seen[at + 5] = observed(distance / length)
         for i in range(unknowns):
             moves[i] = q[i]
 
-        budget = state_views(q, unknowns - 2)[0].counters
-        figure["time"] = time_step * budget[STEPS]
+        figure = figures[member]
         figure["x"] = q[0]
         figure["y"] = q[1]
-        figure["heading_error"] = np.arctan2(sine, cosine)
-        figure["distance"] = distance / length
-        figure["work"] = 0.0
-        figure["positive_work"] = 0.0
-        figure["energy_drift"] = unexplained_share(budget)
-        if start:
-            figure["coordinate"] = coordinate
-            figure["coordinate_at_start"] = coordinate
-            figure["progress"] = 0.0
-            figure["reward"] = 0.0
-            figure["reward_progress"] = 0.0
-            figure["reward_effort"] = 0.0
-            figure["reward_heading"] = 0.0
-            counters[member] = 0
-            continue
-
         effort = 0.0
-        for k in range(joints):
-            if torque_of_one[k] > 0.0:
-                part = torques[member, 0, k] / torque_of_one[k]
+        for i in range(joints):
+            if torque_of_one[i] > 0.0:
+                part = torques[member, places[i]] / torque_of_one[i]
                 effort += part * part
-        for step in range(taken):
-            figure["work"] += record[member, step, WORK]
-            figure["positive_work"] += record[member, step, POSITIVE_WORK]
-        gained = coordinate - figure["coordinate"]
-        figure["coordinate"] = coordinate
-        figure["progress"] = coordinate - figure["coordinate_at_start"]
-        figure["reward_progress"] = gained
-        figure["reward_effort"] = 0.0 - task["effort_weight"] * effort / joints * seconds
-        figure["reward_heading"] = 0.0 - task["heading_weight"] * max(0.0, 1.0 - cosine) * seconds
-        figure["reward"] = gained + figure["reward_effort"] + figure["reward_heading"]
-        code = outcome[member, 1]
-        if code == 0 and to_point and distance <= task["radius"]:
-            code = REACHED
-        counters[member, ACTIONS_TAKEN] += 1
-        counters[member, END_CODE] = code
-        taken_all = counters[member, ACTIONS_TAKEN] >= task["actions_per_episode"]
-        counters[member, TIME_IS_UP] = int(taken_all)
+        account(
+            start,
+            task,
+            figure,
+            counters[member],
+            record[member],
+            outcome[member],
+            state_views(q, unknowns - 2)[0].counters,
+            coordinate,
+            distance,
+            sine,
+            cosine,
+            effort,
+            joints,
+        )
 
 
 @entry_kernel
@@ -286,30 +322,35 @@ def collect(
 
 
 @functools.cache
+def load_collecting() -> None:
+    """Load the kernels that environments of all scenes need."""
+    one = np.zeros(1, dtype=np.int64)
+    torques_of_actions(one, np.zeros((1, 1)), np.zeros(1), one, np.zeros((1, 1)))
+    observations, flags = np.zeros((1, 8), dtype=np.float32), np.zeros((2, 1), dtype=np.bool_)
+    figures, counters = np.zeros((1, len(FIGURES.names or ()))), np.zeros((1, 3), dtype=np.int64)
+    collect(observations, figures, counters, observations.copy(), figures.T.copy(), flags)
+
+
+@functools.cache
 def load_assessment() -> None:
     """Load the physics' kernels and these, which must be done before any of them is called."""
     load_kernels()
+    load_collecting()
     one = np.zeros(1, dtype=np.int64)
-    torques = np.zeros((1, 1, 1))
-    observations = np.zeros((1, 8), dtype=np.float32)
-    figures = np.zeros((1, len(FIGURES.names or ())))
-    counters = np.zeros((1, 3), dtype=np.int64)
-    torques_of_actions(one, np.zeros((1, 1)), np.zeros(1), torques)
     assess(
         one,
         True,
         np.zeros((1, state_size(2))),
         np.zeros((1, 4)),
-        torques,
+        np.zeros((1, 1)),
         np.zeros(1),
+        one,
         np.zeros((1, 1, len(RECORD_NAMES))),
         np.zeros((1, 2), dtype=np.int64),
         np.array([[1.0, 0.0]]),
         np.ones(1, dtype=TASK_SETTINGS),
         np.zeros((1, 4)),
-        observations,
-        figures.view(FIGURES)[:, 0],
-        counters,
+        np.zeros((1, 8), dtype=np.float32),
+        np.zeros((1, len(FIGURES.names or ()))).view(FIGURES)[:, 0],
+        np.zeros((1, 3), dtype=np.int64),
     )
-    flags = np.zeros((2, 1), dtype=np.bool_)
-    collect(observations, figures, counters, observations.copy(), figures.T.copy(), flags)

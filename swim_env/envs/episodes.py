@@ -14,24 +14,21 @@ from swim_env.envs.assessment import (
     FIGURES,
     REACHED,
     TIME_IS_UP,
-    assess,
     collect,
-    load_assessment,
-    observation_size,
     torques_of_actions,
 )
 from swim_env.envs.tasks import Start, StartPlan, Task
 from swim_env.envs.tasks.hooks import Hooks
-from swim_env.envs.tasks.layout import TERMS, TOLD
+from swim_env.envs.tasks.layout import TERMS, TOLD, standard_parts
 from swim_env.envs.tasks.moment import COLUMNS, Arrays
 from swim_env.errors import ActionError, OptionError, SimulationEndedError, SwimError
 from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
 from swim_env.physics.status import describe
 from swim_env.scene.checks import got, whole
 from swim_env.scene.scene import MOST_ACTIONS
-from swim_env.sim.batch import Bodies
+from swim_env.scene.spatial.body import AXIS_NAMES
 from swim_env.sim.recorder import needs_recording
-from swim_env.sim.trajectory import Trajectory
+from swim_env.sim.trajectory import TrajectoryBase
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -96,7 +93,6 @@ assert list(TERMINATION_CODES) == list(range(len(TERMINATION_CODES)))
 _SMALLEST_SHARE = 1e-3
 
 _TIME, _REWARD = COLUMNS["time"], COLUMNS["reward"]
-_POSITION = slice(COLUMNS["x"], COLUMNS["y"] + 1)
 
 
 @dataclass(frozen=True)
@@ -174,13 +170,13 @@ class Episodes:
         Whether they are those of the scene's duration.
     observations : (M, n) array of float32
         What each member observes now.
-    actions : (M, N - 1) array
+    actions : (M, n) array
         The actions that `play` takes.
     all_members : (M,) array of int
         The indices of all members.
-    torques : (M, 1, N - 1) array
+    torques : (M, 1, N - 1) array, in space (M, 1, N - 1, 3)
         Torques of the last actions (N m).
-    goals : (M, 2) array
+    goals : (M, D) array
         Directions (unit vectors) or targets (m).
     counters : (M, 3) array of int
         Actions taken, code of the reason for an end, and whether the time is up.
@@ -210,20 +206,20 @@ class Episodes:
         self.task = task
         self._hold = scene.steps_per_action
         self.set_limit(max_episode_steps)
-        load_assessment()
-        self.bodies = Bodies(scene, count)
+        geometry = self._geometry = task.geometry
+        geometry.load()
+        self.bodies = geometry.bodies(count)
         self.all_members = self.bodies.all_members
-        joints = scene.beam.elements - 1
-        self.actions = np.zeros((count, joints))
-        until = scene.actuation.active_until if scene.actuation else 1.0
-        active = scene.beam.joint_fractions <= until
-        self._torque_of_one = np.where(active, scene.torque_limit, 0.0)
-        self.torques: Array = np.zeros((count, 1, joints))
+        self._torque_of_one, self._places = scene.action_torques, scene.action_places
+        self.actions = np.zeros((count, len(self._places)))
+        self.torques: Array = np.zeros((count, 1, *geometry.joint_shape))
+        self._flat_torques = self.torques.reshape(count, -1)
         self._record = self.bodies.new_record(self._hold)
-        self.goals: Array = np.zeros((count, 2))
+        self.goals: Array = np.zeros((count, scene.dimension))
+        self._position = slice(COLUMNS["x"], COLUMNS["x"] + scene.dimension)
         self.someone_ended = self.is_reset = False
-        self._earlier = np.zeros((count, self.bodies.unknowns))
-        size = observation_size(scene.beam.elements, task.goal_is_point)
+        self._earlier = np.zeros((count, geometry.kept))
+        size = max(column.stop for column in standard_parts(task).values())
         self._seen = self.observations = np.zeros((count, size), dtype=np.float32)
         self._figures = np.zeros((count, len(COLUMNS)))
         self.counters = np.zeros((count, 3), dtype=np.int64)
@@ -322,7 +318,7 @@ class Episodes:
     def take(self, actions: object, single: bool, members: Indices) -> None:
         """Check the members' actions and keep their torques for `play`.
 
-        Actions are (M, N - 1), those of a single environment (N - 1,); other members' are ignored.
+        Actions are (M, n), those of a single environment (n,); other members' are ignored.
         An ActionError says that they have another shape, are not numbers or not finite; then no
         torques have changed.
         """
@@ -340,12 +336,18 @@ class Episodes:
             with np.errstate(over="ignore"):  # becomes infinite and is refused as such
                 given = given.astype(np.float64)
         self.actions[:] = given
-        bad = torques_of_actions(members, self.actions, self._torque_of_one, self.torques)
+        bad = torques_of_actions(
+            members, self.actions, self._torque_of_one, self._places, self._flat_torques
+        )
         if bad >= 0:
-            member, joint = divmod(bad, shape[-1])
-            where = f"joint {joint}" if single else f"joint {joint} of member {member}"
+            member, action = divmod(bad, shape[-1])
+            joint, axis = divmod(int(self._places[action]), self.torques[0, 0, 0].size)
+            where = f"joint {joint}"
+            if self.task.scene.dimension == 3:
+                where = f"the {AXIS_NAMES[axis]} of {where}"
+            where += "" if single else f" of member {member}"
             raise ActionError(
-                f"{what} must be finite, got {self.actions[member, joint]} at {where}"
+                f"{what} must be finite, got {self.actions[member, action]} at {where}"
             )
 
     def play(self, members: Indices, threads: int = 1) -> None:
@@ -357,13 +359,14 @@ class Episodes:
         hooks = self._hooks
         if hooks is not None:
             hooks.before()
-        assess(
+        self._geometry.assess(
             members,
             start,
             self.bodies.states,
             self.bodies.velocities,
-            self.torques,
+            self._flat_torques,
             self._torque_of_one,
+            self._places,
             self._record,
             self.bodies.outcome,
             self.goals,
@@ -405,7 +408,7 @@ class Episodes:
     def info(self, member: int) -> dict[str, Any]:
         """Return the info of one member."""
         code = int(self.counters[member, END_CODE])
-        position = self._figures[member, _POSITION].copy()
+        position = self._figures[member, self._position].copy()
         info = self._info(self._figures[member].tolist(), position, self._texts[code], code)
         if self._hooks is not None:
             info.update(self._hooks.told(member))
@@ -435,7 +438,7 @@ class Episodes:
         self.someone_ended = ended > 0
         codes = self.counters[:, END_CODE].copy()
         reasons = self._texts[codes] if ended else self._no_reasons
-        infos = self._info(columns, columns[_POSITION].T, reasons, codes)
+        infos = self._info(columns, columns[self._position].T, reasons, codes)
         if self._hooks is not None:
             infos.update(self._hooks.told_of_all())
         if self.task.goal_is_point:
@@ -453,7 +456,7 @@ class Episodes:
             found |= codes == code
         return found
 
-    def recorded(self, member: int) -> Trajectory:
+    def recorded(self, member: int) -> TrajectoryBase:
         """Return a member's trajectory since its start; OptionError if the scene records none."""
         recorder = needs_recording(self.bodies.recorder)
         status = int(self.bodies.outcome[member, 1])

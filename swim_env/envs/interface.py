@@ -29,14 +29,16 @@ RENDER_MODES = ("rgb_array", "human")
 #: Largest number of threads.
 MOST_THREADS = 1_000
 
+#: Scenes of environments for which none is given, in the plane and in space.
+DEFAULT_SCENES = ("swimmer", "eel_3d")
+
 SceneLike = Scene | str | os.PathLike[str] | Mapping[str, Any]
 Overrides = str | Iterable[str] | Mapping[str, object]
 
 
 def action_space_of(scene: Scene) -> gymnasium.spaces.Box:
-    """Return the space of actions, (N - 1,) in [-1, 1]."""
-    joints = scene.beam.elements - 1
-    return gymnasium.spaces.Box(-1.0, 1.0, (joints,), np.float32)
+    """Return the space of actions, (n,) in [-1, 1], see `Scene.action_limits`."""
+    return gymnasium.spaces.Box(-1.0, 1.0, scene.action_limits.shape, np.float32)
 
 
 def observation_space_of(task: Task) -> gymnasium.spaces.Box:
@@ -57,7 +59,7 @@ def task_of(
 
     A task that is made already brings its scene, unless another one than the default is given.
     """
-    if isinstance(task, Task) and scene == "swimmer" and overrides is None:
+    if isinstance(task, Task) and scene in DEFAULT_SCENES and overrides is None:
         scene = task.scene
     weights = {"effort_weight": effort_weight, "heading_weight": heading_weight}
     given = {name: one for name, one in weights.items() if type(one) not in (int, float) or one}

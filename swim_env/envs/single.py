@@ -24,7 +24,7 @@ from swim_env.envs.interface import (
 )
 from swim_env.envs.tasks import TARGET_BEARING, TARGET_DISTANCE, TARGET_RADIUS, TaskLike
 from swim_env.errors import SimulationEndedError
-from swim_env.sim.trajectory import Trajectory
+from swim_env.sim.trajectory import TrajectoryBase
 
 
 class SwimEnv(SharedInterface, gymnasium.Env[Observation, NDArray[Any]]):
@@ -167,7 +167,7 @@ class SwimEnv(SharedInterface, gymnasium.Env[Observation, NDArray[Any]]):
         """The direction of the episode, a unit vector (2,), or its target (m)."""
         return np.array(self.episodes.goals[0], dtype=np.float64)
 
-    def recorded(self) -> Trajectory:
+    def recorded(self) -> TrajectoryBase:
         """Return the episode's trajectory so far, of a scene with the effect recording.
 
         Raises

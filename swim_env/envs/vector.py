@@ -37,7 +37,7 @@ from swim_env.envs.tasks import (
 from swim_env.errors import OptionError, SwimError
 from swim_env.physics.runtime.threads import usable_threads
 from swim_env.scene.checks import got, listed, scalar, whole
-from swim_env.sim.trajectory import Trajectory
+from swim_env.sim.trajectory import TrajectoryBase
 
 #: What all members share, what of it can be set, and methods of each that move nothing.
 MEMBERS_SHARE = (
@@ -131,7 +131,7 @@ class SwimVectorEnv(
         self._randoms: list[np.random.Generator | None] = [None] * self.num_envs
         self._threads = self.num_threads or usable_threads()
 
-    def recorded(self, member: int) -> Trajectory:
+    def recorded(self, member: int) -> TrajectoryBase:
         """Return a member's trajectory since its last reset, of a scene with the effect recording.
 
         Raises

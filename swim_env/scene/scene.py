@@ -234,6 +234,11 @@ class Scene:
         return BEND_AT_LIMIT / bend if bend else 1.0
 
     @property
+    def mass(self) -> float:
+        """Mass of the body [kg]."""
+        return self.beam.line_density * self.beam.length
+
+    @property
     def action_limits(self) -> Floats:
         """Torque limit of each of an environment's actions [N m], shape (n,).
 

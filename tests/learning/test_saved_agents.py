@@ -167,7 +167,7 @@ def test_shipped_agents_play_with_torch_alone_as_with_stable_baselines3(tmp_path
         )
         actions = np.load(tmp_path / f"{name}.npy")
         raw = model.predict(observations(model, 50), deterministic=True)[0]
-        expected = Smoothing(8, 0.15)(raw)
+        expected = Smoothing(load_scene("swimmer"), 0.15)(raw)
         assert (actions == expected).all() and actions.dtype == expected.dtype
 
 

@@ -357,14 +357,14 @@ def task_with(**methods: Any) -> type[Task]:
 @pytest.mark.parametrize(
     ("methods", "parts"),
     [
-        ({"reward": lambda s, now: {"x": 0.0}}, ("'x' of reward must be numbers of shape (6,)",)),
+        ({"reward": lambda s, now: {"x": 0.0}}, ("'x' of reward must be numbers of shape (14,)",)),
         (
             {"reward": lambda s, now: {"x": now.position}},
-            ("of reward", "got float64 of shape (6, 2)"),
+            ("of reward", "got float64 of shape (14, 2)"),
         ),
         ({"reward": lambda s, now: now.progress}, ("reward must return arrays by name",)),
         ({"reward": lambda s, now: {}}, ("reward must return at least one term",)),
-        ({"observe": lambda s, now: {"x": np.zeros(3)}}, ("(6,) or (6, k) for 6 members",)),
+        ({"observe": lambda s, now: {"x": np.zeros(3)}}, ("(14,) or (14, k) for 14 members",)),
         ({"observe": lambda s, now: {"velocity": now.progress}}, ("'velocity', a standard part",)),
         ({"parts": ("joint_angle",)}, ("unknown part 'joint_angle' (nearest: joint_angles)",)),
         ({"parts": ("distance",)}, ("unknown part 'distance'",)),

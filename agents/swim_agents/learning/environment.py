@@ -62,7 +62,7 @@ class TrainingEnv(VecEnvWrapper):  # type: ignore[misc]
         super().__init__(venv)
         self.reward_scale = reward_scale
         self.discount = discount
-        self.smoothing = Smoothing(venv.action_space.shape[0], action_smoothing)
+        self.smoothing = Smoothing(self.batch.scene, action_smoothing)
         self._spread = RunningMeanStd(shape=())
         self._returns = np.zeros(self.num_envs)
 

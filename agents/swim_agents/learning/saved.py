@@ -196,7 +196,7 @@ def load_agent(folder: str | os.PathLike[str]) -> AgentPolicy:
             f"the weights in model.zip are not those of the agent that agent.json describes "
             f"({where})"
         ) from None
-    smoothing = Smoothing(scene.beam.elements - 1, width)
+    smoothing = Smoothing(scene, width)
     return AgentPolicy(SmoothedPolicy(policy, smoothing), description)
 
 

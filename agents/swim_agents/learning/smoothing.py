@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from swim_env.scene import Scene
 from swim_env.scene.checks import real
 
 Actions = NDArray[np.float32]
@@ -27,22 +28,25 @@ class Smoothing:
 
     Parameters
     ----------
-    joints : int
-        Number N - 1 of joints, evenly spaced between the ends of the body.
+    scene : Scene
+        Whose actions they are: joints are evenly spaced between the ends of the body, and every
+        axis of theirs is smoothed by itself.
     width : float or None
         Standard deviation of the weights (BL); None leaves actions as they are.
     """
 
-    def __init__(self, joints: int, width: float | None) -> None:
+    def __init__(self, scene: Scene, width: float | None) -> None:
         self._weights: Actions | None = None
         if width is not None:
+            joints = scene.joints
             place = np.arange(joints) / (joints + 1)
             weights = np.exp(-0.5 * ((place[:, None] - place) / width) ** 2)
             weights /= np.linalg.norm(weights, axis=1, keepdims=True)
-            self._weights = weights.astype(np.float32)
+            axes = np.eye(len(scene.action_places) // joints)
+            self._weights = np.kron(weights, axes).astype(np.float32)
 
     def __call__(self, actions: Actions) -> Actions:
-        """Return smoothed actions, (N - 1,) or (M, N - 1), between -1 and 1."""
+        """Return smoothed actions, (n,) or (M, n), between -1 and 1."""
         if self._weights is None:
             return actions
         smooth: Actions = np.clip(actions @ self._weights.T, -1.0, 1.0)
@@ -63,6 +67,6 @@ class SmoothedPolicy:
         episode_start: ArrayLike | None = None,
         deterministic: bool = True,
     ) -> tuple[Actions, Any]:
-        """Return smoothed actions, (N - 1,) or (M, N - 1), and no state."""
+        """Return smoothed actions, (n,) or (M, n), and no state."""
         actions, _ = self._policy.predict(observation, deterministic=deterministic)
         return self._smoothing(actions), None

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import inspect
-import math
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.envs.assessment import TASK_SETTINGS, VELOCITY_SCALE
+from swim_env.envs.assessment import TASK_SETTINGS
+from swim_env.envs.geometry.base import Geometry, StartPlan, geometry_of
 from swim_env.envs.tasks.moment import Moment
 from swim_env.errors import OptionError, SceneError, TaskError
-from swim_env.scene import Initial, Scene, require_planar
+from swim_env.scene import Scene
 from swim_env.scene.checks import checked_option, got, integer, nearest, real
-from swim_env.sim.batch import minimal_start
 
 if TYPE_CHECKING:
     from swim_env.envs.tasks.layout import Layout
@@ -34,19 +33,17 @@ FILE_OF_MODULE = "__task_file__"
 #: What Python calls the script that it runs, and that script in a process that it has spawned.
 SCRIPT = ("__main__", "__mp_main__")
 
-_START_FIELDS = tuple(spec.name for spec in fields(Initial))
-
 
 class Start(NamedTuple):
     """Where an episode begins.
 
     Attributes
     ----------
-    coordinates : (N + 2,) array
-        Mean centre (m), angle of element 1 and joint angles (rad).
-    velocity : (N + 2,) array
+    coordinates : (N + 2,) array, in space (4 N + 3,)
+        Mean centre (m), angle of element 1 and joint angles (rad), or quaternions.
+    velocity : (N + 2,) array, in space (3 N + 3,)
         Velocity of the mean centre (m/s) and turning rate of every element (rad/s).
-    goal : (2,) array
+    goal : (D,) array
         A direction, or a point (m).
     state : mapping
         What `Task.draw_state` has drawn.
@@ -56,22 +53,6 @@ class Start(NamedTuple):
     velocity: Array
     goal: Array
     state: Mapping[str, Any] = {}
-
-
-class StartPlan(NamedTuple):
-    """A start without its noise, made of the checked options of a reset.
-
-    Coordinates and velocity are as in `Start`, before noise, which has a factor; `exact` are the
-    fields of the initial state that the options gave, `position` is the head's end node (m), and
-    the goal is None unless the options gave one.
-    """
-
-    coordinates: Array
-    velocity: Array
-    noise: float
-    exact: frozenset[str]
-    position: tuple[float, float]
-    goal: Array | None
 
 
 class Task:
@@ -149,7 +130,6 @@ class Task:
     def __init__(
         self, scene: Scene, effort_weight: float = 0.0, heading_weight: float = 0.0
     ) -> None:
-        require_planar(scene, "a task")
         self.scene = scene
         weight = real("BL/s", at_least=0.0)
         self.effort_weight = checked_option(weight, effort_weight, "effort_weight")
@@ -158,11 +138,13 @@ class Task:
     # ---- what a task may override --------------------------------------------------------------
 
     def draw_goal(self, random: np.random.Generator) -> Array:
-        """Return an episode's goal, (2,): a direction, or the way from the mean centre to it (m).
+        """Return an episode's goal, (D,): a direction, or the way from the mean centre to it (m).
 
         The scene's heading unless overridden, and the mean centre itself where it is a point.
         """
-        return np.zeros(2) if self.goal_is_point else np.array(self.scene.episode.heading)
+        if self.goal_is_point:
+            return np.zeros(self.scene.dimension)
+        return np.array(self.scene.episode.heading)
 
     def reward(self, now: Moment) -> Mapping[str, Array]:
         """Return the terms of an action's reward by name, (m,) each; the reward is their sum."""
@@ -192,7 +174,7 @@ class Task:
         """Write into `Moment.state`, first of all after a start or an action."""
 
     def update_goal(self, now: Moment) -> Array:
-        """Return goals (m, 2), unit vectors or points (m), after `update`.
+        """Return goals (m, D), unit vectors or points (m), after `update`.
 
         At a start one that it has returned before must stay as it is: comparisons begin again
         with the goal that an episode began with.
@@ -205,6 +187,11 @@ class Task:
     def overrides(self, method: str) -> bool:
         """Return whether a method is not that of this base."""
         return getattr(type(self), method) is not getattr(Task, method)
+
+    @cached_property
+    def geometry(self) -> Geometry:
+        """What environments of the scene's dimension have of their own."""
+        return geometry_of(self.scene)
 
     @cached_property
     def layout(self) -> Layout:
@@ -230,7 +217,7 @@ class Task:
         return self.has_target if self.goal_is_point else not self.overrides("update_goal")
 
     def displacement_aim(self, goal: Array) -> Array:
-        """Return what net displacement counts along, (2,), or towards where there is a target.
+        """Return what net displacement counts along, (D,), or towards where there is a target.
 
         That is the goal of the start, or the scene's heading where the goal moves or is a point
         that is there from the start.
@@ -324,22 +311,23 @@ class Task:
             return self._default_plan
         if not isinstance(options, Mapping):
             raise OptionError(f"options must be a mapping, got {got(options)}")
-        known = ("noise", *_START_FIELDS, *self.own_options)
+        known = ("noise", *self.geometry.start_fields, *self.own_options)
         for name in options:
             if name not in known:
                 hint = nearest(str(name), known)
                 raise OptionError(f"unknown option {name!r}{hint}; options: {', '.join(known)}")
         initial = self.scene.initial
-        changes = {name: options[name] for name in _START_FIELDS if name in options}
+        fields = self.geometry.start_fields
+        changes = {name: options[name] for name in fields if name in options}
         try:
             if changes:
                 initial = replace(initial, **changes)
             goal = self.given_goal(options)
             return StartPlan(
-                *minimal_start(self.scene, initial),
+                *self.geometry.start(initial),
                 noise=NOISE(options.get("noise", 1.0), "noise"),
                 exact=frozenset(changes),
-                position=initial.position,
+                initial=initial,
                 goal=None if goal is None else self._checked_goal("given_goal", goal),
             )
         except SceneError as error:
@@ -351,57 +339,23 @@ class Task:
         The same numbers are drawn whatever the options, so options change what they name and
         nothing else.
         """
-        episode = self.scene.episode
-        coordinates, velocity = plan.coordinates.copy(), plan.velocity.copy()
-        exact = plan.exact
-        joints = coordinates.size - 3
-        noise = share * plan.noise
-        bend = random.uniform(-1.0, 1.0, joints) * (noise * episode.bend_noise)
-        turn = float(random.uniform(-1.0, 1.0)) * (noise * episode.heading_noise)
-        speed = episode.velocity_noise
-        if speed is None:
-            speed = 1e-4 * (VELOCITY_SCALE / episode.control_interval * self.scene.beam.length)
-        push = random.uniform(-1.0, 1.0, 3) * (noise * speed)
+        noise = self.geometry.draw_noise(random, share * plan.noise)
         aim = self._checked_goal("draw_goal", self.draw_goal(random))
         state = self.draw_state(random)
-        if "joint_angles" not in exact:
-            coordinates[3:] += bend
-            # The mean angle of the elements is the body's heading: bending leaves it alone.
-            if "heading" not in exact:
-                coordinates[2] -= float(np.cumsum(bend).sum()) / (joints + 1)
-        if "heading" not in exact:
-            coordinates[2] += turn
-            if not exact & {"velocity", "velocity_slope"}:
-                # The body is turned with the motion that it has through the fluid.
-                drift = np.array(self.scene.stream.velocity if self.scene.stream else (0.0, 0.0))
-                x, y = velocity[:2] - drift
-                cosine, sine = math.cos(turn), math.sin(turn)
-                velocity[:2] = (cosine * x - sine * y, sine * x + cosine * y) + drift
-        if "position" in exact:
-            # The head's end is where the option says, however the body is bent and turned.
-            there = Initial(
-                position=plan.position,
-                heading=float(coordinates[2]),
-                joint_angles=tuple(coordinates[3:].tolist()),
-            )
-            coordinates[:2] = there.pose(self.scene.beam)[0].mean(axis=0)
-        if not exact & {"velocity", "velocity_slope"}:
-            velocity[:2] += push[:2]
-        if not exact & {"turning_rate", "velocity_slope"}:
-            velocity[2:] += push[2] / self.scene.beam.length
+        coordinates, velocity = self.geometry.disturbed(plan, noise)
         goal = plan.goal
         if goal is None:
-            goal = coordinates[:2] + aim if self.goal_is_point else aim
+            goal = coordinates[: aim.size] + aim if self.goal_is_point else aim
         return Start(coordinates, velocity, goal, state)
 
     def _checked_goal(self, method: str, value: object) -> Array:
         """Return a goal that one of the task's methods has returned."""
-        goal = np.asarray(value)
-        if goal.shape == (2,) and goal.dtype.kind in "fiu" and np.isfinite(goal).all():
+        goal, size = np.asarray(value), self.scene.dimension
+        if goal.shape == (size,) and goal.dtype.kind in "fiu" and np.isfinite(goal).all():
             return goal.astype(np.float64)
         raise TaskError(
-            f"task {self.name}: {method} must return two finite numbers, shape (2,), got "
-            f"{goal.tolist() if goal.size == 2 else f'an array of shape {goal.shape}'}"
+            f"task {self.name}: {method} must return {size} finite numbers, shape ({size},), got "
+            f"{goal.tolist() if goal.size == size else f'an array of shape {goal.shape}'}"
         )
 
     @cached_property
@@ -411,10 +365,3 @@ class Task:
     def given_goal(self, options: Mapping[str, Any]) -> Array | None:
         """Return the goal that the `own_options` give, a direction or a point (m), or None."""
         return None
-
-
-def turned(direction: tuple[float, float], angle: float) -> Array:
-    """Return a direction (2,) that is turned by an angle (rad), counter-clockwise."""
-    x, y = direction
-    cosine, sine = math.cos(angle), math.sin(angle)
-    return np.array([cosine * x - sine * y, sine * x + cosine * y])

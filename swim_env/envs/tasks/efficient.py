@@ -39,10 +39,11 @@ class EfficientTask(Task):
     def __init__(self, scene: Scene, work_weight: float = 0.05) -> None:
         super().__init__(scene)
         self.work_weight = checked_option(real("BL", at_least=0.0), work_weight, "work_weight")
-        beam = scene.beam
-        stiffness = float(np.mean(beam.stiffness_at_joints())) / beam.length
-        self._work_cost = self.work_weight / (stiffness or scene.torque_limit)
-        self._weight = beam.line_density * beam.length * beam.length
+        length, joints = scene.beam.length, scene.beam.stiffness_at_joints()
+        # In space that of yaw.
+        stiffness = float(np.mean(joints if scene.dimension == 2 else joints[:, 1])) / length
+        self._work_cost = self.work_weight / (stiffness or float(scene.action_limits[0]))
+        self._weight = scene.mass * length
 
     def state(self, count: int) -> dict[str, NDArray[Any]]:
         """Return the positive work since the start (J)."""

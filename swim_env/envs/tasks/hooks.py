@@ -19,7 +19,7 @@ from swim_env.envs.tasks.layout import (
     named,
     standard_parts,
 )
-from swim_env.envs.tasks.moment import COLUMNS, Arrays, Moment, columns
+from swim_env.envs.tasks.moment import COLUMNS, Arrays, Moment
 from swim_env.errors import TaskError
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ class Hooks:
         self._names = (*(f"reward_{name}" for name in terms), *layout.infos)
         self.terms = np.zeros((count, len(terms)))
         self.infos = np.zeros((count, len(layout.infos)))
-        standard = standard_parts(task.scene.beam.elements - 1, task.goal_is_point)
+        standard = standard_parts(task)
         self._aim, self._distance = standard["goal_direction"], standard.get("distance")
         self._copied: list[tuple[slice, slice]] = []
         #: Of parts of the task's own: columns in the observation, and in their own array.
@@ -128,7 +128,7 @@ class Hooks:
         index: Any = slice(None) if whole else members
         if start:
             arrays.previous[index] = arrays.coordinates[index]
-        now = Moment(task.scene, arrays, members, whole, start)
+        now = task.geometry.moment(task.scene, arrays, members, whole, start)
         if "update" in own:
             task.update(now)
         if "update_goal" in own:
@@ -228,28 +228,21 @@ class Hooks:
             self._not_finite("update_goal", {"goal": goals}, now)
         self._arrays.goals[index] = goals
         now.goal = goals
-        ahead_x, ahead_y = now.ahead.T
-        way_x, way_y = goals.T
+        way = goals
         if self._distance is not None:
-            away_x, away_y = way_x - now.coordinates[:, 0], way_y - now.coordinates[:, 1]
-            length = np.hypot(away_x, away_y)
+            away = goals - now.coordinates[:, : goals.shape[1]]
+            length = np.hypot.reduce(away.T)
             distance = length / task.scene.beam.length
             figures[index, COLUMNS["distance"]] = distance
             distance = np.minimum(distance, OBSERVATION_LIMIT)
             self._arrays.seen[index, self._distance] = distance[:, None]
-            if length.min() > 0.0:
-                way_x, way_y = away_x / length, away_y / length
-            else:  # at the very point every direction is as good as straight ahead
-                there = length > 0.0
-                some = np.where(there, length, 1.0)
-                way_x = np.where(there, away_x / some, ahead_x)
-                way_y = np.where(there, away_y / some, ahead_y)
-        cosine = ahead_x * way_x + ahead_y * way_y
-        sine = ahead_x * way_y - ahead_y * way_x
-        figures[index, COLUMNS["heading_error"]] = np.arctan2(sine, cosine)
-        both = columns(sine, cosine)
-        np.minimum(both, 1.0, out=both)
-        self._arrays.seen[index, self._aim] = np.maximum(both, -1.0, out=both)
+            # At the very point every direction is as good as straight ahead.
+            there = (length > 0.0)[:, None]
+            way = np.where(there, away / np.where(there, length[:, None], 1.0), now.ahead)
+        seen, error = now.seen_direction(now.in_body(way))
+        figures[index, COLUMNS["heading_error"]] = error
+        np.minimum(seen, 1.0, out=seen)
+        self._arrays.seen[index, self._aim] = np.maximum(seen, -1.0, out=seen)
         now.__dict__.pop("_figures", None)
 
     def _not_finite(self, method: str, found: Mapping[str, Any], now: Moment) -> None:

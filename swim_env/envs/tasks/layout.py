@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.envs.assessment import FIGURES, OBSERVATION_LIMIT, observation_size
-from swim_env.envs.tasks.moment import Arrays, Moment
+from swim_env.envs.assessment import FIGURES, OBSERVATION_LIMIT
+from swim_env.envs.tasks.moment import Arrays
 from swim_env.errors import TaskError
 from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
 from swim_env.scene.checks import nearest
@@ -73,34 +73,36 @@ class Layout(NamedTuple):
         return np.array(low, dtype=np.float32), np.array(high, dtype=np.float32)
 
 
-def standard_parts(joints: int, goal_is_point: bool) -> dict[str, slice]:
+def standard_parts(task: Task) -> dict[str, slice]:
     """Return the columns of the STANDARD_PARTS in what the kernel observes."""
-    sizes = (joints, joints, 2, 2, 1, *([1] if goal_is_point else []))
-    ends = np.cumsum(sizes).tolist()
+    sizes = dict(task.geometry.part_sizes)
+    if task.goal_is_point:
+        sizes["distance"] = 1
+    ends = np.cumsum(list(sizes.values())).tolist()
     return {
-        name: slice(end - size, end)
-        for name, size, end in zip(STANDARD_PARTS, sizes, ends, strict=False)
+        name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)
     }
 
 
 def layout_of(task: Task) -> Layout:
     """Call a task's methods once, of several members at its start, and check what they return."""
-    joints = task.scene.beam.elements - 1
-    standard = standard_parts(joints, task.goal_is_point)
-    count = joints + 4  # no other axis has this length
+    geometry, standard = task.geometry, standard_parts(task)
+    size = max(column.stop for column in standard.values())
     start = task.draw_start(np.random.default_rng(0), task.plan_start({"noise": 0.0}))
-    coordinates = np.tile(start.coordinates, (count, 1))
+    count = geometry.kept + size  # no other axis has this length
+    kept = np.zeros((count, geometry.kept))
+    kept[:, : len(start.coordinates)] = start.coordinates
     figures = len(FIGURES.names or ())
     arrays = Arrays(
-        coordinates,
-        coordinates.copy(),
+        kept,
+        kept.copy(),
         np.tile(start.velocity, (count, 1)),
-        np.zeros((count, 1, joints)),
+        np.zeros((count, 1, *geometry.joint_shape)),
         np.full((count, 2), (task.scene.steps_per_action, 0)),
         np.tile(start.goal, (count, 1)),
         np.zeros((count, figures)),
         np.zeros((count, 3), dtype=np.int64),
-        np.zeros((count, observation_size(joints + 1, task.goal_is_point)), dtype=np.float32),
+        np.zeros((count, size), dtype=np.float32),
         checked_state(task, task.state(count), count),
     )
     checked_drawn(task, start.state, arrays.state, 0)
@@ -108,14 +110,14 @@ def layout_of(task: Task) -> Layout:
     own: dict[str, dict[str, Any]] = {}
     with np.errstate(all="ignore"):  # this start is none: there are no figures of it
         for is_start in (True, False):
-            now = Moment(task.scene, arrays, members, True, is_start)
+            now = geometry.moment(task.scene, arrays, members, True, is_start)
             task.update(now)
             if task.overrides("update_goal"):
                 goal = np.asarray(task.update_goal(now))
-                if goal.shape != (count, 2):
+                if goal.shape != arrays.goals.shape:
                     raise TaskError(
                         f"task {task.name}: update_goal must return goals of shape "
-                        f"({count}, 2) for {count} members, got {goal.shape}"
+                        f"{arrays.goals.shape} for {count} members, got {goal.shape}"
                     )
             for method in ("observe", "info", *([] if is_start else ["reward", "ends"])):
                 found = named(task, method, getattr(task, method)(now))

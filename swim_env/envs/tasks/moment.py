@@ -23,7 +23,7 @@ COLUMNS = {name: column for column, name in enumerate(FIGURES.names or ())}
 class Arrays:
     """All members' arrays behind a `Moment`, as `swim_env.envs.episodes.Episodes` has them.
 
-    Coordinates and previous ones are (M, N + 2), `seen` (M, n) what the kernel lets members
+    Coordinates and previous ones are as in `Moment`, `seen` (M, n) what the kernel lets members
     observe, `state` what the task keeps of them; the rest is named as there.
     """
 
@@ -56,6 +56,8 @@ def _shares(elements: int) -> Array:
 class Moment:
     """Members after a start or an action, as arrays whose first axis is the member, (m, ...).
 
+    Scenes of three dimensions have a `SpatialMoment`, in which D = 3; in the plane D = 2.
+
     Nothing is to be written to but `state`. Directions and positions are over ground, BL
     are body lengths. A member gets the same bits whatever else is in the arrays, as long as a task
     works on elements, or sums a member's own.
@@ -70,7 +72,7 @@ class Moment:
         Whether this is a start, at which nothing has been gained yet.
     coordinates, previous : (m, N + 2) arrays
         Mean centre (m), angle of element 1 and joint angles (rad), now and before the action.
-    goal : (m, 2) array
+    goal : (m, D) array
         Unit vectors, or points (m).
     state : dict of str to (m, ...) array
         What the task keeps of the members, see `Task.state`. What is written into it is kept.
@@ -104,18 +106,18 @@ class Moment:
 
     @cached_property
     def position(self) -> Array:
-        """Mean centre, (m, 2) (BL)."""
-        place: Array = self.coordinates[:, :2] / self.scene.beam.length
+        """Mean centre, (m, D) (BL)."""
+        place: Array = self.coordinates[:, : self.scene.dimension] / self.scene.beam.length
         return place
 
     @cached_property
     def velocity(self) -> Array:
-        """Velocity of the mean centre, (m, 2) (BL/s): the mean over the action, or the start's."""
-        length = self.scene.beam.length
+        """Velocity of the mean centre, (m, D) (BL/s): the mean over the action, or the start's."""
+        length, size = self.scene.beam.length, self.scene.dimension
         if self.start:
-            at_start: Array = self._of(self._arrays.velocities)[:, :2] / length
+            at_start: Array = self._of(self._arrays.velocities)[:, :size] / length
             return at_start
-        moved = self.coordinates[:, :2] - self.previous[:, :2]
+        moved = self.coordinates[:, :size] - self.previous[:, :size]
         mean: Array = moved / (self._some_seconds * length)[:, None]
         return mean
 
@@ -139,6 +141,17 @@ class Moment:
         turned = self._mean_angle(self.coordinates) - self._mean_angle(self.previous)
         return turned / self._some_seconds
 
+    def in_body(self, vectors: Array) -> Array:
+        """Return vectors (m, D) as the body sees them, (m, D): (forward, left), in space and up."""
+        ahead_x, ahead_y = self.ahead.T
+        x, y = vectors.T
+        return columns(ahead_x * x + ahead_y * y, ahead_x * y - ahead_y * x)
+
+    def seen_direction(self, way: Array) -> tuple[Array, Array]:
+        """Return how directions `in_body` are observed, and their `heading_error`."""
+        forward, left = way.T
+        return columns(left, forward), np.arctan2(left, forward)
+
     def _mean_angle(self, coordinates: Array) -> Array:
         bending = coordinates[:, 3:] * _shares(self.scene.beam.elements)
         angle: Array = coordinates[:, 2] + np.add.reduce(bending, axis=1)
@@ -148,7 +161,10 @@ class Moment:
 
     @property
     def heading_error(self) -> Array:
-        """Angle from the head's direction to the goal's, (m,) (rad), in -pi to pi."""
+        """Angle from the head's direction to the goal's, (m,) (rad).
+
+        It is -pi to pi, and in space 0 to pi.
+        """
         return self._figure("heading_error")
 
     @property
@@ -211,14 +227,14 @@ class Moment:
 
     @cached_property
     def torques(self) -> Array:
-        """Torques that were held, (m, N - 1) (N m); 0 at a start."""
+        """Torques that were held, (m, N - 1), in space (m, N - 1, 3) (N m); 0 at a start."""
         held: Array = self._of(self._arrays.torques)[:, 0]
         return held
 
     @cached_property
     def shares(self) -> Array:
-        """The same as shares of the limit, (m, N - 1), in -1 to 1."""
-        return self.torques / self.scene.torque_limit
+        """The actions that were held, (m, n): shares of the limits, in -1 to 1."""
+        return self.scene.actions_of(self.torques)
 
     @property
     def work(self) -> Array:

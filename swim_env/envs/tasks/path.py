@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.envs.tasks.base import Array, Task, turned
+from swim_env.envs.tasks.base import Array, Task
 from swim_env.envs.tasks.moment import Moment
 from swim_env.errors import OptionError
-from swim_env.scene import Scene
+from swim_env.scene import Scene, require_planar
 from swim_env.scene.checks import checked_option, listed, pair, real
 
 #: Distance of the samples of a curve (BL), and how many of them on either side of the present one
@@ -74,6 +74,7 @@ class PathTask(Task):
         width: float = 0.5,
         deviation_weight: float = 0.002,
     ) -> None:
+        require_planar(scene, "task path")
         super().__init__(scene)
         self.points = bends() if points is None else _checked_points(points)
         self.lookahead = checked_option(real("BL", above=0.0), lookahead, "lookahead")
@@ -87,7 +88,7 @@ class PathTask(Task):
         self._marks = np.linspace(0.0, self.length, samples)
         along, left = (np.interp(self._marks, marks, one) for one in np.array(self.points).T)
         forward = np.array(scene.episode.heading)
-        sideways = turned(scene.episode.heading, 0.5 * math.pi)
+        sideways = self.geometry.direction_at(0.5 * math.pi)
         self._curve = along[:, None] * forward + left[:, None] * sideways
         tangents = np.gradient(self._curve, self._marks, axis=0)
         self._samples = np.column_stack([self._curve, tangents, self._marks])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.envs.tasks.base import Array, StartPlan, Task
-from swim_env.envs.tasks.moment import Moment, columns
+from swim_env.envs.tasks.moment import Moment
 from swim_env.errors import OptionError
 from swim_env.scene import Scene
 from swim_env.scene.checks import checked_option, real
@@ -45,15 +46,16 @@ class StationTask(Task):
     def __init__(self, scene: Scene, reach: float = 1.0) -> None:
         super().__init__(scene)
         if scene.stream is None or not any(scene.stream.velocity):
+            example = [0.1 * scene.beam.length] + [0.0] * (scene.dimension - 1)
             raise OptionError(
                 f"task {self.name} needs a stream to hold a place in, and scene {scene.name} has "
                 "none: add a block stream with a velocity (m/s) against the heading, for example "
-                f"overrides={{'stream.velocity': [{0.1 * scene.beam.length:g}, 0.0]}}"
+                f"overrides={{'stream.velocity': {example}}}"
             )
         self.reach = checked_option(real("BL", above=0.0), reach, "reach")
         flow = np.array(scene.stream.velocity)
-        speed = float(np.hypot(*flow))
-        self._upstream = (-flow / speed).tolist()
+        speed = math.hypot(*flow)
+        self._upstream = -flow / speed
         self._speed = speed / scene.beam.length
 
     def plan_start(self, options: Mapping[str, Any] | None = None) -> StartPlan:
@@ -61,18 +63,14 @@ class StationTask(Task):
         plan = super().plan_start(options)
         if options is not None and not plan.exact & {"velocity", "velocity_slope"}:
             assert self.scene.stream is not None
-            plan.velocity[:2] = self.scene.stream.velocity
+            plan.velocity[: self.scene.dimension] = self.scene.stream.velocity
         return plan
 
     def observe(self, now: Moment) -> Mapping[str, Array]:
         """Return, as seen from the head, the way to the place (BL) and the upstream direction."""
-        x, y = now.ahead.T
-        away_x, away_y = (now.goal / self.scene.beam.length - now.position).T
-        up_x, up_y = self._upstream
-        return {
-            "place": columns(x * away_x + y * away_y, x * away_y - y * away_x),
-            "upstream": columns(x * up_x + y * up_y, x * up_y - y * up_x),
-        }
+        place = now.goal / self.scene.beam.length - now.position
+        upstream = np.broadcast_to(self._upstream, place.shape)
+        return {"place": now.in_body(place), "upstream": now.in_body(upstream)}
 
     def state(self, count: int) -> dict[str, NDArray[Any]]:
         """Return the distance from the place, and by how much it has fallen (BL)."""

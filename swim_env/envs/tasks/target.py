@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from swim_env.envs.tasks.base import Array, Task, turned
+from swim_env.envs.tasks.base import Array, Task
 from swim_env.errors import OptionError
 from swim_env.scene import Scene
-from swim_env.scene.checks import checked_option, pair, real, reals
+from swim_env.scene.checks import checked_option, real, reals, vector
 
 #: Where a target is drawn by default: distance (BL), bearing (rad), radius (BL).
 TARGET_DISTANCE, TARGET_BEARING, TARGET_RADIUS = (0.5, 1.5), 0.5 * math.pi, 0.1
@@ -27,7 +27,8 @@ class TargetTask(Task):
     target_distance : pair of float
         Least and largest distance of the point from the mean centre at the start (BL).
     target_bearing : float
-        Largest angle between the scene's heading and the direction to the point (rad), up to pi.
+        Largest angle between the scene's heading and the direction to the point (rad), up to pi;
+        in space directions are drawn evenly within a cone.
     target_radius : float
         The point is reached when the mean centre is this close (BL).
     effort_weight, heading_weight : float
@@ -68,11 +69,15 @@ class TargetTask(Task):
         """Return the point of the option ``target`` (m), or None."""
         if "target" not in options:
             return None
-        return np.array(pair("m")(options["target"], "target"))
+        names = ("x", "y", "z")[: self.scene.dimension]
+        return np.array(vector("m", *names)(options["target"], "target"))
 
     def draw_goal(self, random: np.random.Generator) -> Array:
         """Return the way to the point (m)."""
         low, high = self.distance
         away = random.uniform(low, high) * self.scene.beam.length
-        angle = random.uniform(-self.bearing, self.bearing)
-        return turned(self.scene.episode.heading, angle) * away
+        if self.scene.dimension == 2:
+            return self.geometry.direction_at(random.uniform(-self.bearing, self.bearing)) * away
+        # Every direction within the cone is as likely as another.
+        angle = math.acos(random.uniform(math.cos(self.bearing), 1.0))
+        return self.geometry.direction_at(angle, random.uniform(0.0, math.tau)) * away

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.envs.tasks.base import Array, Task, turned
+from swim_env.envs.tasks.base import Array, Task
 from swim_env.envs.tasks.moment import Moment
 from swim_env.errors import OptionError
 from swim_env.scene import Scene
-from swim_env.scene.checks import checked_option, real, reals
+from swim_env.scene.checks import checked_option, pair, real, reals
 
 
 class TurnTask(Task):
@@ -28,7 +28,7 @@ class TurnTask(Task):
         The body, its fluid and how the episode is played.
     turn : pair of float
         Least and largest angle from the scene's heading to the new one (rad), up to pi, to either
-        side.
+        side; in space to any side.
     tolerance : float
         The head points along the goal where the heading error is below this (rad).
     time_cost : float
@@ -66,15 +66,23 @@ class TurnTask(Task):
         self.time_cost = checked_option(real("rad", at_least=0.0), time_cost, "time_cost")
 
     def given_goal(self, options: Mapping[str, Any]) -> Array | None:
-        """Return the heading of the option ``turn``, an angle (rad) from the scene's, or None."""
+        """Return the heading of the option ``turn``, or None.
+
+        It is an angle (rad) from the scene's heading, in space two: that one, and the one around
+        it from left to up.
+        """
         if "turn" not in options:
             return None
-        return turned(self.scene.episode.heading, real("rad")(options["turn"], "turn"))
+        if self.scene.dimension == 2:
+            return self.geometry.direction_at(real("rad")(options["turn"], "turn"))
+        return self.geometry.direction_at(*pair("rad")(options["turn"], "turn"))
 
     def draw_goal(self, random: np.random.Generator) -> Array:
-        """Return a new heading, to the left or to the right."""
-        angle = random.uniform(*self.turn) * random.choice([-1.0, 1.0])
-        return turned(self.scene.episode.heading, angle)
+        """Return a new heading, to the left or to the right, in space to any side."""
+        angle = random.uniform(*self.turn)
+        if self.scene.dimension == 2:
+            return self.geometry.direction_at(angle * random.choice([-1.0, 1.0]))
+        return self.geometry.direction_at(angle, random.uniform(0.0, math.tau))
 
     def state(self, count: int) -> dict[str, NDArray[Any]]:
         """Return the size of the heading error, and by how much it has fallen (rad)."""

@@ -77,6 +77,11 @@ class SpatialScene(Scene):
         return self.beam.inertia_per_length(self.fluid.density if self.fluid else None)
 
     @property
+    def mass(self) -> float:
+        """Mass of the body [kg]."""
+        return float(self.inertia_per_length()[:, 0].mean()) * self.beam.length
+
+    @property
     def axes(self) -> tuple[str, ...]:
         """The actuated axes of the joints; yaw without an actuation."""
         return self.actuation.axes if self.actuation is not None else ("yaw",)
