@@ -14,7 +14,7 @@ from swim_agents.learning.saved import load_agent
 from swim_agents.learning.shipping import SHIPPED_FILES, scores_of, ship_agent
 from swim_agents.policies import PRETRAINED_FOLDER
 
-from swim_env.envs.assessment import load_assessment
+from swim_env.envs.geometry import geometry_of
 from swim_env.errors import SwimError
 from swim_env.files.folders import check_folder
 from swim_env.files.names import file_name
@@ -68,7 +68,7 @@ def main(arguments: list[str] | None = None) -> int:
     entries = entries_of([str(Path(options.run) / "agent")], scene, task)
     if task == "target":
         entries = entries[-1:]  # waves aim at nothing
-    load_assessment()
+    geometry_of(scene).load()
     total = steps_to_play(scene, len(entries), options.starts)
     with progress_bar(total, "s", "score") as progress:
         contest = hold_contest(

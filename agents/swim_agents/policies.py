@@ -20,7 +20,7 @@ from swim_env.envs.interface import SceneLike
 from swim_env.envs.tasks import check_task
 from swim_env.errors import OptionError
 from swim_env.files.names import file_name
-from swim_env.scene import Scene, load_scene, require_planar, scene_label
+from swim_env.scene import Scene, load_scene, scene_label
 from swim_env.scene.checks import nearest
 
 __all__ = [
@@ -133,7 +133,6 @@ def load_policy(
         If there is no such scene.
     """
     found = load_scene("swimmer" if scene is None else scene)
-    require_planar(found, "a policy")
     own = None if scene is None else found
     task = None if task is None else check_task(task)
     name = os.fspath(policy)

@@ -18,7 +18,7 @@ from swim_agents.comparison.contest import (
 )
 from swim_agents.comparison.report import CONTEST_FILES, as_text, write_contest
 from swim_agents.policies import policy_label, policy_names, run_label
-from swim_env.envs.assessment import load_assessment
+from swim_env.envs.geometry import geometry_of
 from swim_env.envs.tasks import check_task, make_task
 from swim_env.files.folders import check_folder
 from swim_env.plots import require_matplotlib
@@ -96,7 +96,7 @@ def main(options: argparse.Namespace) -> int:
             task_options=task_options or None,
         )
         file = recording_file(options.record, label)
-    load_assessment()
+    geometry_of(scene).load()
     total = steps_to_play(scene, len(entries), len(seeds))
     with cli.progress_bar(total, "s", "simulated") as progress:
         contest = hold_contest(

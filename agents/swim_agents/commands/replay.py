@@ -16,7 +16,7 @@ from swim_agents.commands.playing import (
 )
 from swim_agents.policies import load_policy, policy_label, policy_names, run_label
 from swim_agents.tables import text_table
-from swim_env.envs.assessment import load_assessment
+from swim_env.envs.geometry import geometry_of
 from swim_env.envs.tasks import check_task, make_task
 from swim_env.errors import SwimError
 from swim_env.files.folders import check_folder
@@ -96,7 +96,7 @@ def main(options: argparse.Namespace) -> int:
         file = recording_file(options.record, label)
     scene = cli.scene_of(options)  # now that nothing is wrong, as choosing settings takes a while
     if options.env:
-        load_assessment()
+        geometry_of(scene).load()
         swimmer, summary = play_policy(
             cli.played_scene(scene, options.duration),
             policy,

@@ -16,7 +16,7 @@ from swim_agents.files import check_file, writing
 from swim_agents.learning.config import TrainingConfig, config_names, load_config
 from swim_agents.tables import text_table
 from swim_env import characterise
-from swim_env.envs.assessment import load_assessment
+from swim_env.envs.geometry import geometry_of
 from swim_env.errors import SwimError
 from swim_env.files.names import file_name
 from swim_env.recording import recording_file
@@ -113,7 +113,7 @@ def _train_all(
         with writing("the run's folder", folder, verb="make"):
             folder.mkdir(parents=True, exist_ok=True)
         check_file(folder / "run.json")
-    load_assessment()
+    geometry_of(config.scene).load()
     for advice in characterise(config.scene).advice:
         _say(f"advice: {advice}")
     runs = []

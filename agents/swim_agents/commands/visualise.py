@@ -15,7 +15,7 @@ from swim_agents.policies import load_policy, policy_label, policy_names, run_la
 from swim_agents.tables import text_table
 from swim_env import recording
 from swim_env.analysis.energy import velocity_of_start
-from swim_env.envs.assessment import load_assessment
+from swim_env.envs.geometry import geometry_of
 from swim_env.envs.tasks import check_task, make_task
 from swim_env.errors import SwimError
 from swim_env.files.names import file_name
@@ -194,8 +194,7 @@ def _swimmers(options: argparse.Namespace) -> tuple[Path, list[Swimmer]]:
     _load(options, scene, policies)
     labels = [*([] if options.policy else [playing.PRESCRIBED]), *map(policy_label, policies)]
     file = recording.recording_file(place, run_label(scene, labels, task, seed, **looks))
-    if scene.dimension == 2:
-        load_assessment()
+    geometry_of(scene).load()
     swimmers = [] if options.policy else [playing.play_prescribed(scene, options.duration)[0]]
     return file, [*swimmers, *_play(options, scene, policies)]
 
