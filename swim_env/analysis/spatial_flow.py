@@ -60,6 +60,7 @@ class SpatialBodyFlow:
             )
         load_panel_kernels()
         self.scene = scene
+        self._stream = np.array(scene.stream.velocity) if scene.stream else np.zeros(3)
         self._surface = surface_of(scene)
         self._buffers = panel_buffers(self._surface)
         self._work, _ = panel_views(self._buffers, self._surface)
@@ -69,7 +70,7 @@ class SpatialBodyFlow:
     def at(
         self, points: Array, centre: Array, directors: Array, velocities: Array, spins: Array
     ) -> Array | None:
-        """Return the velocity of the fluid at points, (P, 3) (m/s).
+        """Return the velocity of fluid that is at rest far away, at points, (P, 3) (m/s).
 
         Parameters
         ----------
@@ -110,7 +111,7 @@ class SpatialBodyFlow:
         return found
 
     def during(self, trajectory: SpatialTrajectory, instant: int, points: Array) -> Array | None:
-        """Return the velocity of the fluid at points at one of a trajectory's instants.
+        """Return the velocity over ground of the fluid at points at one of a trajectory's instants.
 
         The body's velocities are central differences, at the first and the last instant those over
         the step beside it.
@@ -132,13 +133,13 @@ class SpatialBodyFlow:
         Raises
         ------
         OptionError
-            If the trajectory has no step, is of another body or fluid, or has no such
+            If the trajectory has no step, is of another body, fluid or stream, or has no such
             instant.
         """
         own, other = self.scene, trajectory.scene
         if trajectory.steps < 1:
             raise OptionError("the flow at an instant takes a trajectory of at least one step")
-        for block in ("beam", "fluid"):
+        for block in ("beam", "fluid", "stream"):
             if getattr(own, block) != getattr(other, block):
                 raise OptionError(
                     f"a flow of scene {own.name} cannot show a trajectory of scene {other.name}: "
@@ -150,11 +151,12 @@ class SpatialBodyFlow:
             )
         a, b = max(instant - 1, 0), min(instant + 1, trajectory.steps)
         interval = (b - a) * other.integrator.time_step
-        velocities = (trajectory.centres[b] - trajectory.centres[a]) / interval
+        velocities = (trajectory.centres[b] - trajectory.centres[a]) / interval - self._stream
         turns = trajectory.directors[b] @ np.swapaxes(trajectory.directors[a], 1, 2)
         spins = _rotation_vectors(turns) / interval
         centre = trajectory.centres[instant].mean(axis=0)
-        return self.at(points, centre, trajectory.directors[instant], velocities, spins)
+        found = self.at(points, centre, trajectory.directors[instant], velocities, spins)
+        return None if found is None else found + self._stream
 
     def inside(
         self, points: Array, centres: Array, directors: Array, margin: float = 0.0

@@ -26,7 +26,7 @@ from swim_env.scene.run import (
 from swim_env.scene.scene import Scene, load_scene, require_planar, scene_label
 from swim_env.scene.spatial.body import AXIS_NAMES, SpatialBeam
 from swim_env.scene.spatial.drive import WAVE_NAMES, SpatialActuation, SpatialDamping
-from swim_env.scene.spatial.fluid import SPATIAL_FLUID_MODEL_NAMES, SpatialFluid
+from swim_env.scene.spatial.fluid import SPATIAL_FLUID_MODEL_NAMES, SpatialFluid, SpatialStream
 from swim_env.scene.spatial.initial import SpatialInitial
 from swim_env.scene.spatial.scene import SpatialEpisode, SpatialScene
 from swim_env.scene.spatial.section import PROFILE_NAMES, Section
@@ -66,6 +66,7 @@ __all__ = [
     "SpatialFluid",
     "SpatialInitial",
     "SpatialScene",
+    "SpatialStream",
     "StiffnessPiece",
     "Stream",
     "load_scene",

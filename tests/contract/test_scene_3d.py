@@ -21,6 +21,7 @@ from swim_env.errors import SceneError
 from swim_env.scene import (
     Actuation,
     Beam,
+    CrossFlowDrag,
     Damping,
     Episode,
     Fluid,
@@ -36,6 +37,7 @@ from swim_env.scene import (
     SpatialFluid,
     SpatialInitial,
     SpatialScene,
+    SpatialStream,
     Stream,
     load_scene,
     scene_label,
@@ -138,6 +140,7 @@ def test_all_other_fields_survive_a_file(tmp_path):
         ),
         fluid=SpatialFluid("given", 1.0, rows=3, around=8, matrix=matrix),
         damping=SpatialDamping([0.0, 0.1, 0.0]),
+        stream=SpatialStream([-1e22, 1 / 3, 0]),
         actuation=SpatialActuation(
             1.0, torque_limit=[1, 2, 3], axes=("roll", "yaw", "pitch"), wave="helical_left"
         ),
@@ -221,6 +224,7 @@ def test_a_file_has_the_defaults_of_the_classes(tmp_path):
     passive = scene.replace({"actuation": None, "beam.dorsoventral_stiffness": 0.0})
     assert passive.torque_limit == pytest.approx((0.2 * 5.0,)), "0.2 EI/l of yaw"
     assert passive.effects == ("bending_stiffness",)
+    assert scene.replace("stream.velocity", ZERO).effects == ("bending_stiffness", "stream")
 
 
 # ---- section and inertia -----------------------------------------------------------------------
@@ -422,6 +426,9 @@ BAD = [
     ("initial.joint_rotations", [ZERO] * 9, "must list one value per joint, 8, got 9"),
     ("initial.joint_rotations", [2.0, 2.0, 2.0], "less than 0.9 pi = 2.82743 rad, got one by 3.46"),
     ("initial.joint_rotations", [ZERO] * 7 + [(3, 0, 0)], "joint_rotations[7] must be a rotation"),
+    ("stream", {}, "stream.velocity is missing"),
+    ("stream.velocity", [1.0, 0.0], "must be three numbers [x, y, z] in m/s, got a list of 2"),
+    ("stream.velocity", [0.0, 1.0, None], "velocity[2] must be a number in m/s, got null"),
     ("integrator.strain", "mean_angles", "no meaning in a scene of dimension 3, which needs"),
     ("integrator.scheme", "euler", "must be one of paper, composed, got 'euler'"),
     ("integrator.tolerance", 1e-3, "must be at most 0.0001, got 0.001"),
@@ -500,6 +507,14 @@ def test_a_bad_table_of_widths_is_refused(rows, part):
             ("planar needs yaw among actuation.axes, or an amplitude of 0, got pitch",),
         ),
         ({"fluid": None}, ("beam.density is missing", "beam.rotary_inertia_1")),
+        (
+            {"fluid": None, "beam.density": 1.0, "stream.velocity": ZERO},
+            ("stream has no meaning without a fluid; leave it out or give the scene a fluid",),
+        ),
+        (
+            {"fluid.model": "none", "beam.density": 1.0, "stream.velocity": ZERO},
+            ("stream has no meaning without a fluid",),
+        ),
     ],
 )  # fmt: skip
 def test_fields_that_do_not_fit_together_are_refused(changes, parts):
@@ -525,7 +540,6 @@ def test_what_is_at_its_limit_is_allowed():
 PLANAR_ONLY = {
     "axial_added_mass": {},
     "cross_flow_drag": {},
-    "stream": {"velocity": [1, 0]},
     "self_contact": {},
     "internal_forces": {},
     "recording": {},
@@ -585,18 +599,21 @@ def test_a_scene_made_by_hand_takes_blocks_of_its_dimension_only():
         "beam": SpatialBeam(),
         "fluid": SpatialFluid("none"),
         "damping": SpatialDamping(0.1),
+        "stream": SpatialStream((1, 0, 0)),
         "actuation": SpatialActuation(1.0),
         "initial": SpatialInitial(),
         "episode": SpatialEpisode(),
     }
-    planar = (Beam(), Fluid("none"), Damping(0.1), Actuation(1.0), Initial(), Episode())
+    drive = Damping(0.1), Stream((1, 0)), Actuation(1.0)
+    planar = (Beam(), Fluid("none"), *drive, Initial(), Episode())
     for (name, block), other in zip(spatial.items(), planar, strict=True):
         kinds = type(block).__name__, type(other).__name__
         said = "{} must be of type {}, got {}"
         fails(lambda name=name, one=block: Scene(**{name: one}), said.format(name, *kinds[::-1]))
         fails(lambda name=name, one=other: SpatialScene(**{name: one}), said.format(name, *kinds))
     fails(
-        lambda: SpatialScene(stream=Stream((1, 0))), "stream has no meaning in a scene of dimension"
+        lambda: SpatialScene(cross_flow_drag=CrossFlowDrag()),
+        "cross_flow_drag has no meaning in a scene of dimension",
     )
 
 

@@ -258,6 +258,25 @@ def test_the_flow_at_an_instant_has_the_runs_velocities():
         assert np.abs(found - wanted).max() < 0.02 * np.abs(wanted).max()
 
 
+def test_the_flow_moves_with_the_stream():
+    """A body that drifts with a stream has the flow of one at rest, and the stream on top."""
+    still = FISH.replace({"fluid.model": "panels", "fluid.rows": 1, "fluid.around": 8})
+    still = still.replace("initial.velocity", [0.25, -0.5, 0.125])
+    stream = [0.5, 0.25, -0.375]
+    drifting = still.replace({"stream.velocity": stream, "initial.velocity": [0.75, -0.25, -0.25]})
+    around = np.random.default_rng(3).uniform(0.1, 0.3, (20, 3))
+    found = []
+    for scene in (still, drifting):
+        run = tumbling(scene, 40)
+        flow = SpatialBodyFlow(scene)
+        found += [flow.during(run, instant, run.path[instant] + around) for instant in (0, 30, 40)]
+    rest, moved = np.split(np.array(found), 2)
+    assert np.abs(rest).max() > 0.01
+    assert moved - stream == pytest.approx(rest, abs=1e-12)
+    with refuses(OptionError, "stream differs"):
+        SpatialBodyFlow(still).during(run, 0, around)
+
+
 def test_inside_and_outside(run):
     """Points a little inside and outside of the surface, of any shape."""
     flow = SpatialBodyFlow(FISH.replace("fluid.model", "panels"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.runtime.compile import entry_kernel
+from swim_env.physics.runtime.compile import entry_kernel, kernel
 from swim_env.physics.runtime.dense import cholesky_product, copy
 from swim_env.physics.solve.budget import begin_budget
 from swim_env.physics.solve.state import unexplained_share
@@ -17,6 +17,14 @@ from swim_env.physics.status import ENERGY_UNEXPLAINED, FINE
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+
+@kernel
+def _add_stream(sign: float, stream: Array, velocity: Array) -> None:
+    """Make a velocity in the stream's frame one over ground; with the sign -1 the reverse."""
+    for i in range(3):
+        if stream[i] != 0.0:
+            velocity[i] += sign * stream[i]
 
 
 @entry_kernel
@@ -50,8 +58,8 @@ def advance_spatial(
     record : (M, R hold, 9) array
         Overwritten: a row per step of the first of `swim_env.physics.solve.state.RECORD_NAMES`.
     velocities : (M, 3 N + 3) array
-        Overwritten: M^-1 p at the last state: velocity of the mean centre (m/s) and angular
-        velocity of every element (rad/s), in the axes of space.
+        Overwritten: M^-1 p at the last state: velocity of the mean centre over ground (m/s) and
+        angular velocity of every element (rad/s), in the axes of space.
     """
     scene = unpack_constants(scalars, vectors, indices)
     for member in members:
@@ -77,6 +85,7 @@ def advance_spatial(
         # A state that is handed out has been prepared before, so this does not fail.
         prepare_spatial(m, scene)
         copy(m.body.mass.velocity, velocities[member])
+        _add_stream(1.0, scene.fluid.stream, velocities[member])
 
 
 @entry_kernel
@@ -102,6 +111,7 @@ def spatial_energy(
     if status != FINE:
         return np.nan, status
     copy(m.body.mass.velocity, velocity)
+    _add_stream(1.0, scene.fluid.stream, velocity)
     return energy_of_pose(m.state.p, scene.beam, m.body), FINE
 
 
@@ -117,16 +127,18 @@ def spatial_momentum(
 ) -> float:
     """Start a member by momentum: write p_0 = M v_0 to its state, and begin its energy budget.
 
-    Call `spatial_energy` before, which prepares the mass of the pose; `velocity` is read.
+    v_0 is in the stream's frame, what is given over ground. Call `spatial_energy` before, which
+    prepares the mass of the pose; `velocity` is read.
 
     Returns
     -------
     float
         The energy of the start (J).
     """
-    beam = unpack_constants(scalars, vectors, indices).beam
+    beam, fluid, _, _ = unpack_constants(scalars, vectors, indices)
     m, _ = member_views(state, beam.elements, floats, integers)
     copy(velocity, m.body.mass.velocity)
+    _add_stream(-1.0, fluid.stream, m.body.mass.velocity)
     m.body.mass.momentum[:] = np.nan
     cholesky_product(m.body.mass.total, m.body.mass.velocity, m.state.p)
     energy = energy_of_pose(m.state.p, beam, m.body)

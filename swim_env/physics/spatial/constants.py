@@ -49,7 +49,7 @@ def pack_constants(scene: SpatialConstants) -> Constants:
     values |= _Counts(surface.circle.shape[1], len(surface.rings))._asdict()
     scalars = np.array([tuple(values[name] for name in _SCALARS.names or ())], dtype=_SCALARS)
     numbers = [beam.mass, beam.inertia, beam.stiffness, beam.damping, beam.rest]
-    numbers += [surface.circle, surface.rings, fluid.added]
+    numbers += [surface.circle, surface.rings, fluid.stream, fluid.added]
     indices = (surface.first, surface.ring_elements, surface.faces)
     return (
         scalars,
@@ -98,7 +98,9 @@ def unpack_constants(
         faces.reshape((faces.size // 4, 4)),
         indices[: elements + 1],
     )
-    fluid = SpatialFluid(s["present"], s["coupled"], s["varies"], vectors[behind + 3 * rings :])
+    behind += 3 * rings
+    stream, added = vectors[behind : behind + 3], vectors[behind + 3 :]
+    fluid = SpatialFluid(s["present"], s["coupled"], s["varies"], added, stream)
     return SpatialConstants(beam, fluid, unpack_solver(scalars), surface)
 
 

@@ -17,8 +17,8 @@ from swim_env.physics.spatial.panels.surface import Surface
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-#: Columns of the record of a step: the first of `swim_env.physics.solve.state.RECORD_NAMES`, as
-#: there are no impulses from outside.
+#: Columns of the record of a step: the first of `swim_env.physics.solve.state.RECORD_NAMES`. The
+#: only impulse from outside is that of a stream, which follows from the momenta.
 RECORD_SIZE = 9
 
 
@@ -36,12 +36,15 @@ class SpatialFluid(NamedTuple):
     added : (36 N^2,) or (0,) array
         The constant added mass A row by row, if there is one, in the elements' frames, ordered
         v1 v2 v3 w1 w2 w3 for each.
+    stream : (3,) array
+        Velocity of the uniform stream (m/s).
     """
 
     present: bool
     coupled: bool
     varies: bool
     added: Array
+    stream: Array
 
 
 class State(NamedTuple):

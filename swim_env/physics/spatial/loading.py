@@ -29,7 +29,7 @@ from swim_env.physics.spatial.prepare import prepare_spatial
 def _beam_kernels() -> tuple[Loads, Loads]:
     ones = np.ones((1, 3))
     beam = SpatialBeam(2, 0.5, np.ones(2), np.ones((2, 2)), ones, ones, ones)
-    fluid = SpatialFluid(False, False, False, np.zeros(0))
+    fluid = SpatialFluid(False, False, False, np.zeros(0), np.zeros(3))
     scene = SpatialConstants(beam, fluid, SolverConstants(0.01, 1e-10), no_surface(2))
     constants = pack_constants(scene)
     floats, integers = work_sizes(beam, scene.surface)

@@ -3,7 +3,8 @@
 As in the plane, see `swim_env.physics.solve.outer_step`: a part solves p_n + D1 L_d + h F/2 = 0 and
 takes p_{n+1} = p_n + (D1 L_d + D2 L_d) + h F, so total momenta are constant to round-off whatever
 Newton's tolerance. With the composed scheme a part is two halves, the second with the inertia of
-its end: both or none.
+its end: both or none. Increments and momenta are those in the frame that moves with the stream,
+where the fluid far away is at rest; only the position is that in the frame of the ground.
 """
 
 from __future__ import annotations
@@ -109,8 +110,11 @@ def _solve_part(
 
 
 @kernel
-def _move_on(m: Member, part: int) -> None:
-    """Add increment and change of the momentum to the state, and keep them for the next guess."""
+def _move_on(m: Member, h: float, part: int, stream: Array) -> None:
+    """Add increment and change of the momentum to the state, and keep them for the next guess.
+
+    The stream carries the body along.
+    """
     state, body, newton, _, _ = m
     q, z = state.q, newton.increment
     for j in range(body.pose.joints.shape[0]):
@@ -124,6 +128,8 @@ def _move_on(m: Member, part: int) -> None:
     normalise(q[3:7])
     for i in range(3):
         q[i] += z[i]
+        if stream[i] != 0.0:
+            q[i] += h * stream[i]
     for i in range(z.size):
         state.p[i] += body.balance.change[i]
     shape = body.balance.shape.reshape((body.balance.shape.size,))
@@ -262,7 +268,7 @@ def spatial_step(
             )
             evaluate(m, torques, newton.increment, h, second, scene)
         record[DISSIPATED] += _loss(h, second, solver.composed, beam, m)
-        _move_on(m, part)
+        _move_on(m, h, part, fluid.stream)
         record[RESIDUAL_MET] = max(record[RESIDUAL_MET], norm)
         record[AT_ROUND_OFF] = max(record[AT_ROUND_OFF], 1.0 if at_round_off else 0.0)
         if solver.composed and not second:

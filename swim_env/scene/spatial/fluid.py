@@ -1,4 +1,4 @@
-"""The fluid around a body in space: which model of it, its density and its surface panels."""
+"""The fluid around a body in space: its model, density and surface panels, and its stream."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import SceneError
-from swim_env.scene.checks import got, integer, listed, one_of, reals
+from swim_env.scene.checks import Triple, got, integer, listed, one_of, reals, vector
+from swim_env.scene.effects import Effect
 from swim_env.scene.fluid import MOST_PANELS, MOST_PANELS_IN_ALL, NO_FLUID, FluidBase, FluidModel
 from swim_env.scene.spatial.body import SpatialBeam
 
@@ -152,3 +153,18 @@ class SpatialFluid(FluidBase, path="fluid"):
                 f"fluid.matrix must have 6N rows, {size} for beam.elements = {beam.elements}, got "
                 f"{len(self.matrix)}"
             )
+
+
+@dataclass(frozen=True)
+class SpatialStream(Effect, path="stream"):
+    """Effect: the fluid far away moves with one velocity; see `Stream`, that of the plane.
+
+    Attributes
+    ----------
+    velocity : tuple of float
+        (x, y, z) [m/s].
+    """
+
+    needs_fluid = True
+
+    velocity: Annotated[Triple, vector("m/s", "x", "y", "z")]

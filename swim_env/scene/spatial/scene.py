@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from swim_env.scene.run import EpisodeBase, Integrator, direction
 from swim_env.scene.scene import Scene
 from swim_env.scene.spatial.body import AXIS_NAMES, SpatialBeam
 from swim_env.scene.spatial.drive import SpatialActuation, SpatialDamping
-from swim_env.scene.spatial.fluid import SpatialFluid
+from swim_env.scene.spatial.fluid import SpatialFluid, SpatialStream
 from swim_env.scene.spatial.initial import SpatialInitial
 
 Floats = NDArray[np.float64]
@@ -32,15 +32,16 @@ class SpatialEpisode(EpisodeBase, path="episode"):
 class SpatialScene(Scene):
     """A body in space, its fluid, damping, drive, start and integrator.
 
-    Its fields are those of `Scene`, with blocks of three dimensions; damping is the only effect
-    that has a meaning there, the others are None. The integrator's strain is of the averaged
-    directors or of the joint angle.
+    Its fields are those of `Scene`, with blocks of three dimensions; damping and stream are the
+    only effects that have a meaning there, the others are None. The integrator's strain is of the
+    averaged directors or of the joint angle.
     """
 
     # Every block is that of its dimension and no planar one in disguise, whatever mypy expects.
     beam: SpatialBeam = SpatialBeam()  # type: ignore[assignment]
     fluid: SpatialFluid | None = None  # type: ignore[assignment]
     damping: SpatialDamping | None = None  # type: ignore[assignment]
+    stream: SpatialStream | None = None  # type: ignore[assignment]
     actuation: SpatialActuation | None = None  # type: ignore[assignment]
     initial: SpatialInitial = SpatialInitial()  # type: ignore[assignment]
     episode: SpatialEpisode = SpatialEpisode()  # type: ignore[assignment]
@@ -50,12 +51,13 @@ class SpatialScene(Scene):
         "beam": SpatialBeam,
         "fluid": SpatialFluid,
         "damping": SpatialDamping,
+        "stream": SpatialStream,
         "actuation": SpatialActuation,
         "initial": SpatialInitial,
         "integrator": Integrator,
         "episode": SpatialEpisode,
     }
-    _optional = ("fluid", "damping", "actuation")
+    _optional = ("fluid", "damping", "stream", "actuation")
     _automatic = ()
 
     def _check_together(self) -> None:
@@ -63,8 +65,10 @@ class SpatialScene(Scene):
         if self.fluid is not None:
             self.fluid.check_body(self.beam)
         self.inertia_per_length()
-        if self.damping is not None:
-            self.damping.check_scene(self.beam, self.fluid)
+        effects: tuple[Any, ...] = (self.damping, self.stream)
+        for effect in effects:
+            if effect is not None:
+                effect.check_scene(self.beam, self.fluid)
         self.initial.check_sizes(self.beam)
         if self.integrator.strain == "mean_angles":
             raise SceneError(

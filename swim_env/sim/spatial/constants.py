@@ -39,6 +39,7 @@ def spatial_constants(scene: SpatialScene) -> tuple[Constants, tuple[int, int]]:
     varies = _ADDED_MASS[model] is None
     added = np.zeros((0, 0)) if varies else added_mass_of(scene)
     momentum, spin = momentum_units(scene)
+    stream = np.array(scene.stream.velocity) if scene.stream else np.zeros(3)
     constants = SpatialConstants(
         SpatialBeam(
             beam.elements,
@@ -52,7 +53,7 @@ def spatial_constants(scene: SpatialScene) -> tuple[Constants, tuple[int, int]]:
             SMALLEST_SCALE * momentum,
             SMALLEST_SCALE * spin,
         ),
-        SpatialFluid(model != NO_FLUID, model != "strip", varies, added),
+        SpatialFluid(model != NO_FLUID, model != "strip", varies, added, stream),
         solver_constants(scene, _costs(scene)),
         surface_of(scene) if varies else no_surface(beam.elements),
     )

@@ -102,6 +102,11 @@ class SpatialSimulator(Simulator):
     ) -> SpatialTrajectory:
         q, p = np.split(trace, [self._bodies.coordinates_size], axis=1)
         directors, rotations = directors_of(q)
+        momentum, impulse = momentum_map(q, p), np.zeros((len(torques), 6))
+        if self.scene.stream is not None:
+            # About an origin at rest, a momentum that is carried along gains h U x p.
+            drift = self.time_step * np.array(self.scene.stream.velocity)
+            impulse[:, 3:] = np.cross(drift, momentum[1:, :3])
         return SpatialTrajectory(
             scene=self.scene,
             termination_reason=self._reason,
@@ -109,7 +114,7 @@ class SpatialSimulator(Simulator):
             directors=directors,
             joint_rotations=rotations,
             torques=torques.copy(),
-            momentum=momentum_map(q, p),
-            impulse=np.zeros((len(torques), 6)),
+            momentum=momentum,
+            impulse=impulse,
             **columns_of(self.scene, first, energy, record),
         )
