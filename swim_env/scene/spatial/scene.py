@@ -99,7 +99,8 @@ class SpatialScene(Scene):
     def action_places(self) -> NDArray[np.int64]:
         """Where the actions' torques are among those of a step, flattened; shape (n,)."""
         axes = np.array([AXIS_NAMES.index(axis) for axis in self.axes])
-        return (3 * np.arange(self.joints)[:, None] + axes).ravel()
+        places: NDArray[np.int64] = (3 * np.arange(self.joints)[:, None] + axes).ravel()
+        return places
 
 
 KINDS[SpatialScene.dimension] = SpatialScene
