@@ -20,8 +20,9 @@ from swim_env.errors import OptionError, SwimError
 from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
 from swim_env.recording.swimmer import Swimmer, checked_rate
 from swim_env.recording.writer import WrittenRecording, recording_file, write_recording
-from swim_env.scene import Scene
+from swim_env.sim.batch import Bodies
 from swim_env.sim.recorder import Kept, Recorder
+from swim_env.sim.trajectory import TrajectoryBase
 
 __all__ = ["Tape"]
 
@@ -34,10 +35,11 @@ _OWNERS: weakref.WeakKeyDictionary[Episodes, weakref.ref[Tape]] = weakref.WeakKe
 class _ChosenRecorder(Recorder):
     """A recorder that keeps the steps of chosen members, and those of an episode that is over."""
 
-    def __init__(self, scene: Scene, count: int) -> None:
-        super().__init__(scene, count)
+    def __init__(self, bodies: Bodies) -> None:
+        super().__init__(bodies)
+        count, recording = len(bodies.states), bodies.scene.recording
         #: Members whose steps are kept.
-        self.chosen = set(range(count)) if scene.recording is not None else set()
+        self.chosen = set(range(count)) if recording is not None else set()
         #: What was kept of a chosen member when it started again.
         self.over: dict[int, Kept | None] = {}
         #: How often each member's trajectory has begun: with every start, and with every snapshot
@@ -57,7 +59,7 @@ class _ChosenRecorder(Recorder):
 
     def is_paid(self, member: int, rewards: int) -> bool:
         """Return whether there is a reward for every action whose steps were kept."""
-        return rewards * self._scene.steps_per_action >= self._steps[member]
+        return rewards * self._bodies.scene.steps_per_action >= self._steps[member]
 
 
 class Tape:
@@ -94,7 +96,7 @@ class Tape:
         #: and the file of this episode.
         self.running: dict[int, tuple[str, str]] = {}
         self._always = episodes.task.scene.recording is not None
-        self._recorder = _ChosenRecorder(episodes.task.scene, len(episodes.all_members))
+        self._recorder = _ChosenRecorder(episodes.bodies)
         self._rewards: dict[int, list[float]] = {}
         self._goals: dict[int, NDArray[np.float64]] = {}
         self._velocities: dict[int, NDArray[np.float64]] = {}
@@ -191,7 +193,9 @@ class Tape:
         task = self._episodes.task
         if reason is not None and member in self._recorder.over:
             physical = reason if reason in PHYSICS_REASONS.values() else ""
-            trajectory = self._recorder.trajectory_of(self._recorder.over[member], physical)
+            trajectory: TrajectoryBase = self._recorder.trajectory_of(
+                self._recorder.over[member], physical
+            )
         else:
             trajectory = self._episodes.recorded(member)
         name, file = self.running.pop(member)

@@ -29,7 +29,8 @@ from swim_env.physics.solve.state import (
 from swim_env.physics.status import STATE_NOT_FINITE, TERMINATION_REASONS, describe
 from swim_env.scene import Initial, Scene, require_planar
 from swim_env.sim.constants import scene_constants
-from swim_env.sim.recorder import Recorder, trace_columns
+from swim_env.sim.recorder import Recorder, trace_columns, trajectory_of
+from swim_env.sim.trajectory import TrajectoryBase
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -61,8 +62,10 @@ class Bodies:
         The indices of all members.
     coordinates_size, unknowns : int
         Numbers of coordinates and of momenta, N + 2 of both.
-    trace_columns : int
-        Columns of a trace, see `swim_env.sim.recorder.trace_columns`.
+    trace_columns, record_columns : int
+        Columns of a trace, see `swim_env.sim.recorder.trace_columns`, and of a record.
+    joint_shape : tuple of int
+        Shape of one member's torques, (N - 1,).
     recorder : Recorder or None
         What keeps their steps, where the scene has the effect `recording`.
     """
@@ -71,7 +74,7 @@ class Bodies:
     _advance: Any = staticmethod(advance)
     _energy_and_velocity: Any = staticmethod(energy_and_velocity)
     _momentum_of_velocity: Any = staticmethod(momentum_of_velocity)
-    _record_columns = len(RECORD_NAMES)
+    record_columns = len(RECORD_NAMES)
 
     def __init__(self, scene: Scene, count: int = 1) -> None:
         require_planar(scene, "a simulation")
@@ -79,6 +82,7 @@ class Bodies:
         beam, fluid, solver = scene_constants(scene)
         self.coordinates_size = self.unknowns = scene.beam.elements + 2
         self.trace_columns = trace_columns(scene)
+        self.joint_shape: tuple[int, ...] = (scene.joints,)
         self._constants: Any = pack_constants(beam, fluid, solver)
         sizes = work_sizes(beam, fluid)
         self._allocate(scene, count, state_size(scene.beam.elements), sizes)
@@ -92,7 +96,7 @@ class Bodies:
         self.outcome = np.zeros((count, 2), dtype=np.int64)
         self.all_members = np.arange(count)
         self._steps_column = steps_column(state)
-        self.recorder = Recorder(scene, count) if scene.recording is not None else None
+        self.recorder = Recorder(self) if scene.recording is not None else None
         self._no_trace = np.zeros((count, 0, self.trace_columns))
 
     @property
@@ -154,7 +158,7 @@ class Bodies:
         """Let a recording begin at the member's present state; without a recorder do nothing."""
         if self.recorder is not None:
             steps = int(self.steps_taken[member])
-            state = self.states[member, : 2 * self.unknowns]
+            state = self.states[member, : self.coordinates_size + self.unknowns]
             self.recorder.begin(member, steps, self.energy_and_velocity(member)[0], state)
 
     def energy_and_velocity(self, member: int, time: float = 0.0) -> tuple[float, Array]:
@@ -185,9 +189,15 @@ class Bodies:
         _, fluid, _ = unpack_constants(*self._constants)
         return fluid_views(self.views(index).fluid_buffers, fluid)[0]
 
+    def trajectory(
+        self, reason: str, first: int, energy: float, trace: Array, torques: Array, record: Array
+    ) -> TrajectoryBase:
+        """Return the run that a trace holds; see `swim_env.sim.recorder.trajectory_of`."""
+        return trajectory_of(self.scene, reason, first, energy, trace, torques, record)
+
     def new_record(self, steps: int) -> Array:
         """Return an array for `advance` to write to: (M, steps, 12), columns RECORD_NAMES."""
-        return np.zeros((len(self.states), steps, self._record_columns))
+        return np.zeros((len(self.states), steps, self.record_columns))
 
     def advance(
         self,

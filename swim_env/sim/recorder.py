@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,7 +13,10 @@ from swim_env.physics.invariants import momentum_map
 from swim_env.physics.planar.chain import centres_of_trajectory
 from swim_env.physics.solve.state import RECORD_NAMES
 from swim_env.scene import Scene
-from swim_env.sim.trajectory import Trajectory
+from swim_env.sim.trajectory import Trajectory, TrajectoryBase
+
+if TYPE_CHECKING:
+    from swim_env.sim.batch import Bodies
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -85,14 +91,20 @@ class Recorder:
 
     A member has a table with a row for its start and for every step, which doubles when it is full.
     Rows are never overwritten, so arrays that were taken out of a table stay valid.
+
+    Parameters
+    ----------
+    bodies : swim_env.sim.batch.Bodies
+        The bodies.
     """
 
-    def __init__(self, scene: Scene, count: int) -> None:
-        self._scene = scene
+    def __init__(self, bodies: Bodies) -> None:
+        self._bodies = bodies
+        count = len(bodies.states)
         #: Columns of a table: trace, torques, record.
-        first = trace_columns(scene)
-        last = first + scene.beam.elements - 1
-        self._parts = slice(first), slice(first, last), slice(last, last + len(RECORD_NAMES))
+        first = bodies.trace_columns
+        last = first + math.prod(bodies.joint_shape)
+        self._parts = slice(first), slice(first, last), slice(last, last + bodies.record_columns)
         self._kept: list[Kept | None] = [None] * count
         #: Steps in each table.
         self._steps = [0] * count
@@ -101,8 +113,8 @@ class Recorder:
     def begin(self, member: int, steps: int, energy: float, state: Array) -> None:
         """Forget a member's steps; its trajectory begins here.
 
-        So far it has taken some steps; it has an energy (J), and the state (2 (N + 2),) is its
-        coordinates and momenta.
+        So far it has taken some steps; it has an energy (J), and the state is its coordinates and
+        momenta.
         """
         start = np.full((1, self._parts[-1].stop), np.nan)
         start[0, : state.size] = state
@@ -144,7 +156,7 @@ class Recorder:
                 longer[:begin] = rows[:begin]
                 rows = longer
                 self._kept[member] = (*kept[:2], rows)
-            held = torques[member]
+            held = torques[member].reshape(torques.shape[1], -1)
             rows[begin:end, traced] = trace[member, :steps]
             rows[begin:end, driven] = held if len(held) == 1 else held[np.arange(steps) // hold]
             rows[begin:end, recorded] = record[member, :steps]
@@ -154,18 +166,19 @@ class Recorder:
         """Return whether a member's steps are recorded: those of all members here."""
         return True
 
-    def trajectory(self, member: int, reason: str) -> Trajectory:
+    def trajectory(self, member: int, reason: str) -> TrajectoryBase:
         """Return a member's trajectory since its start (OptionError if there was none)."""
         return self.trajectory_of(self.kept(member), reason)
 
-    def trajectory_of(self, kept: Kept | None, reason: str) -> Trajectory:
+    def trajectory_of(self, kept: Kept | None, reason: str) -> TrajectoryBase:
         """Return the trajectory of what was kept of a member, with the reason for its end."""
         if kept is None:
             raise OptionError("nothing was recorded yet: call reset first")
         steps, energy, rows = kept
         traced, driven, recorded = self._parts
-        parts = rows[:, traced], rows[1:, driven], rows[1:, recorded]
-        return trajectory_of(self._scene, reason, steps, energy, *parts)
+        torques = rows[1:, driven].reshape(len(rows) - 1, *self._bodies.joint_shape)
+        made = self._bodies.trajectory
+        return made(reason, steps, energy, rows[:, traced], torques, rows[1:, recorded])
 
 
 def needs_recording(recorder: Recorder | None) -> Recorder:

@@ -20,7 +20,7 @@ from swim_env.physics.status import TERMINATION_REASONS
 from swim_env.scene import Initial, Scene, load_scene
 from swim_env.scene.checks import checked_option, got, real
 from swim_env.sim.batch import Bodies, ended, minimal_start
-from swim_env.sim.recorder import needs_recording, trajectory_of
+from swim_env.sim.recorder import needs_recording
 from swim_env.sim.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -102,20 +102,9 @@ class Simulator:
     def _make_bodies(self) -> Any:
         return Bodies(self.scene)
 
-    @property
-    def _joint_shape(self) -> tuple[int, ...]:
-        """Shape of the torques of one step."""
-        return (self.elements - 1,)
-
     def _start(self, initial: Any) -> tuple[Array, Array]:
         """Return coordinates and velocity of an initial state."""
         return minimal_start(self.scene, initial)
-
-    def _trajectory(
-        self, first: int, energy: float, trace: Array, torques: Array, record: Array
-    ) -> Any:
-        """Return the run of steps that a trace (T + 1, C) holds."""
-        return trajectory_of(self.scene, self._reason, first, energy, trace, torques, record)
 
     @property
     def _state(self) -> Array:
@@ -361,7 +350,8 @@ class Simulator:
             if progress:
                 progress(steps)
         traced = trace[0, : taken + 1]
-        run: Trajectory = self._trajectory(first, start, traced, held[:taken], record[:taken])
+        made = self._bodies.trajectory
+        run: Trajectory = made(self._reason, first, start, traced, held[:taken], record[:taken])
         return run
 
     def recorded(self) -> Trajectory:
@@ -374,7 +364,8 @@ class Simulator:
         OptionError
             If the scene has no recording.
         """
-        return needs_recording(self._bodies.recorder).trajectory(0, self._reason)
+        run: Any = needs_recording(self._bodies.recorder).trajectory(0, self._reason)
+        return run  # type: ignore[no-any-return]
 
     def _refuse_after_end(self) -> None:
         if self._reason:
@@ -382,7 +373,7 @@ class Simulator:
 
     def _checked(self, torques: ArrayLike, many: bool) -> Array:
         """Return torques of one or many steps as a contiguous array (T, ...) of finite numbers."""
-        step = self._joint_shape
+        step = self._bodies.joint_shape
         inner = ", ".join(map(str, step))
         wanted = f"(T, {inner})" if many else f"({inner}{',' * (len(step) == 1)})"
         try:
@@ -419,7 +410,7 @@ class Simulator:
             raise OptionError(f"steps must be a whole number, got {got(steps)}")
         steps = int(count)
         if self.scene.actuation is None:
-            return np.zeros((steps, *self._joint_shape))
+            return np.zeros((steps, *self._bodies.joint_shape))
         into = 0.5 if self.scene.integrator.scheme == "composed" else 0.0
         times = (self.steps + np.arange(steps) + into) * self.time_step
         return self.scene.actuation.torques(times, self.scene.beam)

@@ -131,7 +131,8 @@ def write_frame(q: Array, work: Array, frame: Array) -> None:
 @kernel
 def _along(frame: Array, column: int, x: float, y: float, z: float) -> float:
     """Return the component of a vector along one of the frame's axes."""
-    return frame[column] * x + frame[3 + column] * y + frame[6 + column] * z
+    component: float = frame[column] * x + frame[3 + column] * y + frame[6 + column] * z
+    return component
 
 
 @entry_kernel

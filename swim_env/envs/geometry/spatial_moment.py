@@ -61,7 +61,8 @@ class SpatialMoment(Moment):
 
     def in_body(self, vectors: Array) -> Array:
         """Return the components (forward, left, up) of vectors in space, (m, 3)."""
-        return np.einsum("mji,mj->mi", self.frame, vectors)
+        seen: Array = np.einsum("mji,mj->mi", self.frame, vectors)
+        return seen
 
     def seen_direction(self, way: Array) -> tuple[Array, Array]:
         """Return how directions `in_body` are observed, and their `heading_error`."""

@@ -1,6 +1,7 @@
 """Tasks: what episodes are about. Each shipped one is a module, and may be a pattern for yours."""
 
-from swim_env.envs.tasks.base import NOISE, SEED, Start, StartPlan, Task
+from swim_env.envs.geometry import StartPlan
+from swim_env.envs.tasks.base import NOISE, SEED, Start, Task
 from swim_env.envs.tasks.efficient import EfficientTask
 from swim_env.envs.tasks.find import TASKS, TaskLike, check_task, find_task, make_task
 from swim_env.envs.tasks.forward import ForwardTask

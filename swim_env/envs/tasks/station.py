@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.envs.tasks.base import Array, StartPlan, Task
+from swim_env.envs.geometry import StartPlan
+from swim_env.envs.tasks.base import Array, Task
 from swim_env.envs.tasks.moment import Moment
 from swim_env.errors import OptionError
 from swim_env.scene import Scene

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from swim_env.errors import SceneError
 from swim_env.scene.checks import Triple
+from swim_env.scene.effects import Recording
 from swim_env.scene.making import KINDS
 from swim_env.scene.run import EpisodeBase, Integrator, direction
 from swim_env.scene.scene import Scene
@@ -32,9 +33,9 @@ class SpatialEpisode(EpisodeBase, path="episode"):
 class SpatialScene(Scene):
     """A body in space, its fluid, damping, drive, start and integrator.
 
-    Its fields are those of `Scene`, with blocks of three dimensions; damping and stream are the
-    only effects that have a meaning there, the others are None. The integrator's strain is of the
-    averaged directors or of the joint angle.
+    Its fields are those of `Scene`, with blocks of three dimensions; damping, stream and recording
+    are the only effects that have a meaning there, the others are None. The integrator's strain is
+    of the averaged directors or of the joint angle.
     """
 
     # Every block is that of its dimension and no planar one in disguise, whatever mypy expects.
@@ -52,12 +53,13 @@ class SpatialScene(Scene):
         "fluid": SpatialFluid,
         "damping": SpatialDamping,
         "stream": SpatialStream,
+        "recording": Recording,
         "actuation": SpatialActuation,
         "initial": SpatialInitial,
         "integrator": Integrator,
         "episode": SpatialEpisode,
     }
-    _optional = ("fluid", "damping", "stream", "actuation")
+    _optional = ("fluid", "damping", "stream", "recording", "actuation")
     _automatic = ()
 
     def _check_together(self) -> None:

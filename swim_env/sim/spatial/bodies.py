@@ -7,13 +7,15 @@ from numpy.typing import NDArray
 
 from swim_env.errors import SceneError
 from swim_env.physics.spatial.advance import advance_spatial, spatial_energy, spatial_momentum
-from swim_env.physics.spatial.invariants import centres_of, directors_of
+from swim_env.physics.spatial.invariants import centres_of, directors_of, momentum_map
 from swim_env.physics.spatial.layout import RECORD_SIZE, state_size
 from swim_env.physics.spatial.loading import load_spatial_kernels
 from swim_env.scene.spatial.initial import SpatialInitial
 from swim_env.scene.spatial.scene import SpatialScene
 from swim_env.sim.batch import Bodies
+from swim_env.sim.recorder import columns_of
 from swim_env.sim.spatial.constants import spatial_constants
+from swim_env.sim.spatial.trajectory import SpatialTrajectory
 
 Array = NDArray[np.float64]
 
@@ -30,7 +32,7 @@ class SpatialBodies(Bodies):
     _advance = staticmethod(advance_spatial)
     _energy_and_velocity = staticmethod(spatial_energy)
     _momentum_of_velocity = staticmethod(spatial_momentum)
-    _record_columns = RECORD_SIZE
+    record_columns = RECORD_SIZE
 
     def __init__(self, scene: SpatialScene, count: int = 1) -> None:
         if scene.dimension != 3:
@@ -40,6 +42,7 @@ class SpatialBodies(Bodies):
         elements = scene.beam.elements
         self.coordinates_size, self.unknowns = 4 * elements + 3, 3 * elements + 3
         self.trace_columns = self.coordinates_size + self.unknowns
+        self.joint_shape = (elements - 1, 3)
         self._constants, sizes = spatial_constants(scene)
         self._allocate(scene, count, state_size(elements), sizes)
 
@@ -47,6 +50,30 @@ class SpatialBodies(Bodies):
         state: Array = np.zeros(self.states.shape[1])
         state[: self.coordinates_size] = coordinates
         return state
+
+    def trajectory(
+        self, reason: str, first: int, energy: float, trace: Array, torques: Array, record: Array
+    ) -> SpatialTrajectory:
+        """Return the run that a trace holds, as `Bodies.trajectory`."""
+        scene = self.scene
+        q, p = np.split(trace, [self.coordinates_size], axis=1)
+        directors, rotations = directors_of(q)
+        momentum, impulse = momentum_map(q, p), np.zeros((len(torques), 6))
+        if scene.stream is not None:
+            # About an origin at rest, a momentum that is carried along gains h U x p.
+            drift = scene.integrator.time_step * np.array(scene.stream.velocity)
+            impulse[:, 3:] = np.cross(drift, momentum[1:, :3])
+        return SpatialTrajectory(
+            scene=scene,
+            termination_reason=reason,
+            centres=centres_of(q[:, :3], directors, scene.beam.element_length),
+            directors=directors,
+            joint_rotations=rotations,
+            torques=torques.copy(),
+            momentum=momentum,
+            impulse=impulse,
+            **columns_of(scene, first, energy, record),
+        )
 
 
 def spatial_start(scene: SpatialScene, initial: SpatialInitial) -> tuple[Array, Array]:

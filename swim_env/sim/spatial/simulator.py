@@ -10,10 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from swim_env.errors import OptionError, SwimError
 from swim_env.physics.spatial.invariants import centres_of, directors_of, momentum_map
 from swim_env.scene.spatial.scene import SpatialScene
-from swim_env.sim.recorder import columns_of
 from swim_env.sim.simulator import Simulator
 from swim_env.sim.spatial.bodies import SpatialBodies, spatial_start
-from swim_env.sim.spatial.trajectory import SpatialTrajectory
 
 Array = NDArray[np.float64]
 
@@ -34,10 +32,6 @@ class SpatialSimulator(Simulator):
 
     def _make_bodies(self) -> Any:
         return SpatialBodies(self.scene)
-
-    @property
-    def _joint_shape(self) -> tuple[int, ...]:
-        return (self.elements - 1, 3)
 
     def _start(self, initial: Any) -> tuple[Array, Array]:
         return spatial_start(self.scene, initial)
@@ -96,25 +90,3 @@ class SpatialSimulator(Simulator):
     def panel_condition(self) -> float:
         """Not known in space (OptionError)."""
         raise OptionError("the condition of panels is known in the plane only")
-
-    def _trajectory(
-        self, first: int, energy: float, trace: Array, torques: Array, record: Array
-    ) -> SpatialTrajectory:
-        q, p = np.split(trace, [self._bodies.coordinates_size], axis=1)
-        directors, rotations = directors_of(q)
-        momentum, impulse = momentum_map(q, p), np.zeros((len(torques), 6))
-        if self.scene.stream is not None:
-            # About an origin at rest, a momentum that is carried along gains h U x p.
-            drift = self.time_step * np.array(self.scene.stream.velocity)
-            impulse[:, 3:] = np.cross(drift, momentum[1:, :3])
-        return SpatialTrajectory(
-            scene=self.scene,
-            termination_reason=self._reason,
-            centres=centres_of(q[:, :3], directors, self.scene.beam.element_length),
-            directors=directors,
-            joint_rotations=rotations,
-            torques=torques.copy(),
-            momentum=momentum,
-            impulse=impulse,
-            **columns_of(self.scene, first, energy, record),
-        )
