@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: How far the camera may fall behind (BL).
-_MOST_LAG = 0.15
 #: How far the view reaches beyond the mean centre (BL).
 _REACH_ALONG, _REACH_ACROSS = 1.15, 0.56
 #: Most points of the trail; when there are as many, the older half is dropped.
@@ -24,6 +22,7 @@ class Camera:
     without one the goal is a direction; the trail has a least distance of its points (pixels), and
     the camera a time (s) after which it has made up for 63 % of a move.
     Centre and aim (2,) are the mean centre and the goal, in the first frame, at a time (s).
+    Points have three components in space, see `SpatialCamera`.
 
     Attributes
     ----------
@@ -38,6 +37,9 @@ class Camera:
     time : float
         Time of the last frame (s).
     """
+
+    #: How far the camera may fall behind (BL).
+    most_lag = 0.15
 
     def __init__(
         self,
@@ -63,9 +65,9 @@ class Camera:
         self.time, self.centre = time, centre
         focus = self._focus(aim)
         behind = (focus - self.place) * math.exp(-elapsed / self._lag)
-        most = _MOST_LAG / max(_MOST_LAG, float(np.hypot(*behind)))
+        most = self.most_lag / max(self.most_lag, float(np.hypot.reduce(behind)))
         self.place = focus - most * behind
-        if np.hypot(*(centre - self.trail[-1])) * self.scale >= self._trail_step:
+        if np.hypot.reduce(centre - self.trail[-1]) * self.scale >= self._trail_step:
             first = len(self.trail) // 2 if len(self.trail) == _TRAIL_POINTS else 0
             self.trail = np.concatenate([self.trail[first:], centre[None]])
 

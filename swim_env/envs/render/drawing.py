@@ -12,13 +12,13 @@ from swim_env.colours import Colour
 from swim_env.errors import SwimError
 
 try:
-    from PIL import Image, ImageDraw, ImageFont
+    from PIL import Image, ImageDraw, ImageFilter, ImageFont
 except ImportError as error:
     raise SwimError(
         f"frames need Pillow: install the extra 'view' (pip install 'swim-env[view]'; {error})"
     ) from None
 
-__all__ = ["Box", "Image", "ImageDraw", "Lettering", "Patch", "Point"]
+__all__ = ["Box", "Image", "ImageDraw", "ImageFilter", "Lettering", "Patch", "Point"]
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from swim_env.envs.episodes import Episodes
 from swim_env.envs.render.camera import Camera
 from swim_env.envs.render.window import Window
+from swim_env.scene import Scene
 
 if TYPE_CHECKING:
-    from swim_env.envs.render.frames import FramePainter
+    from swim_env.envs.render.painter import Painter
 
 Frame = NDArray[np.uint8]
 
@@ -27,10 +28,8 @@ class EpisodesViewer:
     """
 
     def __init__(self, episodes: Episodes, rate: float) -> None:
-        scene = episodes.task.scene
         self._episodes = episodes
-        self._limit = scene.torque_limit
-        self._painters: list[FramePainter] = []
+        self._painters: list[Painter[Any]] = []
         #: Of a copy, until it paints itself.
         self._cameras: list[Camera | None] = []
         self._rate = rate
@@ -60,13 +59,11 @@ class EpisodesViewer:
             self._window.close()
 
     def _frame(self, member: int) -> Frame:
+        scene = self._episodes.task.scene
         if not self._painters:
-            # Needs Pillow, which an environment without a display may well lack.
-            from swim_env.envs.render.frames import FramePainter
-
             task = self._episodes.task
             radius = task.radius if task.goal_is_point else None
-            painter = FramePainter(task.scene, target_radius=radius)
+            painter = _painter_of(scene)(scene, target_radius=radius)
             # Copies share what all their frames have in common.
             self._painters = [copy.copy(painter) for _ in self._episodes.all_members]
             for one, camera in zip(self._painters, self._cameras, strict=False):
@@ -75,7 +72,7 @@ class EpisodesViewer:
         info = self._episodes.info(member)
         return self._painters[member].draw(
             self._episodes.bodies.coordinates[member],
-            self._episodes.torques[member, 0] / self._limit,
+            scene.actions_of(self._episodes.torques[member, 0]),
             info["time"],
             info["progress"],
             self._episodes.goals[member],
@@ -85,3 +82,14 @@ class EpisodesViewer:
         # Neither fonts nor windows can be copied.
         cameras = [painter.camera for painter in self._painters] or self._cameras
         return {**vars(self), "_painters": [], "_cameras": cameras, "_window": None}
+
+
+def _painter_of(scene: Scene) -> type[Painter[Any]]:
+    """Return what draws a scene's frames, which needs Pillow: not every environment has it."""
+    if scene.dimension == 3:
+        from swim_env.envs.render.spatial_frames import SpatialFramePainter
+
+        return SpatialFramePainter
+    from swim_env.envs.render.frames import FramePainter
+
+    return FramePainter
