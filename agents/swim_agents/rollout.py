@@ -180,7 +180,7 @@ def score(rollout: Rollout, position: Array) -> float:
     start, length = rollout.path[0], rollout.scene.beam.length
     aim = rollout.task.displacement_aim(rollout.goal)
     if rollout.task.has_target:
-        before, after = (float(np.hypot(*(aim - at))) for at in (start, position))
+        before, after = (float(np.hypot.reduce(aim - at)) for at in (start, position))
         return (before - after) / length
     return float((position - start) @ aim) / length
 
