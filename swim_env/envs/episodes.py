@@ -213,7 +213,6 @@ class Episodes:
         self._torque_of_one, self._places = scene.action_torques, scene.action_places
         self.actions = np.zeros((count, len(self._places)))
         self.torques: Array = np.zeros((count, 1, *geometry.joint_shape))
-        self._flat_torques = self.torques.reshape(count, -1)
         self._record = self.bodies.new_record(self._hold)
         self.goals: Array = np.zeros((count, scene.dimension))
         self._position = slice(COLUMNS["x"], COLUMNS["x"] + scene.dimension)
@@ -336,9 +335,8 @@ class Episodes:
             with np.errstate(over="ignore"):  # becomes infinite and is refused as such
                 given = given.astype(np.float64)
         self.actions[:] = given
-        bad = torques_of_actions(
-            members, self.actions, self._torque_of_one, self._places, self._flat_torques
-        )
+        torques = self.torques.reshape(len(self.torques), -1)
+        bad = torques_of_actions(members, self.actions, self._torque_of_one, self._places, torques)
         if bad >= 0:
             member, action = divmod(bad, shape[-1])
             joint, axis = divmod(int(self._places[action]), self.torques[0, 0, 0].size)
@@ -364,7 +362,7 @@ class Episodes:
             start,
             self.bodies.states,
             self.bodies.velocities,
-            self._flat_torques,
+            self.torques.reshape(len(self.torques), -1),
             self._torque_of_one,
             self._places,
             self._record,
