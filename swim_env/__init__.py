@@ -4,7 +4,12 @@ After Leyendecker & Kanso, "Locomotion of a submerged Cosserat beam" (DETC2009-8
 """
 
 from swim_env.accuracy.choice import with_chosen_settings
-from swim_env.analysis.characteristics import Characteristics, characterise, resolve
+from swim_env.analysis.characteristics import (
+    Characteristics,
+    SpatialCharacteristics,
+    characterise,
+    resolve,
+)
 from swim_env.analysis.modes import natural_frequencies
 from swim_env.envs.episodes import TERMINATION_CODES, TERMINATION_REASONS, EnvSnapshot
 from swim_env.envs.registration import register_environments
@@ -69,6 +74,7 @@ __all__ = [
     "SimulationEndedError",
     "Simulator",
     "Snapshot",
+    "SpatialCharacteristics",
     "SpatialScene",
     "SpatialTrajectory",
     "StationTask",

@@ -7,23 +7,34 @@ depends on nothing but the clock, which is passed on in `state` as for a recurre
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swim_agents.fit import TUNED_FIELDS, difference
-from swim_agents.tuned_wave import find_tuned_wave, load_tuned_wave, wave_on
+from swim_agents.tuned_wave import (
+    LATERAL,
+    SPATIAL_WAVES,
+    actuation_of,
+    find_tuned_wave,
+    load_tuned_wave,
+    wave_of_share,
+    wave_on,
+)
 from swim_env.errors import OptionError
-from swim_env.scene import Actuation, Scene
+from swim_env.scene import WAVE_AXES, Actuation, Scene, SpatialScene
 
 __all__ = [
     "POLICY_NAMES",
+    "SPATIAL_POLICY_NAMES",
     "Policy",
     "RandomPolicy",
     "WavePolicy",
     "ZeroPolicy",
     "paper_wave",
+    "spatial_wave",
     "tuned_wave",
 ]
 
@@ -31,6 +42,16 @@ Array = NDArray[np.float64]
 
 #: Names that `load_policy` knows.
 POLICY_NAMES = ("paper_wave", "tuned_wave", "zero", "random")
+#: Those that only scenes in space have, and their waves: prescribed ones, and tuned ones beside
+#: ``tuned_wave``, which is the lateral one.
+PRESCRIBED_WAVES = {
+    "lateral_wave": "lateral",
+    "dorsoventral_wave": "dorsoventral",
+    "helical_wave_right": "helical_right",
+    "helical_wave_left": "helical_left",
+}
+TUNED_WAVES = {f"tuned_{wave}": wave for wave in SPATIAL_WAVES if wave != LATERAL}
+SPATIAL_POLICY_NAMES = (*PRESCRIBED_WAVES, *TUNED_WAVES)
 
 
 class Policy(Protocol):
@@ -58,8 +79,8 @@ class Policy(Protocol):
 
         Returns
         -------
-        actions : (N - 1,) or (M, N - 1) array
-            Actions in [-1, 1].
+        actions : (n,) or (M, n) array
+            Actions in [-1, 1], as many as `Scene.action_limits`.
         state : object
             For the next call.
         """
@@ -71,7 +92,7 @@ class _Baseline:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self.joints = scene.beam.elements - 1
+        self.actions = scene.action_places.size
 
     def predict(
         self,
@@ -80,7 +101,7 @@ class _Baseline:
         episode_start: ArrayLike | None = None,
         deterministic: bool = False,
     ) -> tuple[Array, Any]:
-        """Return actions, (N - 1,) or (M, N - 1), and the clock.
+        """Return actions, (n,) or (M, n), and the clock.
 
         The clock counts the actions since each member's start, (M,) int64; as times are whole
         multiples of the control interval, they carry no rounding of their own. What does not fit
@@ -111,15 +132,17 @@ class _Baseline:
             )
 
     #: What `check` compares.
-    _fields: tuple[str, ...] = ("beam.elements",)
+    _fields: tuple[str, ...] = ("dimension", "beam.elements", "axes")
 
     def _actions(self, clock: NDArray[np.int64]) -> Array:
-        """Return the actions of members that have taken so many, (M, N - 1)."""
+        """Return the actions of members that have taken so many, (M, n)."""
         raise NotImplementedError
 
 
 class WavePolicy(_Baseline):
     """A travelling wave of torque, tau = A cos(f t - kappa s/l + phase), held over each action.
+
+    In space it has the axes of its `SpatialActuation.wave`.
 
     Parameters
     ----------
@@ -133,7 +156,12 @@ class WavePolicy(_Baseline):
         any other wave may play any body of this length and number of elements.
     """
 
-    _fields = ("beam.elements", "beam.length", "torque_limit", "episode.control_interval")
+    _fields = (
+        *_Baseline._fields,
+        "beam.length",
+        "torque_limit",
+        "episode.control_interval",
+    )
 
     def __init__(self, scene: Scene, wave: Actuation, tuned_on: Scene | None = None) -> None:
         super().__init__(scene)
@@ -154,14 +182,14 @@ class WavePolicy(_Baseline):
     def _actions(self, clock: NDArray[np.int64]) -> Array:
         times = clock * self.scene.episode.control_interval
         torques = self.wave.torques(times, self.scene.beam)
-        return np.clip(torques / self.scene.torque_limit, -1.0, 1.0)
+        return np.clip(self.scene.actions_of(torques), -1.0, 1.0)
 
 
 class ZeroPolicy(_Baseline):
     """No torque at all."""
 
     def _actions(self, clock: NDArray[np.int64]) -> Array:
-        return np.zeros((len(clock), self.joints))
+        return np.zeros((len(clock), self.actions))
 
 
 class RandomPolicy(_Baseline):
@@ -173,7 +201,7 @@ class RandomPolicy(_Baseline):
     Parameters
     ----------
     scene : Scene
-        Gives the number of joints.
+        Gives the number of actions.
     seed : int, optional
         Seed of the numbers, a whole number of at least 0 (else it is an OptionError).
     """
@@ -193,7 +221,7 @@ class RandomPolicy(_Baseline):
             np.random.default_rng([*self._key, member, now])
             for member, now in enumerate(clock.tolist())
         )
-        return np.stack([one.uniform(-1.0, 1.0, self.joints) for one in generators])
+        return np.stack([one.uniform(-1.0, 1.0, self.actions) for one in generators])
 
 
 def paper_wave(scene: Scene) -> WavePolicy:
@@ -201,14 +229,47 @@ def paper_wave(scene: Scene) -> WavePolicy:
 
     In the shipped scenes it is the paper's own.
     """
-    return WavePolicy(scene, scene.actuation or Actuation(amplitude=0.0))
+    return WavePolicy(scene, actuation_of(scene))
 
 
-def tuned_wave(scene: Scene, path: str | os.PathLike[str] | None = None) -> WavePolicy:
+def spatial_wave(scene: Scene, wave: str) -> WavePolicy:
+    """Return the wave that a scene in space prescribes, about other axes.
+
+    Frequency, wave number and phase are the prescribed ones. The amplitude is the same share of the
+    limit of each axis that the wave drives: that of the prescribed amplitude in the limit of its
+    own first axis.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    wave : str
+        ``lateral``, ``dorsoventral``, ``helical_right`` or ``helical_left``.
+
+    Raises
+    ------
+    OptionError
+        If the scene is planar, or does not actuate the axes of the wave.
+    """
+    if not isinstance(scene, SpatialScene):
+        raise OptionError(
+            f"a {wave} wave needs a scene of dimension 3, got {scene.name} of dimension 2; its "
+            "own wave is paper_wave"
+        )
+    prescribed = actuation_of(scene)
+    own = scene.axes.index(WAVE_AXES[prescribed.wave][0]) if prescribed.amplitude else 0
+    share = prescribed.amplitude / scene.torque_limit[own]
+    return WavePolicy(scene, replace(prescribed, **wave_of_share(scene, wave, share)))
+
+
+def tuned_wave(
+    scene: Scene, path: str | os.PathLike[str] | None = None, wave: str = LATERAL
+) -> WavePolicy:
     """Return the wave that swims farthest, as `swim-env tune` found it.
 
-    It is read from a file if one is given, else from beside the scene's own file, else it is that
-    of scene swimmer. On a scene with another body, fluid or damping its `check` refuses to play.
+    It is read from a file if one is given, else from beside the scene's own file, else it is one
+    that ships: the scene's, or that of scene swimmer. In space it is the lateral one unless another
+    one is named. On a scene with another body, fluid or damping its `check` refuses to play.
     """
-    record = find_tuned_wave(scene) if path is None else load_tuned_wave(path)
+    record = find_tuned_wave(scene, wave) if path is None else load_tuned_wave(path)
     return WavePolicy(scene, wave_on(scene, **record["wave"]), record["scene_fields"])

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from swim_agents.baselines import (
     POLICY_NAMES,
+    PRESCRIBED_WAVES,
+    SPATIAL_POLICY_NAMES,
+    TUNED_WAVES,
     Policy,
     RandomPolicy,
     WavePolicy,
     ZeroPolicy,
     paper_wave,
+    spatial_wave,
     tuned_wave,
 )
 from swim_agents.tuned_wave import SUFFIX
@@ -43,6 +48,8 @@ _BASELINES: dict[str, Callable[[Scene], WavePolicy | ZeroPolicy]] = {
     "paper_wave": paper_wave,
     "tuned_wave": tuned_wave,
     "zero": ZeroPolicy,
+    **{name: partial(spatial_wave, wave=wave) for name, wave in PRESCRIBED_WAVES.items()},
+    **{name: partial(tuned_wave, wave=wave) for name, wave in TUNED_WAVES.items()},
 }
 
 
@@ -53,7 +60,7 @@ def pretrained_names() -> tuple[str, ...]:
 
 def policy_names() -> tuple[str, ...]:
     """Return all names that `load_policy` knows."""
-    return (*POLICY_NAMES, *pretrained_names())
+    return (*POLICY_NAMES, *SPATIAL_POLICY_NAMES, *pretrained_names())
 
 
 def policy_label(policy: str) -> str:
@@ -107,10 +114,14 @@ def load_policy(
     policy : str or os.PathLike
         ``paper_wave``: the scene's prescribed wave, no torque where it has none. ``tuned_wave``:
         the wave that was found to swim farthest, kept beside the scene's file by `swim-env tune`
-        (or that of scene swimmer), for its body, fluid and damping alone. ``zero``: no torque.
-        ``random``: uniform torques. A trained agent that ships, see `pretrained_names`. Or a path:
-        an agent's folder, the folder of a training run (its best agent), a model file (.zip) of
-        stable-baselines3, or a tuned wave (.tuned_wave.json).
+        (or one that ships), for its body, fluid and damping alone. ``zero``: no torque.
+        ``random``: uniform torques. In space, ``lateral_wave``, ``dorsoventral_wave``,
+        ``helical_wave_right`` and ``helical_wave_left`` are the prescribed wave about other axes,
+        see `spatial_wave`; ``tuned_wave`` is a lateral one, and ``tuned_dorsoventral``,
+        ``tuned_helical_right`` and ``tuned_helical_left`` are the others. A trained agent that
+        ships, see `pretrained_names`. Or a path: an agent's folder, the folder of a training run
+        (its best agent), a model file (.zip) of stable-baselines3, or a tuned wave
+        (.tuned_wave.json).
     scene : Scene, str or os.PathLike, optional
         The scene to be played; unless given, ``swimmer`` for a baseline, and for an agent the one
         it was trained on.
@@ -126,7 +137,8 @@ def load_policy(
     Raises
     ------
     OptionError
-        If there is no such policy, or the tuned wave was tuned to another body.
+        If there is no such policy, the scene has not the axes of a wave, or the tuned wave was
+        tuned to another body.
     AgentError
         If a saved agent cannot be read, or was trained on another body or for another task.
     SceneError

@@ -6,6 +6,9 @@ directions of travel, show where the good waves are; from the best of them a ran
 shrinking spread (the cross-entropy method, Rubinstein 1999) varies amplitude, frequency, wave
 number and phase; and the best waves of all play whole episodes. A wave whose energy does not add up
 does not count.
+
+In space the resonances are those about the axes that the wave drives, and its amplitude is the same
+share of the torque limit of each.
 """
 
 from __future__ import annotations
@@ -19,17 +22,18 @@ from numpy.typing import NDArray
 
 from swim_agents.baselines import WavePolicy, paper_wave
 from swim_agents.rollout import play_episode, ratio
-from swim_agents.tuned_wave import WAVE_FIELDS, wave_on
+from swim_agents.tuned_wave import LATERAL, WAVE_FIELDS, check_wave, wave_of_share, wave_on
 from swim_agents.verification import fine_scene, verify_rollout
 from swim_env import SwimEnv, __version__, natural_frequencies
 from swim_env.envs.vector import SwimVectorEnv
+from swim_env.errors import SceneError
 from swim_env.files.provenance import where_and_when
-from swim_env.scene import Actuation, Scene
+from swim_env.scene import Actuation, Scene, SpatialActuation
 
 __all__ = ["Point", "check_candidates", "net_displacements", "record_of", "search_wave"]
 
 Array = NDArray[np.float64]
-#: Share of the torque limit, frequency (Hz), wave number (rad per body length), phase (rad), and
+#: Share of the torque limits, frequency (Hz), wave number (rad per body length), phase (rad), and
 #: the actions in the episode.
 Point = tuple[float, float, float, float, int]
 
@@ -61,7 +65,7 @@ def net_displacements(scene: Scene, waves: Sequence[Actuation]) -> Array:
     env.reset(options={"noise": 0.0})
     torques = np.stack([wave.torques(times, scene.beam) for wave in waves])
     for n in range(len(times)):
-        *_, terminated, truncated, infos = env.step(torques[:, n] / scene.torque_limit)
+        *_, terminated, truncated, infos = env.step(scene.actions_of(torques[:, n]))
         done = truncated & ~terminated & ~ended
         done &= infos["energy_drift"] <= scene.integrator.energy_tolerance
         reached[done] = infos["progress"][done]
@@ -69,9 +73,21 @@ def net_displacements(scene: Scene, waves: Sequence[Actuation]) -> Array:
     return reached
 
 
-def _wave(scene: Scene, numbers: Sequence[float]) -> Actuation:
+def _wave(scene: Scene, wave: str, numbers: Sequence[float]) -> Actuation:
     share, hertz, wave_number, phase = numbers
-    return wave_on(scene, share * scene.torque_limit, 2.0 * math.pi * hertz, wave_number, phase)
+    fields = {"frequency": 2.0 * math.pi * hertz, "wave_number": wave_number, "phase": phase}
+    return wave_on(scene, **fields, **wave_of_share(scene, wave, share))
+
+
+def _frequencies(scene: Scene, wave: str) -> list[float]:
+    """Return the first two natural frequencies (Hz) about the axes that a wave drives."""
+    axes = check_wave(scene, wave)
+    if not scene.has_period:
+        raise SceneError(
+            f"scene {scene.name} has joints without stiffness, and so no natural frequencies to "
+            "search around"
+        )
+    return natural_frequencies(scene, 2, axes)
 
 
 class _Search:
@@ -80,11 +96,13 @@ class _Search:
     def __init__(
         self,
         scene: Scene,
+        wave: str,
         known: dict[Point, float],
         keep: Callable[[dict[Point, float]], object] | None,
         progress: Callable[[float], object] | None,
     ) -> None:
-        self.scene, self.known, self._keep, self._progress = scene, known, keep, progress
+        self.scene, self.wave, self.known = scene, wave, known
+        self._keep, self._progress = keep, progress
 
     def play(self, waves: Iterable[Sequence[float]], actions: int) -> list[float]:
         """Return how far waves swim in so many actions (BL), -1 for one that does not count."""
@@ -95,7 +113,9 @@ class _Search:
         new = [point for point in dict.fromkeys(points) if point not in self.known]
         for first in range(0, len(new), _BATCH):
             some = new[first : first + _BATCH]
-            reached = net_displacements(scene, [_wave(scene, point[:4]) for point in some])
+            reached = net_displacements(
+                scene, [_wave(scene, self.wave, point[:4]) for point in some]
+            )
             values = [-1.0 if math.isnan(value) else float(value) for value in reached]
             found = dict(zip(some, values, strict=True))
             self.known.update(found)
@@ -109,25 +129,30 @@ class _Search:
 
 
 def actions_to_play(
-    scene: Scene, frequencies: int | None, wave_numbers: int | None, generations: int, size: int
+    scene: Scene,
+    frequencies: int | None,
+    wave_numbers: int | None,
+    generations: int,
+    population: int,
+    wave: str = LATERAL,
 ) -> int:
     """Return the actions that `search_wave` plays, of all waves together."""
-    grid = [len(axis) for axis in _grid(scene, frequencies, wave_numbers)]
-    short = (math.prod(grid) + generations * size) * _short_actions(scene)
+    grid = [len(axis) for axis in _grid(scene, frequencies, wave_numbers, wave)]
+    short = (math.prod(grid) + generations * population) * _short_actions(scene, wave)
     return short + _FINALISTS * scene.actions_per_episode
 
 
-def _short_actions(scene: Scene) -> int:
+def _short_actions(scene: Scene, wave: str = LATERAL) -> int:
     """Return the number of actions in an episode of the search."""
-    seconds = _SHORT / natural_frequencies(scene, 1)[0]
+    seconds = _SHORT / _frequencies(scene, wave)[0]
     return min(scene.actions_per_episode, math.ceil(seconds / scene.episode.control_interval))
 
 
 def _grid(
-    scene: Scene, frequencies: int | None, wave_numbers: int | None
+    scene: Scene, frequencies: int | None, wave_numbers: int | None, wave: str = LATERAL
 ) -> tuple[list[float], list[float]]:
     """Return the axes of the grid: Hz, and rad per body length."""
-    first, *rest = natural_frequencies(scene, 2)
+    first, *rest = _frequencies(scene, wave)
     hertz = [factor * first for factor in _FIRST] + [f * factor for f in rest for factor in _SECOND]
     kappa = [math.pi * factor for factor in _WAVE_NUMBERS]
     high = _highest(scene)
@@ -154,6 +179,7 @@ def search_wave(
     progress: Callable[[float], object] | None = None,
     known: dict[Point, float] | None = None,
     keep: Callable[[dict[Point, float]], object] | None = None,
+    wave: str = LATERAL,
 ) -> dict[str, Any]:
     """Search for the wave with the largest net displacement.
 
@@ -170,22 +196,27 @@ def search_wave(
         What waves have reached in a search that was interrupted (BL); they are not played again.
     keep : callable, optional
         Called with what waves have reached, batch by batch.
+    wave : str
+        In space, ``lateral``, ``dorsoventral``, ``helical_right`` or ``helical_left``.
 
     Returns
     -------
     dict
-        ``grid`` (axes and net displacements in BL), ``generations`` (the best of each) and
-        ``candidates``: distinct waves, the best first, each with its ``share`` of the torque limit,
-        ``frequency_hz``, ``wave_number``, ``phase`` and ``net_displacement`` in a whole episode.
+        ``wave``, ``grid`` (axes and net displacements in BL), ``generations`` (the best of each)
+        and ``candidates``: distinct waves, the best first, each with its ``share`` of the torque
+        limit, ``frequency_hz``, ``wave_number``, ``phase`` and ``net_displacement`` in a whole
+        episode.
 
     Raises
     ------
     SceneError
         If joints have no stiffness, so that the body has no frequencies.
+    OptionError
+        If the scene has no such wave.
     """
-    search = _Search(scene, dict(known or {}), keep, progress)
-    short = _short_actions(scene)
-    hertz, kappa = _grid(scene, frequencies, wave_numbers)
+    search = _Search(scene, wave, dict(known or {}), keep, progress)
+    short = _short_actions(scene, wave)
+    hertz, kappa = _grid(scene, frequencies, wave_numbers, wave)
     grid = [(1.0, f, k, 0.0) for f in hertz for k in kappa]
     reached = dict(zip(grid, search.play(grid, short), strict=True))
     landscape = np.array(list(reached.values())).reshape(len(hertz), len(kappa))
@@ -208,11 +239,12 @@ def search_wave(
             + 0.5 * np.minimum(spread, elite.std(axis=0) / np.array([1.0, elite[0, 1], 1.0, 1.0])),
         )
         history.append(max(reached.values()))
-    periods = short * scene.episode.control_interval * natural_frequencies(scene, 1)[0]
+    periods = short * scene.episode.control_interval * _frequencies(scene, wave)[0]
     finalists = sorted(reached, key=lambda wave: -reached[wave])[:_FINALISTS]
     values = search.play(finalists, scene.actions_per_episode)
     ranked = sorted(zip(values, finalists, strict=True), reverse=True)
     return {
+        "wave": wave,
         "grid": {
             "frequency_hz": hertz,
             "wave_number": kappa,
@@ -263,7 +295,7 @@ def record_of(
     Returns
     -------
     dict
-        The record: ``wave`` (WAVE_FIELDS; None where no candidate can be trusted), its
+        The record: ``wave`` (what `wave_on` takes; None where no candidate can be trusted), its
         ``net_displacement`` and, where checked, ``fine_displacement`` (BL), the ``ratio`` to the
         scene's prescribed wave (None where that gets nowhere), all that was ``checked``, the
         ``search``, the scene, version, machine and commit.
@@ -272,7 +304,7 @@ def record_of(
     if checked:
         best = checked[-1] if checked[-1]["verified"] else None
     elif best is not None:
-        wave = _wave(scene, [best[name] for name in _CANDIDATE])
+        wave = _wave(scene, found["wave"], [best[name] for name in _CANDIDATE])
         best = {"wave": _fields(wave), "net_displacement": best["net_displacement"]}
         if best["net_displacement"] <= 0.0:
             best = None
@@ -295,9 +327,12 @@ def record_of(
     }
 
 
-def _fields(wave: Actuation) -> dict[str, float]:
+def _fields(wave: Actuation) -> dict[str, Any]:
     """Return what defines a wave."""
-    return {name: float(getattr(wave, name)) for name in WAVE_FIELDS}
+    found: dict[str, Any] = {name: float(getattr(wave, name)) for name in WAVE_FIELDS}
+    if isinstance(wave, SpatialActuation):
+        found |= {"wave": wave.wave, "pitch_amplitude": wave.pitch_amplitude}
+    return found
 
 
 def check_candidates(
@@ -305,16 +340,20 @@ def check_candidates(
 ) -> list[dict[str, Any]]:
     """Verify the result of `search_wave`, from the best wave down, until one is verified.
 
-    Returns the ``wave`` and the `Verification` of each. Progress counts seconds as that of
+    In space, where that takes minutes, it is the best wave alone. Returns the ``wave`` and the
+    `Verification` of each. Progress counts seconds, of the closed loop and then as that of
     `verify_rollout`.
     """
+    interval = scene.episode.control_interval
+    report = None if progress is None else lambda actions: progress(actions * interval)
     env, fine = SwimEnv(scene), SwimEnv(fine_scene(scene))
     quiet = {"noise": 0.0}
     checked: list[dict[str, Any]] = []
-    for candidate in found["candidates"]:
-        wave = _wave(scene, [candidate[name] for name in _CANDIDATE])
+    for candidate in found["candidates"][: 1 if scene.dimension == 3 else None]:
+        wave = _wave(scene, found["wave"], [candidate[name] for name in _CANDIDATE])
         policy = WavePolicy(scene, wave)
-        rollout, closed_loop = (play_episode(one, policy, options=quiet) for one in (env, fine))
+        rollout = play_episode(env, policy, options=quiet)
+        closed_loop = play_episode(fine, policy, options=quiet, progress=report)
         verification = verify_rollout(rollout, closed_loop, progress=progress)
         checked.append({"wave": _fields(wave), **verification.to_dict()})
         if verification.verified:

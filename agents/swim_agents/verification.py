@@ -2,9 +2,10 @@
 
 Near a resonance the paper's settings do not resolve the motion, and an optimiser will exploit that.
 So a score counts only once it is found again with a quarter of the time step and three times the
-panels on sides and ends, in two ways. The same torques are played with each of these refined by
-itself and with all of them, as errors of opposite sign would cancel. And the policy plays the
-episode again where all is refined: with feedback, it may well reach what its torques alone miss.
+panels on sides and ends, in space with panels on every shape instead of a simpler fluid model, in
+two ways. The same torques are played with each of these refined by itself and with all of them, as
+errors of opposite sign would cancel. And the policy plays the episode again where all is refined:
+with feedback, it may well reach what its torques alone miss.
 """
 
 from __future__ import annotations
@@ -20,13 +21,14 @@ from numpy.typing import NDArray
 from swim_agents.rollout import Rollout, score
 from swim_env.errors import OptionError, SceneError, SimulationEndedError
 from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
-from swim_env.scene import Integrator, Scene
+from swim_env.scene import Integrator, Scene, SpatialScene
 from swim_env.scene.fluid import FLUID_TABLE
 
 __all__ = [
     "FINE_PANELS",
     "SOURCES",
     "SOURCE_TOLERANCE",
+    "SPATIAL_SOURCES",
     "TIME_STEP_DIVISOR",
     "TOLERANCE",
     "Verification",
@@ -45,6 +47,10 @@ TIME_STEP_DIVISOR, FINE_PANELS = 4, 12
 SOURCE_TOLERANCE, TOLERANCE = 0.05, 0.1
 #: The sources of error. Without panels there is the time step alone, the centre line has no ends.
 SOURCES = ("time_step", "panels", "ends")
+#: Those in space, where panels on every shape are too slow to learn with.
+SPATIAL_SOURCES = ("time_step", "model")
+#: Models in space that stand for the one of panels on every shape.
+_SIMPLER_MODELS, _FINE_MODEL = ("strip", "frozen"), "panels"
 #: Displacements below this (BL) are rounding, and agree with each other.
 _NOTHING = 1e-9
 
@@ -70,7 +76,7 @@ class Verification:
     #: The largest changes allowed: of one source, and of the others.
     source_tolerance: float
     tolerance: float
-    #: Of the finer scene (s); no panels where the scene has none.
+    #: Of the finer scene (s); no panels where the scene has none, and in space.
     time_step: float
     panels_per_element: int | None
     #: `Trajectory.energy_drift` of the episode, the largest of its torques' finer computations, and
@@ -124,6 +130,7 @@ class _Run(NamedTuple):
 def _refinements(scene: Scene) -> dict[str, dict[str, object]]:
     """Return what refines each source of a scene's error, and leaves the other ones alone."""
     integrator, fluid = scene.integrator, scene.fluid
+    space = isinstance(scene, SpatialScene)
     found: dict[str, dict[str, object]] = {
         "time_step": {
             "integrator.time_step": integrator.time_step / TIME_STEP_DIVISOR,
@@ -132,7 +139,9 @@ def _refinements(scene: Scene) -> dict[str, dict[str, object]]:
             ),
         }
     }
-    if fluid is None or not FLUID_TABLE[fluid.model].panels:
+    if space and fluid is not None and fluid.model in _SIMPLER_MODELS:
+        found["model"] = {"fluid.model": _FINE_MODEL}
+    if space or fluid is None or not FLUID_TABLE[fluid.model].panels:
         return found
     own = fluid.panels_per_element
     panels = max(FINE_PANELS, 2 * own)
@@ -149,9 +158,11 @@ def fine_scene(scene: Scene) -> Scene:
     """Return a scene with all of its discretisation refined but the elements, which act.
 
     That is the time step, the tolerance of its equations, and the panels on sides and ends of any
-    model that has them, in proportion. What a model leaves out is no discretisation. A policy can
-    play it: actions and observations, their scales included, are those of the scene. It is a
-    SceneError if a scene has so many panels that more are refused.
+    model that has them, in proportion. What a model leaves out is no discretisation. In space it is
+    the time step, the tolerance, and the model: ``panels`` instead of ``strip`` and ``frozen``,
+    with the scene's own rows and panels around. A policy can play it: actions and observations,
+    their scales included, are those of the scene. It is a SceneError if a scene has so many panels
+    that more are refused.
     """
     return list(finer_scenes(scene).values())[-1]
 
@@ -237,6 +248,7 @@ def verify_rollout(
         changes["closed_loop"] = _change(closed_loop.score, rollout.score)
 
     task = rollout.task
+    sources = SOURCES if fine.dimension == 2 else SPATIAL_SOURCES
     agrees, compared, counted = True, set(changes), [own, *runs.values()]
     if closed is not None:
         agrees = own.success == closed.success
@@ -244,11 +256,11 @@ def verify_rollout(
             counted = [own, closed]
             compared = set() if task.scored_by_displacement else {"closed_loop"}
     agrees = agrees and all(
-        abs(changes[name]) <= (source_tolerance if name in SOURCES else tolerance)
+        abs(changes[name]) <= (source_tolerance if name in sources else tolerance)
         for name in compared
     )
     limit = fine.integrator.energy_tolerance
-    has_panels = fine.fluid is not None and FLUID_TABLE[fine.fluid.model].panels
+    has_panels = fine.dimension == 2 and fine.fluid and FLUID_TABLE[fine.fluid.model].panels
     return Verification(
         net_displacement=own.displacement,
         fine_displacement=together.displacement,

@@ -25,7 +25,12 @@ from swim_env.scene.run import (
 )
 from swim_env.scene.scene import Scene, load_scene, require_planar, scene_label
 from swim_env.scene.spatial.body import AXIS_NAMES, SpatialBeam
-from swim_env.scene.spatial.drive import WAVE_NAMES, SpatialActuation, SpatialDamping
+from swim_env.scene.spatial.drive import (
+    WAVE_AXES,
+    WAVE_NAMES,
+    SpatialActuation,
+    SpatialDamping,
+)
 from swim_env.scene.spatial.fluid import SPATIAL_FLUID_MODEL_NAMES, SpatialFluid, SpatialStream
 from swim_env.scene.spatial.initial import SpatialInitial
 from swim_env.scene.spatial.scene import SpatialEpisode, SpatialScene
@@ -42,6 +47,7 @@ __all__ = [
     "SPATIAL_FLUID_MODEL_NAMES",
     "STRAIN_NAMES",
     "TOLERANCE_RANGE",
+    "WAVE_AXES",
     "WAVE_NAMES",
     "Actuation",
     "AxialAddedMass",

@@ -21,7 +21,7 @@ KINDS: dict[int, type[Scene]] = {}
 """The classes of scenes by their dimension; each enters itself."""
 
 AUTO = "auto"
-"""What some fields, and a planar scene's whole integrator, may be instead of a value."""
+"""What some fields, and a scene's whole integrator, may be instead of a value."""
 
 _TEXTS = ("name", "description")
 #: Fields of an actuation that mean something to environments without a prescribed torque.
@@ -42,9 +42,9 @@ def unresolved(cls: type[Scene], mapping: object) -> tuple[Scene, list[str]]:
     if isinstance(mapping, Mapping):
         kind = _kind_of(cls, mapping.get("dimension", cls.dimension))
         for name, value in mapping.items():
-            _check_meaning(kind, str(name), value)
+            _check_meaning(kind, str(name))
             for key in value if isinstance(value, Mapping) else ():
-                _check_meaning(kind, f"{name}.{key}", value[key])
+                _check_meaning(kind, f"{name}.{key}")
     given = check_fields(mapping, "", ["dimension", *_TEXTS, *kind._blocks])
     given.pop("dimension", None)
     given, automatic = _without_auto(kind, given)
@@ -64,14 +64,10 @@ def _kind_of(cls: type[Scene], dimension: object) -> type[Scene]:
     return allowed[number]
 
 
-def _check_meaning(kind: type[Scene], path: str, value: object) -> None:
-    """Refuse a field that only scenes of another dimension have, and ``auto`` where nothing is."""
+def _check_meaning(kind: type[Scene], path: str) -> None:
+    """Refuse a field that only scenes of another dimension have."""
     if path not in _paths(kind.dimension) and any(path in _paths(one) for one in KINDS):
         raise elsewhere(kind, path)
-    if not kind._automatic and path not in _TEXTS and isinstance(value, str) and value == AUTO:
-        raise SceneError(
-            f"{path} cannot be auto in a scene of dimension {kind.dimension}; give a value"
-        )
 
 
 @functools.cache
@@ -144,7 +140,7 @@ def changed(
         if field:
             inner = {} if data.get(block) is None else data[block]
             if not isinstance(inner, Mapping):
-                if inner == AUTO and kind._automatic:
+                if inner == AUTO:
                     inner = _LEARNING
                 else:
                     inner = plain(_build(kind, block, kind._blocks[block], inner))
@@ -175,7 +171,7 @@ def _with(block: Mapping[str, Any], path: str, new: object) -> dict[str, Any]:
 def from_file(
     cls: type[Scene], path: str | os.PathLike[str], source: str, changes: Mapping[str, object]
 ) -> dict[str, Any]:
-    """Return the fields of a file with changes; what a planar one leaves out is left to the body.
+    """Return the fields of a file with changes; what it leaves out is left to the body.
 
     Errors of the file, without the changes, come first.
     """
@@ -184,21 +180,16 @@ def from_file(
         plainly, _ = unresolved(cls, data)
         if changes:
             source = f"{source} with overrides"
-            if _has_auto(plainly):  # changes are made to what is left to the body
+            if plainly.has_period:  # changes are made to what is left to the body
                 data = {"integrator": AUTO, **data}
             data = changed(type(plainly), data, changes)
             plainly, _ = unresolved(cls, data)
     except SceneError as error:
         raise error.located(source) from None
-    if _has_auto(plainly):
+    if plainly.has_period:
         data = _left_to_the_body(data, changes, plainly)
     found: dict[str, Any] = data
     return found
-
-
-def _has_auto(scene: Scene) -> bool:
-    """Whether the body has a period, from which the rest may follow."""
-    return bool(scene._automatic) and scene.bend_per_torque is not None
 
 
 def _left_to_the_body(
@@ -212,8 +203,9 @@ def _left_to_the_body(
     if "integrator" not in found:
         found["integrator"] = AUTO
     paths = list(_LEFT_OUT)
-    if scene.fluid is not None and FLUID_TABLE[scene.fluid.model].panels:
-        paths.append("fluid.panels_per_element")
+    panels = "fluid.panels_per_element"
+    if panels in scene._automatic and scene.fluid and FLUID_TABLE[scene.fluid.model].panels:
+        paths.append(panels)
     if scene.actuation is not None:
         paths.append("actuation.torque_limit")
     for block, field in (path.split(".") for path in paths):
@@ -227,8 +219,6 @@ def _without_auto(kind: type[Scene], given: dict[str, Any]) -> tuple[dict[str, A
     """Return the fields of a scene without those that are ``auto``, and the paths of these."""
     found = dict(given)
     automatic: list[str] = []
-    if not kind._automatic:
-        return found, automatic
     integrator = found.get("integrator")
     if isinstance(integrator, str):
         if integrator != AUTO:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from swim_env.errors import SceneError
 from swim_env.files.names import file_name
 from swim_env.scene.block import Block, plain
-from swim_env.scene.body import Beam
+from swim_env.scene.body import Beam, Chain
 from swim_env.scene.checks import text
 from swim_env.scene.drive import Actuation
 from swim_env.scene.effects import (
@@ -230,8 +230,7 @@ class Scene:
         """
         if self.actuation is not None:
             return self.actuation.torque_limit
-        bend = self.bend_per_torque
-        return BEND_AT_LIMIT / bend if bend else 1.0
+        return limit_of(self.bend_per_torque)
 
     @property
     def mass(self) -> float:
@@ -262,6 +261,11 @@ class Scene:
         return np.where(active, limits, 0.0)
 
     @property
+    def axes(self) -> tuple[str, ...]:
+        """The actuated axes of the joints, of `swim_env.scene.AXIS_NAMES`: yaw in the plane."""
+        return ("yaw",)
+
+    @property
     def joints(self) -> int:
         """Number of joints, N - 1."""
         return self.beam.elements - 1
@@ -281,12 +285,15 @@ class Scene:
     def bend_per_torque(self) -> float | None:
         """Static bend of the whole body under the same torque everywhere [rad / (N m)].
 
-        It is l times the mean of 1/EI over the joints, that of yaw in three dimensions; None where
-        some have no stiffness.
+        It is l times the mean of 1/EI over the joints; None where some have no stiffness. In three
+        dimensions there is one for each of `axes`, a twist for roll.
         """
-        stiffness = self.beam.stiffness_at_joints()
-        stiffness = stiffness if self.dimension == 2 else stiffness[:, 1]
-        return float(self.beam.length * np.mean(1.0 / stiffness)) if stiffness.all() else None
+        return bend_of(self.beam, self.beam.stiffness_at_joints())
+
+    @property
+    def has_period(self) -> bool:
+        """Whether all joints have stiffness about the actuated axes, which gives a period."""
+        return self.bend_per_torque is not None
 
     @property
     def actions_per_episode(self) -> int:
@@ -344,11 +351,13 @@ class Scene:
             out or null are absent. Only those that have no fields may not be null, since a bare
             ``axial_added_mass:`` might be meant as its presence. The fields of `AUTOMATIC` may be
             ``auto``; the scene that is returned has numbers. With T1 the period of the straight
-            body's first bending mode in its fluid: a control interval of T1/10, time steps of
+            body's first bending mode in its fluid (in three dimensions the lowest one about an
+            actuated axis, see `driven_axis`): a control interval of T1/10, time steps of
             about T1/40 (T1/80 with the scheme ``paper``; shorter with more than 13 elements, in
             proportion), a whole number of them in an action,
             episodes of 100 T1, a retardation time of T1/200; a torque limit that bends the body by
-            0.2 rad (0.2 EI/l of a uniform one), a wave of this amplitude with the period T1.
+            0.2 rad (0.2 EI/l of a uniform one; in three dimensions one for each axis), a wave of
+            this amplitude with the period T1.
             ``integrator: auto`` is the scheme ``composed`` with a tolerance of 1e-4 and that step.
             Few elements have more panels each: the least even number from 4 on that makes 36 in
             all.
@@ -371,7 +380,7 @@ class Scene:
     def from_yaml(cls, path: str | os.PathLike[str]) -> Self:
         """Read a scene from a YAML file; without a name it takes the file's.
 
-        What a file leaves out of time step, control interval, duration, a fluid's panels per
+        What a file leaves out of time step, control interval, duration, a planar fluid's panels per
         element and an actuation's torque limit is ``auto``, see `from_dict`, unless joints have no
         stiffness. So is its integrator if it has no such block.
 
@@ -463,6 +472,16 @@ class Scene:
 
 
 KINDS[Scene.dimension] = Scene
+
+
+def bend_of(beam: Chain, stiffness: Floats) -> float | None:
+    """Return the `Scene.bend_per_torque` of a body with these stiffnesses, (N-1,) [N m^2]."""
+    return float(beam.length * np.mean(1.0 / stiffness)) if stiffness.all() else None
+
+
+def limit_of(bend: float | None) -> float:
+    """Return the torque limit that follows from a `Scene.bend_per_torque` [N m]; 1 without one."""
+    return BEND_AT_LIMIT / bend if bend else 1.0
 
 
 def require_planar(scene: Scene, wish: str) -> None:

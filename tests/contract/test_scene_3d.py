@@ -1,22 +1,18 @@
 """Scenes of dimension 3: their blocks, values and messages, and what planar code says of them."""
 
+import dataclasses
 import math
 import pickle
 
 import numpy as np
 import pytest
-from swim_agents import load_policy
 
 from swim_env import (
     Simulator,
-    SwimEnv,
-    SwimVectorEnv,
-    characterise,
     scene_names,
 )
 from swim_env.accuracy.reference import FINE, reference_of
 from swim_env.analysis.flow import BodyFlow
-from swim_env.envs.tasks import ForwardTask
 from swim_env.errors import SceneError
 from swim_env.scene import (
     Actuation,
@@ -42,7 +38,6 @@ from swim_env.scene import (
     load_scene,
     scene_label,
 )
-from swim_env.scene.scene import AUTOMATIC
 from tests.support import refuses
 
 SHIPPED = ["eel_3d", "ellipsoid_3d", "fish_3d", "helix_3d", "paper_i_3d"]
@@ -213,9 +208,11 @@ def test_model_none_drops_the_density_which_the_body_then_needs():
 
 
 def test_a_file_has_the_defaults_of_the_classes(tmp_path):
+    """But for what follows from the body, see test_bodies_3d.py."""
     path = tmp_path / "rod.yaml"
     path.write_text(
         "dimension: 3\nfluid: {model: strip, density: 1e3}\nactuation: {amplitude: 0}\n"
+        "integrator: {time_step: 0.01}\nepisode: {control_interval: 0.02, duration: 20}\n"
     )
     scene = load_scene(path)
     assert scene.name == "rod"
@@ -311,7 +308,8 @@ def test_stiffness_laws_are_those_of_the_plane_in_the_order_pitch_yaw_roll():
 
 
 @pytest.mark.parametrize(
-    ("wave", "hand"), [("planar", 0), ("helical_right", 1), ("helical_left", -1)]
+    ("wave", "hand"),
+    [("planar", 0), ("dorsoventral", None), ("helical_right", 1), ("helical_left", -1)],
 )
 def test_waves_have_their_values_at_every_joint(wave, hand):
     beam = SpatialBeam(length=3.0, elements=5)
@@ -324,12 +322,21 @@ def test_waves_have_their_values_at_every_joint(wave, hand):
     for t, instant in zip(times[:3], torques, strict=False):
         for j, torque in enumerate(instant, start=1):
             angle = 5.0 * t - 7.0 * (j * beam.element_length) / beam.length + 0.3
-            expected = [hand * 2.0 * math.sin(angle), 2.0 * math.cos(angle), 0.0]
+            expected = [2.0 * math.cos(angle), 0.0, 0.0]
+            if hand is not None:
+                expected = [hand * 2.0 * math.sin(angle), 2.0 * math.cos(angle), 0.0]
             assert torque == pytest.approx(expected, rel=1e-13, abs=1e-14)
     assert not torques[3].any()
     assert drive.torques(0.1, beam).shape == (1, 4, 3)
     front = SpatialActuation(2.0, axes=("pitch", "yaw"), wave=wave, active_until=0.4)
     assert front.torques([0.0], beam)[0].any(axis=1).tolist() == [True, True, False, False]
+
+
+def test_the_pitch_of_a_helical_wave_may_have_its_own_amplitude():
+    round_one = SpatialActuation(2.0, axes=("pitch", "yaw"), wave="helical_left")
+    flat = dataclasses.replace(round_one, pitch_amplitude=5.0)
+    one, other = (wave.torques([0.0, 0.3], SpatialBeam()) for wave in (round_one, flat))
+    np.testing.assert_allclose(other, one * [2.5, 1.0, 1.0], rtol=1e-15)
 
 
 def test_the_torques_of_a_right_handed_wave_lie_on_a_right_handed_helix():
@@ -412,7 +419,8 @@ BAD = [
     ("actuation.axes", ["yaw", "jaw"], "axes[1] must be one of pitch, yaw, roll, got 'jaw'"),
     ("actuation.axes", ["yaw", "pitch", "yaw"], "every axis at most once, got yaw twice"),
     ("actuation.axes", ["yaw"], "helical_right needs pitch and yaw among actuation.axes"),
-    ("actuation.wave", "helical", "must be one of planar, helical_right, helical_left"),
+    ("actuation.wave", "helical", "must be one of planar, dorsoventral, helical_right, helical_l"),
+    ("actuation.pitch_amplitude", "x", "must be a number in N m, got text 'x'"),
     ("actuation.torque_limit", 0.0, "must be above 0 N m, got 0.0"),
     ("actuation.torque_limit", [1.0, 0.0], "torque_limit[1] must be above 0 N m, got 0.0"),
     ("actuation.torque_limit", [1.0] * 3, "one for each of actuation.axes, 2, got 3"),
@@ -617,25 +625,20 @@ def test_a_scene_made_by_hand_takes_blocks_of_its_dimension_only():
     )
 
 
-@pytest.mark.parametrize("path", ["integrator", "beam.length", *AUTOMATIC[1:]])
-def test_nothing_is_automatic_in_three_dimensions(path):
-    said = f"{path} cannot be auto in a scene of dimension 3; give a value"
-    scene = load_scene("fish_3d")
-    fails(lambda: scene.replace(path, "auto"), said)
-    fails(lambda: load_scene("fish_3d", [f"{path}=auto"]), said)
-    fails(lambda: scene.replace({"integrator": "auto", "integrator.time_step": 0.1}), "integrator")
-    assert scene.replace({"name": "auto", "description": "auto"}).name == "auto"
+def test_a_wave_needs_its_axes_and_only_a_helical_one_has_two_amplitudes():
+    fish = {"actuation.axes": ["yaw"], "actuation.torque_limit": 6.0}
+    scene = load_scene("fish_3d", fish)
+    said = "actuation.wave dorsoventral needs pitch among actuation.axes, or an amplitude of 0"
+    fails(lambda: scene.replace("actuation.wave", "dorsoventral"), said)
+    assert scene.replace({"actuation.wave": "dorsoventral", "actuation.amplitude": 0.0})
+    said = "actuation.pitch_amplitude has no meaning with actuation.wave planar"
+    fails(lambda: scene.replace("actuation.pitch_amplitude", 1.0), said, "got 1.0")
 
 
 @pytest.mark.parametrize(
     "call",
     [
-        SwimEnv,
-        lambda scene: SwimVectorEnv(2, scene),
-        ForwardTask,
-        characterise,
         BodyFlow,
-        lambda scene: load_policy("zero", scene),
         lambda scene: scene.for_accuracy(0.1),
         lambda scene: reference_of(scene, 1.0, FINE),
     ],

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from swim_agents.commands import command_line as cli
 from swim_agents.files import check_file, write_json
-from swim_agents.tuned_wave import SUFFIX, wave_file
+from swim_agents.tuned_wave import LATERAL, SPATIAL_WAVES, SUFFIX, check_wave, wave_file
 from swim_agents.tuning import (
     Point,
     actions_to_play,
@@ -48,10 +48,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         option = f"--{name.replace('_', '-')}"
         parser.add_argument(option, type=int, default=default, metavar="N", help=text)
     parser.add_argument(
+        "--wave",
+        choices=tuple(SPATIAL_WAVES),
+        default=LATERAL,
+        help=f"which wave of a scene in three dimensions, {LATERAL} unless given; others have "
+        "their name in the record's",
+    )
+    parser.add_argument(
         "--verify",
         action="store_true",
         help="check the best waves with finer steps and panels, from the best one down until one "
-        "is confirmed; takes several times as long",
+        "is confirmed; takes several times as long. In three dimensions it is the best one alone, "
+        "with panels on every shape, which takes some minutes",
     )
     parser.add_argument(
         "--output",
@@ -75,6 +83,7 @@ def main(options: argparse.Namespace) -> int:
         check_file(options.plot)
     cli.check_places([options.scene], {"--output": output, "--plot": options.plot})
     scene = cli.scene_of(options)
+    check_wave(scene, options.wave)
     steps_of(scene)  # refuses an episode that is too long for any run
 
     start = time.perf_counter()
@@ -82,10 +91,10 @@ def main(options: argparse.Namespace) -> int:
     numbers = {name: getattr(options, name) for name in _NUMBERS}
     if options.plot is not None:  # the usual grid is too uneven for a picture
         numbers |= {name: numbers[name] or size for name, size in _PICTURE.items()}
-    sizes = [value for name, value in numbers.items() if name != "seed"]
+    sizes = {name: value for name, value in numbers.items() if name != "seed"}
     progress_file = Path(f"{output}.part")
-    known = _read_known(progress_file, scene)
-    total = actions_to_play(scene, *sizes)
+    known = _read_known(progress_file, scene, options.wave)
+    total = actions_to_play(scene, **sizes, wave=options.wave)
     with (
         cli.progress_bar(total, "action", "search", unit_scale=True) as progress,
         open(progress_file, "a", encoding="utf-8") as log,
@@ -95,10 +104,12 @@ def main(options: argparse.Namespace) -> int:
             log.writelines(json.dumps([*point, value]) + "\n" for point, value in found.items())
             log.flush()
 
-        found = search_wave(scene, **numbers, progress=progress, known=known, keep=keep)
+        found = search_wave(
+            scene, **numbers, progress=progress, known=known, keep=keep, wave=options.wave
+        )
     checked = []
     if options.verify:
-        seconds = math.ceil(len(finer_scenes(scene)) * scene.episode.duration)
+        seconds = math.ceil((1 + len(finer_scenes(scene))) * scene.episode.duration)
         with cli.progress_bar(seconds, "s", "check") as bar:
             checked = check_candidates(scene, found, bar)
     record = record_of(scene, found, checked)
@@ -128,12 +139,13 @@ def _output(options: argparse.Namespace) -> str:
             "beside a scene's file lies the wave of the scene as it is there: name another file "
             "with --output, or leave out --set"
         )
-    return os.fspath(wave_file(options.scene))
+    return os.fspath(wave_file(options.scene, options.wave))
 
 
-def _read_known(file: Path, scene: Scene) -> dict[Point, float]:
-    """Return what an interrupted search of this scene has found, and begin its log otherwise."""
-    head = json.dumps(hashlib.sha256(scene.to_yaml().encode("utf-8")).hexdigest())
+def _read_known(file: Path, scene: Scene, wave: str) -> dict[Point, float]:
+    """Return what an interrupted search of this wave has found, and begin its log otherwise."""
+    sought = scene.to_yaml() + wave
+    head = json.dumps(hashlib.sha256(sought.encode("utf-8")).hexdigest())
     try:
         first, *lines = file.read_text(encoding="utf-8").splitlines()
         if first == head:
@@ -154,10 +166,12 @@ def _text(record: dict[str, object], output: str) -> str:
     wave = record["wave"]
     assert isinstance(wave, dict)
     hertz = wave["frequency"] / (2.0 * math.pi)
+    pitch = wave.get("pitch_amplitude")
+    amplitude = f"{wave['amplitude']:.4g} N m" + (f" (pitch {pitch:.4g} N m)" if pitch else "")
     lines = [
         f"tuned wave of scene {record['scene']}: {record['net_displacement']:.3f} BL in an episode"
         + ("" if record["checked"] else " (not verified)"),
-        f"amplitude {wave['amplitude']:.4g} N m, {hertz:.4g} Hz, wave number "
+        f"amplitude {amplitude}, {hertz:.4g} Hz, wave number "
         f"{wave['wave_number']:.4g} rad per body length, phase {wave['phase']:.3g} rad",
         f"found in {record['seconds']} s, kept in {output}",
     ]

@@ -5,13 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 from swim_env import natural_frequencies
+from swim_env.analysis.modes import driven_axis
 from swim_env.errors import SettingsError
 from swim_env.scene import Scene
 from swim_env.scene.checks import got
 from swim_env.scene.making import AUTO
 
 #: How far a learner looks ahead, and how long exploration is held, in periods of the body's first
-#: bending mode. A critic that is fitted to its own guesses learns a shorter horizon sooner.
+#: mode about its `driven_axis`. A critic that is fitted to its own guesses learns a shorter horizon
+#: sooner.
 _HORIZON = {"PPO": 50.0, "SAC": 20.0}
 _HOLD = {"PPO": 0.4, "SAC": 0.8}
 #: Periods over which PPO's advantages are estimated from rewards rather than by the critic.
@@ -37,8 +39,9 @@ def resolve(settings: dict[str, Any], scene: Scene, algorithm: str) -> dict[str,
     if ppo is None and AUTO not in (settings.get("discount"), settings.get("noise_hold")):
         return settings
     actions = _ACTIONS
-    if scene.bend_per_torque is not None:
-        actions = 1.0 / (natural_frequencies(scene, 1)[0] * scene.episode.control_interval)
+    if scene.has_period:
+        (first,) = natural_frequencies(scene, 1, (driven_axis(scene),))
+        actions = 1.0 / (first * scene.episode.control_interval)
     found = dict(settings)
     if found.get("discount") == AUTO:
         found["discount"] = 1.0 - 1.0 / max(2.0, _HORIZON[algorithm] * actions)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -17,7 +17,15 @@ from swim_env.scene.spatial.body import AXIS_NAMES
 
 Floats = NDArray[np.float64]
 
-WAVE_NAMES: tuple[str, ...] = ("planar", "helical_right", "helical_left")
+WAVE_AXES: dict[str, tuple[str, ...]] = {
+    "planar": ("yaw",),
+    "dorsoventral": ("pitch",),
+    "helical_right": ("yaw", "pitch"),
+    "helical_left": ("yaw", "pitch"),
+}
+"""The axes that a wave drives, by its name; `SpatialActuation.amplitude` is that of the first."""
+
+WAVE_NAMES: tuple[str, ...] = tuple(WAVE_AXES)
 """Names that `SpatialActuation.wave` may have."""
 
 
@@ -62,14 +70,18 @@ class SpatialActuation(Wave, path="actuation"):
     axes : tuple of str
         The actuated axes, some of `AXIS_NAMES`, in the order of an environment's actions.
     wave : str
-        One of `WAVE_NAMES`: ``planar`` is tau_2 = A cos(f t - kappa s/l + phase), of yaw, and the
-        helical ones have tau_1 = +-A sin(f t - kappa s/l + phase), of pitch, beside it. The shape
-        of ``helical_right`` (+) is a right-handed helix, and it turns the body about +d3.
+        One of `WAVE_NAMES`: ``planar`` is tau_2 = A cos(f t - kappa s/l + phase), of yaw, and
+        ``dorsoventral`` the same of pitch, tau_1. The helical ones have the planar one and
+        tau_1 = +-A sin(f t - kappa s/l + phase) beside it. The shape of ``helical_right`` (+) is a
+        right-handed helix, and it turns the body about +d3.
+    pitch_amplitude : float or None
+        Amplitude of a helical wave's tau_1 [N m] where it is not that of its tau_2.
     """
 
     torque_limit: Annotated[float | tuple[float, ...], _check_limit] = 1.0  # type: ignore[assignment]
     axes: Annotated[tuple[str, ...], _check_axes] = ("yaw",)
     wave: Annotated[str, one_of(WAVE_NAMES)] = "planar"
+    pitch_amplitude: Annotated[float | None, real("N m")] = None
 
     def __post_init__(self) -> None:
         """Check every field, and that the wave's axes are actuated and have their limits."""
@@ -80,8 +92,14 @@ class SpatialActuation(Wave, path="actuation"):
                 f"actuation.torque_limit must be one number in N m or one for each of "
                 f"actuation.axes, {len(self.axes)}, got {len(limit)}"
             )
-        needed = ("yaw",) if self.wave == "planar" else ("pitch", "yaw")
-        if self.amplitude and not set(needed) <= set(self.axes):
+        helical = len(WAVE_AXES[self.wave]) > 1
+        if self.pitch_amplitude is not None and not helical:
+            raise SceneError(
+                f"actuation.pitch_amplitude has no meaning with actuation.wave {self.wave}, only "
+                f"with a helical one; leave it out, got {self.pitch_amplitude!r}"
+            )
+        needed = sorted(WAVE_AXES[self.wave])
+        if (self.amplitude or self.pitch_amplitude) and not set(needed) <= set(self.axes):
             raise SceneError(
                 f"actuation.wave {self.wave} needs {' and '.join(needed)} among actuation.axes, or "
                 f"an amplitude of 0, got {', '.join(self.axes)}"
@@ -110,12 +128,17 @@ class SpatialActuation(Wave, path="actuation"):
             Torques [N m] about (pitch, yaw, roll), shape (T, N-1, 3), conjugate to the joint's
             rotation vector. Zero from `end_time` on and at joints with s/l above `active_until`.
         """
-        yaw = self.travelling(np.cos, times, beam)
-        pitch = np.zeros_like(yaw)
-        if self.wave != "planar":
+        axis, *beside = (AXIS_NAMES.index(name) for name in WAVE_AXES[self.wave])
+        along = self.travelling(np.cos, times, beam)
+        torques = np.zeros((*along.shape, 3))
+        torques[..., axis] = along
+        if beside:
+            own = self.amplitude if self.pitch_amplitude is None else self.pitch_amplitude
             hand = 1.0 if self.wave == "helical_right" else -1.0
-            pitch = hand * self.travelling(np.sin, times, beam)
-        return np.stack([pitch, yaw, np.zeros_like(yaw)], axis=-1)
+            torques[..., beside[0]] = hand * replace(self, amplitude=own).travelling(
+                np.sin, times, beam
+            )
+        return torques
 
 
 @dataclass(frozen=True)

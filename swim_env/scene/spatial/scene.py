@@ -13,7 +13,7 @@ from swim_env.scene.checks import Triple
 from swim_env.scene.effects import Recording
 from swim_env.scene.making import KINDS
 from swim_env.scene.run import EpisodeBase, Integrator, direction
-from swim_env.scene.scene import Scene
+from swim_env.scene.scene import AUTOMATIC, Scene, bend_of, limit_of
 from swim_env.scene.spatial.body import AXIS_NAMES, SpatialBeam
 from swim_env.scene.spatial.drive import SpatialActuation, SpatialDamping
 from swim_env.scene.spatial.fluid import SpatialFluid, SpatialStream
@@ -60,7 +60,8 @@ class SpatialScene(Scene):
         "episode": SpatialEpisode,
     }
     _optional = ("fluid", "damping", "stream", "recording", "actuation")
-    _automatic = ()
+    #: All that is automatic in the plane but the panels, which lie otherwise here.
+    _automatic = AUTOMATIC[1:]
 
     def _check_together(self) -> None:
         """Refuse blocks that do not fit together."""
@@ -89,20 +90,41 @@ class SpatialScene(Scene):
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """The actuated axes of the joints; yaw without an actuation."""
+        """The actuated axes of the joints, of `AXIS_NAMES`; yaw without an actuation."""
         return self.actuation.axes if self.actuation is not None else ("yaw",)
 
     @property
     def torque_limit(self) -> tuple[float, ...]:  # type: ignore[override]
         """Torque of an environment's action of 1 [N m], for each of `axes`."""
-        return self.actuation.limits if self.actuation is not None else (super().torque_limit,)
+        if self.actuation is not None:
+            return self.actuation.limits
+        return tuple(limit_of(bend) for bend in self.bend_per_torque)
+
+    @property
+    def bend_per_torque(self) -> tuple[float | None, ...]:  # type: ignore[override]
+        """Static bend of the whole body under the same torque everywhere [rad / (N m)].
+
+        One for each of `axes`, see `Scene.bend_per_torque`.
+        """
+        stiffness = self.beam.stiffness_at_joints()
+        return tuple(bend_of(self.beam, stiffness[:, axis]) for axis in self._axis_numbers)
+
+    @property
+    def has_period(self) -> bool:
+        """Whether all joints have stiffness about the actuated axes, which gives a period."""
+        return None not in self.bend_per_torque
 
     @property
     def action_places(self) -> NDArray[np.int64]:
         """Where the actions' torques are among those of a step, flattened; shape (n,)."""
-        axes = np.array([AXIS_NAMES.index(axis) for axis in self.axes])
-        places: NDArray[np.int64] = (3 * np.arange(self.joints)[:, None] + axes).ravel()
+        places: NDArray[np.int64] = (
+            3 * np.arange(self.joints)[:, None] + self._axis_numbers
+        ).ravel()
         return places
+
+    @property
+    def _axis_numbers(self) -> NDArray[np.int64]:
+        return np.array([AXIS_NAMES.index(axis) for axis in self.axes])
 
 
 KINDS[SpatialScene.dimension] = SpatialScene
