@@ -42,6 +42,9 @@ TUNED_FIELDS = (
 )
 
 
+#: Models in space that compute the flow about a body from its surface, or from its sections.
+_MODELS_OF_A_FLUID = ("strip", "frozen", "panels")
+
 #: Of AGENT_FIELDS those with a unit: powers of the body length, the mass per length and the control
 #: interval.
 _UNITS = {
@@ -140,6 +143,9 @@ def difference(own: Scene, scene: Scene, paths: Sequence[str], made: str) -> str
 
 
 def _value(scene: Scene, path: str) -> Any:
+    if path == "fluid.model" and scene.dimension == 3 and scene.fluid is not None:
+        # These compute the same fluid, of that density about that body; `fine_scene` tells how well.
+        return _MODELS_OF_A_FLUID if scene.fluid.model in _MODELS_OF_A_FLUID else scene.fluid.model
     value: Any = scene
     for name in path.split("."):
         value = getattr(value, name, None)

@@ -550,7 +550,6 @@ PLANAR_ONLY = {
     "cross_flow_drag": {},
     "self_contact": {},
     "internal_forces": {},
-    "recording": {},
     "beam.half_thickness": 0.1,
     "beam.bending_stiffness": 1.0,
     "beam.rotary_inertia": 1.0,
