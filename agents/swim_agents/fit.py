@@ -144,8 +144,9 @@ def difference(own: Scene, scene: Scene, paths: Sequence[str], made: str) -> str
 
 def _value(scene: Scene, path: str) -> Any:
     if path == "fluid.model" and scene.dimension == 3 and scene.fluid is not None:
-        # These compute the same fluid, of that density about that body; `fine_scene` tells how well.
-        return _MODELS_OF_A_FLUID if scene.fluid.model in _MODELS_OF_A_FLUID else scene.fluid.model
+        # These compute the same fluid, and `fine_scene` tells how well.
+        model = scene.fluid.model
+        return "strip, frozen or panels" if model in _MODELS_OF_A_FLUID else model
     value: Any = scene
     for name in path.split("."):
         value = getattr(value, name, None)
