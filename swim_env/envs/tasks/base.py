@@ -353,8 +353,9 @@ class Task:
         goal, size = np.asarray(value), self.scene.dimension
         if goal.shape == (size,) and goal.dtype.kind in "fiu" and np.isfinite(goal).all():
             return goal.astype(np.float64)
+        count = {2: "two", 3: "three"}[size]
         raise TaskError(
-            f"task {self.name}: {method} must return {size} finite numbers, shape ({size},), got "
+            f"task {self.name}: {method} must return {count} finite numbers, shape ({size},), got "
             f"{goal.tolist() if goal.size == size else f'an array of shape {goal.shape}'}"
         )
 
