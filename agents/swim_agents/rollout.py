@@ -37,28 +37,30 @@ _NOWHERE = 1e-3
 class Rollout:
     """An episode of T actions.
 
+    Vectors have D = 2 components in the plane and 3 in space.
+
     Attributes
     ----------
     scene : Scene
         The scene.
     seed : int or None
         Seed of the start.
-    coordinates, velocity : (N + 2,) arrays
+    coordinates, velocity : (N + 2,) arrays, in space (4 N + 3,) and (3 N + 3,)
         The start, as for `Simulator.reset_to`.
-    goal : (2,) array
+    goal : (D,) array
         The goal at the start: a direction, or a point (m).
     task : Task
         What it was about.
     drawn : dict
         What the task has drawn of its own state at the start.
-    torques : (T, N - 1) array
+    torques : (T, N - 1) array, in space (T, N - 1, 3)
         Torques held over each control interval (N m).
     steps : int
         Time steps that were taken; fewer than the torques cover where the episode ended within an
         action.
     rewards : (T,) array
         Rewards.
-    path : (T + 1, 2) array
+    path : (T + 1, D) array
         Mean element centre after each action (m).
     info : dict
         The last info.
@@ -161,7 +163,8 @@ class Rollout:
             self.rewards,
             self.task.displacement_aim(self.goal),
             self.task.radius if self.task.has_target else None,
-            self.velocity,
+            # With it the energy is split between body and fluid, which is for the plane only.
+            self.velocity if self.scene.dimension == 2 else None,
         )
 
     def own(self, trajectory: Trajectory) -> Trajectory:

@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swim_env.analysis.energy import elastic_energy, split_energy, summed
+from swim_env.analysis.spatial_energy import spatial_elastic_energy
 from swim_env.physics.invariants import energy_through
 from swim_env.plots import style
-from swim_env.sim.trajectory import Trajectory
+from swim_env.sim.spatial.trajectory import SpatialTrajectory
+from swim_env.sim.trajectory import Trajectory, TrajectoryBase
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,10 +40,11 @@ def draw_energy(
     trajectories, seconds
         About two runs fit; the time is that of the parts. See `swim_env.plots`.
     velocities : mapping of str to (N + 2,) array_like, optional
-        With which the runs started, see `swim_env.analysis.energy.split_energy`. Without, the
-        kinetic energy is not split between body and fluid.
+        With which the runs started, see `swim_env.analysis.energy.split_energy`. Without, and
+        always in space, the kinetic energy is not split between body and fluid.
     """
-    style.require_planar_runs(trajectories)
+    if style.are_in_space(trajectories):
+        velocities = None
     style.require_steps(trajectories)
     figure = style.new_figure(style.WIDTH, 5.4)
     axes = figure.subplots(3, len(trajectories), height_ratios=(1.2, 1.2, 0.8), squeeze=False)
@@ -68,7 +71,7 @@ def _draw_parts(axes: Axes, run: Trajectory, velocity: ArrayLike | None, seconds
     instants = _thinned(first, run.steps)
     time, total = run.time[instants], run.energy[instants]
     if velocity is None:
-        elastic = elastic_energy(run, instants)
+        elastic = _elastic_energy(run, instants)
         layers = {
             "elastic": (elastic, style.AMBER),
             "kinetic, body and fluid": (total - elastic, style.SKY),
@@ -86,6 +89,13 @@ def _draw_parts(axes: Axes, run: Trajectory, velocity: ArrayLike | None, seconds
     axes.set_xlim(time[0], time[-1])
     # Room for the legend.
     axes.set_ylim(0.0, 1.45 * float(total.max()) or None)
+
+
+def _elastic_energy(run: TrajectoryBase, instants: NDArray[np.int64]) -> NDArray[np.float64]:
+    if isinstance(run, SpatialTrajectory):
+        rotations = run.joint_rotations[instants]
+        return spatial_elastic_energy(run.scene, rotations)  # type: ignore[arg-type]
+    return elastic_energy(run, instants)  # type: ignore[arg-type]
 
 
 def _draw_spent(axes: Axes, run: Trajectory) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from swim_env.plots import style
 from swim_env.plots.heat_maps import draw_map, tail
+from swim_env.plots.spatial_gaits import draw_spatial_gaits, draw_spatial_paths
 from swim_env.sim.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -72,10 +73,13 @@ def draw_paths(
 ) -> Figure:
     """Draw where policies went, in one plane, and the shapes they took in one period.
 
-    They have the same start; the goals, (2,) each, are targets (m).
+    In space it is three planes, and the shapes from two sides. They have the same start; the goals,
+    (D,) each, are targets (m).
     """
-    style.require_planar_runs(trajectories)
-    names, goals = list(trajectories), goals or {}
+    goals = goals or {}
+    if style.are_in_space(trajectories):
+        return draw_spatial_paths(trajectories, goals)  # type: ignore[arg-type]
+    names = list(trajectories)
     looks = style.policy_looks(names)
     seen = [_from_start(run, run.path) for run in trajectories.values()]
     seen += [_from_start(run, run.nodes[-1]) for run in trajectories.values()]
@@ -126,10 +130,8 @@ def _from_start(run: Trajectory, points: Any) -> Array:
 
 def _draw_shapes(axes: Axes, run: Trajectory, name: str, last: bool) -> None:
     """Draw shapes at intervals of a short time, turned and moved on top of each other."""
-    length, step = run.scene.beam.length, run.scene.integrator.time_step
-    colours = style.time_colours(8)
-    instants = (run.steps - np.linspace(0.2 / step, 0.0, len(colours))).round().astype(int)
-    for colour, n in zip(colours, np.unique(instants.clip(0)), strict=False):
+    length, colours = run.scene.beam.length, style.time_colours(8)
+    for colour, n in zip(colours, style.last_instants(run, len(colours)), strict=False):
         heading = float(run.angles[n].mean())
         turn = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
         shape = (run.nodes[n] - run.path[n]) @ turn.T / length
@@ -150,9 +152,11 @@ def draw_gaits(
 ) -> Figure:
     """Draw torques and bending along the body over time, and the phase along the body.
 
-    The gaits are `Gait.to_dict` of each policy's, or None.
+    In space there is a map for each axis. The gaits are `Gait.to_dict` or `SpatialGait.to_dict` of
+    each policy's, or None.
     """
-    style.require_planar_runs(trajectories)
+    if style.are_in_space(trajectories):
+        return draw_spatial_gaits(trajectories, gaits, seconds)  # type: ignore[arg-type]
     figure = style.new_figure(style.WIDTH, 0.9 + 1.05 * len(trajectories))
     looks = style.policy_looks(trajectories)
     grid = figure.add_gridspec(len(trajectories), 3, width_ratios=(1.25, 1.25, 0.8))

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.plots import style
-from swim_env.sim.trajectory import Trajectory, TrajectoryBase
+from swim_env.scene.spatial.body import AXIS_NAMES
+from swim_env.sim.spatial.trajectory import SpatialTrajectory
+from swim_env.sim.trajectory import TrajectoryBase
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,66 +32,95 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+#: The axes of joints in space, in the order in which they are shown.
+AXES_SHOWN = ("yaw", "pitch", "roll")
+
 _COLUMNS = 2
+#: Values about an axis that reach less than this share of the largest are not shown.
+_LITTLE = 0.05
 
 
-def curvature(trajectory: Trajectory) -> Array:
-    """Return the curvature of the chain at its joints, (T + 1, N - 1) (1/m).
+def curvature(trajectory: TrajectoryBase) -> Array:
+    """Return the curvature of the chain at its joints, (T + 1, N - 1), in space (T + 1, N - 1, 3).
 
-    The joint angle over the length of an element, positive to the left seen from the head.
+    The joint angle over the length of an element (1/m), positive to the left seen from the head; in
+    space the joint's rotations (pitch, yaw, roll) over it, the last one being the twist.
     """
-    bends: Array = np.diff(trajectory.angles, axis=1) / trajectory.scene.beam.element_length
+    dl = trajectory.scene.beam.element_length
+    if isinstance(trajectory, SpatialTrajectory):
+        rotations: Array = trajectory.joint_rotations / dl
+        return rotations
+    bends: Array = np.diff(trajectory.angles, axis=1) / dl  # type: ignore[attr-defined]
     return bends
 
 
-def draw_kymographs(trajectories: Mapping[str, Trajectory], seconds: float | None = None) -> Figure:
+def draw_kymographs(
+    trajectories: Mapping[str, TrajectoryBase], seconds: float | None = None
+) -> Figure:
     """Draw the curvature along the body over time, a panel for each policy, on one scale.
 
-    Stripes that lean are waves that travel along the body, upright ones are standing waves.
+    Stripes that lean are waves that travel along the body, upright ones are standing waves. In
+    space a policy has a panel for each axis that is actuated or turns.
     """
-    style.require_planar_runs(trajectories)
     maps = {name: curvature(run)[1:] for name, run in trajectories.items()}
     return _draw_maps(trajectories, maps, seconds, "curvature (1/m)", "1/m")
 
 
-def draw_torques(trajectories: Mapping[str, Trajectory], seconds: float | None = None) -> Figure:
+def draw_torques(
+    trajectories: Mapping[str, TrajectoryBase], seconds: float | None = None
+) -> Figure:
     """Draw the torques of the joints over time, as `draw_kymographs` draws the curvature."""
-    style.require_planar_runs(trajectories)
     maps = {name: run.torques for name, run in trajectories.items()}
     return _draw_maps(trajectories, maps, seconds, "joint torque (N m)", "N m")
 
 
 def _draw_maps(
-    trajectories: Mapping[str, Trajectory],
+    trajectories: Mapping[str, TrajectoryBase],
     maps: Mapping[str, Array],
     seconds: float | None,
     label: str,
     unit: str,
 ) -> Figure:
-    """Draw values (T, N - 1) of each step and joint; the colours of all reach as far."""
+    """Draw values (T, N - 1), in space (T, N - 1, 3); the colours of all reach as far."""
     style.require_steps(trajectories)
     shown = {name: tail(maps[name], run, seconds) for name, run in trajectories.items()}
     limit = max(float(np.abs(values).max()) for values in shown.values()) or 1.0
+    panels = [(name, trajectories[name], values) for name, values in shown.items()]
     columns = min(_COLUMNS, len(maps))
-    rows = math.ceil(len(maps) / columns)
+    if style.are_in_space(trajectories):
+        seen = _axes_seen(shown.values(), limit)
+        panels = [
+            (f"{name}, {axis}", run, values[..., AXIS_NAMES.index(axis)])
+            for name, run, values in panels
+            for axis in seen
+        ]
+        columns = len(seen)
+    rows = math.ceil(len(panels) / columns)
     figure = style.new_figure(style.WIDTH, 0.7 + 1.75 * rows)
     axes = figure.subplots(rows, columns, squeeze=False)
-    for place in axes.ravel()[len(maps) :]:
+    for place in axes.ravel()[len(panels) :]:
         place.set_axis_off()
-    for number, (name, values) in enumerate(shown.items()):
+    for number, (title, run, values) in enumerate(panels):
         place = axes[number // columns, number % columns]
         joints = values.shape[1]
-        image = draw_map(place, trajectories[name], values, limit)
+        image = draw_map(place, run, values, limit)
         place.set_yticks(np.unique(np.linspace(1, joints, min(joints, 4)).round().astype(int)))
         style.style_axes(
             place,
-            "time (s)" if number + columns >= len(maps) else "",
+            "time (s)" if number + columns >= len(panels) else "",
             "joint, 1 at the head" if number % columns == 0 else "",
-            f"{name}, largest {float(np.abs(values).max()):.2g} {unit}",
+            f"{title}, largest {float(np.abs(values).max()):.2g} {unit}",
             grid=False,
         )
     add_bar(figure, axes, image, label, aspect=30, pad=0.015)
     return figure
+
+
+def _axes_seen(shown: Iterable[Array], limit: float) -> list[str]:
+    """Return the axes about which values (T, N - 1, 3) are seen in some run, yaw at least."""
+    most = np.max([np.abs(values).max(axis=(0, 1)) for values in shown], axis=0)
+    seen = [axis for axis in AXES_SHOWN if most[AXIS_NAMES.index(axis)] > _LITTLE * limit]
+    return seen or ["yaw"]
 
 
 def draw_map(axes: Axes, run: TrajectoryBase, values: Array, limit: float) -> AxesImage:

@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from swim_env.colours import TORQUE_STOPS
 from swim_env.errors import SwimError, require_packages
 from swim_env.files.atomic import write_atomically
-from swim_env.scene import require_planar
 from swim_env.sim.trajectory import Trajectory, TrajectoryBase
 
 if TYPE_CHECKING:
@@ -53,6 +52,10 @@ _POLICY_COLOURS = {
     "ppo_forward": BLUE,
     "sac_forward": GREEN,
     "ppo_target": PINK,
+    "lateral_wave": SKY,
+    "dorsoventral_wave": SILVER,
+    "helical_wave_right": PINK,
+    "helical_wave_left": YELLOW,
     "zero": BLACK,
     "random": AMBER,
 }
@@ -109,10 +112,12 @@ def require_steps(trajectories: Mapping[str, Trajectory]) -> None:
         raise SwimError("there is nothing to draw: no trajectory, or one without steps")
 
 
-def require_planar_runs(trajectories: Mapping[str, TrajectoryBase]) -> None:
-    """Refuse runs in space for a picture that is of the plane only (SceneError)."""
-    for run in trajectories.values():
-        require_planar(run.scene, "this picture")
+def are_in_space(trajectories: Mapping[str, TrajectoryBase]) -> bool:
+    """Return whether runs are in space; it is a SwimError if some are and others are not."""
+    dimensions = {run.scene.dimension for run in trajectories.values()}
+    if len(dimensions) > 1:
+        raise SwimError("a picture shows runs in the plane or in space, got some of both")
+    return dimensions == {3}
 
 
 def title_of(trajectory: TrajectoryBase, name: str) -> str:
@@ -129,6 +134,13 @@ def title_of(trajectory: TrajectoryBase, name: str) -> str:
 def shown_seconds(run: TrajectoryBase, seconds: float | None) -> float:
     """Return how much of a run's end is shown (s), a second on the shipped scenes unless given."""
     return _FRAMES_SHOWN * run.scene.frame_interval if seconds is None else seconds
+
+
+def last_instants(run: TrajectoryBase, count: int) -> NDArray[np.int64]:
+    """Return instants at equal intervals over a run's last 0.2 s, at most as many as it has."""
+    back = np.linspace(0.2 / run.scene.integrator.time_step, 0.0, count)
+    instants: NDArray[np.int64] = np.unique((run.steps - back).round().astype(int).clip(0))
+    return instants
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:

@@ -16,7 +16,7 @@ from swim_agents.comparison.contest import (
     references_on,
     steps_to_play,
 )
-from swim_agents.comparison.report import CONTEST_FILES, as_text, write_contest
+from swim_agents.comparison.report import SPATIAL_CONTEST_FILES, as_text, write_contest
 from swim_agents.policies import policy_label, policy_names, run_label
 from swim_env.envs.geometry import geometry_of
 from swim_env.envs.tasks import check_task, make_task
@@ -78,7 +78,7 @@ def main(options: argparse.Namespace) -> int:
     make_task(options.task, scene, task_options)
     if options.output is not None:
         require_matplotlib()
-        check_folder(options.output, CONTEST_FILES)
+        check_folder(options.output, SPATIAL_CONTEST_FILES)
     entries = entries_of(options.policies, scene, options.task, options.trust)
     for left_out in set(REFERENCES) - set(references_on(scene)):
         print(f"without {left_out}, which was tuned to another body or fluid", file=sys.stderr)

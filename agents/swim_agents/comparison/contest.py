@@ -18,6 +18,7 @@ from gymnasium.vector import AutoresetMode
 from swim_agents.baselines import Policy, tuned_wave
 from swim_agents.comparison.gait import Gait
 from swim_agents.comparison.performance import Performance, measure_performance
+from swim_agents.comparison.spatial_gait import Ellipse, SpatialGait, plane_angle
 from swim_agents.policies import load_policy, policy_names
 from swim_agents.rollout import Rollout, check_policy, play_episodes, ratio
 from swim_agents.tuned_wave import find_tuned_wave
@@ -37,7 +38,7 @@ from swim_env.files.names import shown_name
 from swim_env.files.provenance import where_and_when
 from swim_env.physics.runtime.threads import usable_threads
 from swim_env.recording import Swimmer
-from swim_env.scene import Scene
+from swim_env.scene import AXIS_NAMES, Scene
 from swim_env.scene.checks import checked_option
 from swim_env.sim.trajectory import Trajectory
 
@@ -72,6 +73,8 @@ _FIGURES = (
     "energy_drift",
 )
 _GAIT_FIGURES = tuple(spec.name for spec in fields(Gait) if spec.type == "float")
+_SPATIAL_FIGURES = tuple(spec.name for spec in fields(SpatialGait) if spec.type == "float")
+_ELLIPSE_FIGURES = tuple(spec.name for spec in fields(Ellipse))
 #: Figures whose spread over training seeds is given; of displacements it is that of the medians.
 _SPREADS = (
     *_MEDIANS,
@@ -82,7 +85,7 @@ _SPREADS = (
     "replayed_success_rate",
 )
 #: Changes of a score of which the largest is given.
-_CHANGES = (*SOURCES, "together", "closed_loop")
+_CHANGES = (*SOURCES, "model", "together", "closed_loop")
 
 
 @dataclass(frozen=True, eq=False)
@@ -349,9 +352,10 @@ def _record(
     settings: dict[str, Any],
     performances: dict[str, list[Performance]],
 ) -> dict[str, Any]:
+    in_space = task.scene.dimension == 3
     policies = {
         entry.name: {
-            **_summary(performances[entry.name], settings.get("target_radius")),
+            **_summary(performances[entry.name], settings.get("target_radius"), in_space),
             "training": entry.about,
         }
         for entry in entries
@@ -402,7 +406,9 @@ def _largest(changes: Sequence[float | None]) -> float | None:
     return largest if math.isfinite(largest) else None
 
 
-def _summary(performances: Sequence[Performance], radius: float | None) -> dict[str, Any]:
+def _summary(
+    performances: Sequence[Performance], radius: float | None, in_space: bool = False
+) -> dict[str, Any]:
     """Return lists over seeds, and their medians."""
     rows = [performance.to_dict() for performance in performances]
     data: dict[str, Any] = {name: [row[name] for row in rows] for name in rows[0]}
@@ -410,13 +416,17 @@ def _summary(performances: Sequence[Performance], radius: float | None) -> dict[
     missing = {"cost_of_transport": math.inf}
     data["median"] = {name: _median(data[name], missing.get(name)) for name in _FIGURES}
     swimming = [row for row in rows if row["gait"] is not None]
-    data["median"]["gait"] = {
-        name: _median([row["gait"][name] for row in swimming]) for name in _GAIT_FIGURES
-    }
-    # Medians of phases mean nothing; the wave is that of the episode in the (lower) middle.
     swimming.sort(key=lambda row: row["net_displacement"])
-    middle = swimming[(len(swimming) - 1) // 2]["gait"]["wave"] if swimming else None
-    data["median"]["wave"] = middle
+    gaits = [row["gait"] for row in swimming]
+    # Medians of phases mean nothing; the wave is that of the episode in the (lower) middle.
+    middle = gaits[(len(gaits) - 1) // 2] if gaits else None
+    if in_space:
+        data["median"]["gait"] = _spatial_medians(gaits)
+        about = {axis: middle and middle[axis] for axis in AXIS_NAMES}
+        data["median"]["wave"] = {axis: one and one["wave"] for axis, one in about.items()}
+    else:
+        data["median"]["gait"] = _medians(gaits, _GAIT_FIGURES)
+        data["median"]["wave"] = middle and middle["wave"]
     data["largest_change"] = {
         name: _largest([getattr(one, f"{name}_change") for one in performances])
         for name in _CHANGES
@@ -433,6 +443,27 @@ def _summary(performances: Sequence[Performance], radius: float | None) -> dict[
         blind = [row["success"] and row["fine_distance"] <= reach for row in rows]
         data["replayed_success_rate"] = float(np.mean(blind))
     return data
+
+
+def _medians(rows: Sequence[dict[str, Any]], names: Sequence[str]) -> dict[str, float | None]:
+    return {name: _median([row[name] for row in rows]) for name in names}
+
+
+def _spatial_medians(gaits: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return the medians of gaits in space: of all, about each axis, and of the body's ellipse."""
+    found: dict[str, Any] = dict(_medians(gaits, _SPATIAL_FIGURES))
+    for axis in AXIS_NAMES:
+        about = [gait[axis] for gait in gaits if gait[axis] is not None]
+        found[axis] = _medians(about, _GAIT_FIGURES)
+    ellipses = [gait["body"] for gait in gaits]
+    found["body"] = _medians(ellipses, _ELLIPSE_FIGURES)
+    if ellipses:
+        # Planes are the same after half a turn: of their angles it is the one around their mean.
+        angles = np.array([one["angle"] for one in ellipses])
+        middle = plane_angle(np.exp(2j * angles).sum())
+        away = np.median([plane_angle(np.exp(2j * (angle - middle))) for angle in angles])
+        found["body"]["angle"] = plane_angle(np.exp(2j * (middle + away)))
+    return found
 
 
 def _groups(entries: Sequence[Entry], policies: dict[str, dict[str, Any]]) -> dict[str, Any]:

@@ -13,11 +13,18 @@ from swim_agents.comparison.contest import Contest
 from swim_agents.comparison.performance import Performance
 from swim_agents.tables import markdown_table, text_table
 from swim_env.files.folders import write_folder
-from swim_env.plots import draw_gaits, draw_paths, draw_scores, save_figure
+from swim_env.plots import draw_bending, draw_gaits, draw_paths, draw_scores, save_figure
 
-__all__ = ["CONTEST_FILES", "as_csv", "as_markdown", "as_text", "write_contest"]
+__all__ = [
+    "CONTEST_FILES",
+    "SPATIAL_CONTEST_FILES",
+    "as_csv",
+    "as_markdown",
+    "as_text",
+    "write_contest",
+]
 
-#: What a contest's folder holds.
+#: What a contest's folder holds, in the plane and in space.
 CONTEST_FILES = (
     "comparison.json",
     "comparison.csv",
@@ -26,7 +33,7 @@ CONTEST_FILES = (
     "paths.png",
     "gaits.png",
 )
-
+SPATIAL_CONTEST_FILES = (*CONTEST_FILES, "bending.png")
 
 #: Columns of the tables: head, place of the figure in a policy's record, format.
 _SCORES = (
@@ -64,6 +71,11 @@ _CHANGES = (
     ("by all together", "largest_change.together", "+.1%"),
     ("in the closed loop", "largest_change.closed_loop", "+.1%"),
 )
+_SPATIAL_CHANGES = (
+    _CHANGES[0],
+    ("by panels on every shape", "largest_change.model", "+.1%"),
+    *_CHANGES[3:],
+)
 _GAITS = (
     ("bending (Hz)", "median.gait.frequency", ".2f"),
     ("lag (rad/BL)", "median.gait.wave_number", "+.2f"),
@@ -73,6 +85,37 @@ _GAITS = (
     ("f (rad/s)", "median.wave.frequency", ".2f"),
     ("kappa (rad/BL)", "median.wave.wave_number", "+.2f"),
     ("explained", "median.wave.explained", ".0%"),
+)
+_SPATIAL_GAITS = (
+    ("bending (Hz)", "median.gait.frequency", ".2f"),
+    ("plane from yaw (rad)", "median.gait.body.angle", "+.2f"),
+    ("minor to major axis", "median.gait.body.ratio", ".2f"),
+    ("whirl", "median.gait.body.whirl", "+.2f"),
+    ("handedness", "median.gait.handedness", "+.2f"),
+    ("torsion (rad/BL)", "median.gait.torsion", ".3f"),
+    ("roll rate (rad/s)", "median.gait.roll_rate", "+.3f"),
+    ("its deviation (rad/s)", "median.gait.roll_swing", ".3f"),
+    ("head first (BL/s)", "median.gait.forward_speed", "+.3f"),
+)
+_AXES = tuple(
+    column
+    for axis in ("yaw", "pitch", "roll")
+    for column in (
+        (f"{axis}: rms (rad)", f"median.gait.{axis}_rms", ".3f"),
+        (f"{axis}: lag (rad/BL)", f"median.gait.{axis}.wave_number", "+.2f"),
+        (f"{axis}: travelling share", f"median.gait.{axis}.travelling_share", ".2f"),
+        (f"{axis}: A (N m)", f"median.wave.{axis}.amplitude", ".2f"),
+        (f"{axis}: explained", f"median.wave.{axis}.explained", ".0%"),
+    )
+)
+#: What the tables in space say beside those of the plane.
+_SPATIAL_WORDS = (
+    " The bending of all joints, yaw and pitch, has an ellipse: its *plane* is that of the major "
+    "axis, 0 for lateral and pi/2 for dorsoventral bending; its *minor* axis over the *major* one "
+    "is 0 in a plane. The *whirl* is 1 where bending turns in a circle from yaw to pitch, which is "
+    "right-handed about the head's direction, and -1 the other way; the *handedness* is 1 for "
+    "right-handed and -1 for left-handed helices along the body, and both are 0 in a plane. The "
+    "*roll rate* is that of the body about its axis from head to tail."
 )
 
 
@@ -113,9 +156,14 @@ def _spread_rows(record: dict[str, Any]) -> list[list[str]]:
 
 
 def _tables(record: dict[str, Any]) -> list[list[list[str]]]:
-    tables = [_rows(record, columns) for columns in (_scores(record), _CHANGES, _GAITS)]
+    beside = (_SPATIAL_CHANGES, _SPATIAL_GAITS, _AXES) if _in_space(record) else (_CHANGES, _GAITS)
+    tables = [_rows(record, columns) for columns in (_scores(record), *beside)]
     tables.append(_spread_rows(record))
     return [table for table in tables if len(table) > 1]
+
+
+def _in_space(record: dict[str, Any]) -> bool:
+    return "dimension" in record["scene_fields"]
 
 
 def _caption(record: dict[str, Any]) -> str:
@@ -144,13 +192,17 @@ def as_text(record: dict[str, Any]) -> str:
 def as_markdown(record: dict[str, Any]) -> str:
     """Return a page with the tables and the pictures that `write_contest` puts beside it."""
     where = f"Commit {record['commit']}, {record['machine']['processor']}, {record['date']}."
+    space = _in_space(record)
+    finer, alone = "three times the panels on sides and ends", "the step, the panels or the ends"
+    if space:
+        finer, alone = "panels on every shape", "the step or the fluid's model"
     parts = [f"# {record['scene']}: policies compared", f"{_caption(record)}. {where}"]
     parts.append(
-        "*Finer* computations verify a score, at a quarter of the time step and with three times "
-        "the panels on sides and ends: in the *closed loop* the policy plays the episode once "
-        "more, and its *torques* are played *again*, without feedback. A displacement is verified "
-        f"when it changes by at most {record['tolerance']:.0%} in both, and by at most "
-        f"{record['source_tolerance']:.0%} with the step, the panels or the ends refined alone; "
+        f"*Finer* computations verify a score, at a quarter of the time step and with {finer}: in "
+        "the *closed loop* the policy plays the episode once more, and its *torques* are played "
+        "*again*, without feedback. A displacement is verified when it changes by at most "
+        f"{record['tolerance']:.0%} in both, and by at most {record['source_tolerance']:.0%} with "
+        f"{alone} refined alone; "
         f"a return, when it changes by at most {record['tolerance']:.0%} in the closed loop; a "
         "success, when the closed loop has it as well (the torques alone reach a target within "
         f"{1.0 + record['tolerance']:.1f} of its radius). Changes are shares of the score, the "
@@ -159,14 +211,18 @@ def as_markdown(record: dict[str, Any]) -> str:
         "square; *lag* is the slope "
         "of the bending's phase along the body, positive from head to tail; the *travelling share* "
         "is 0 for a standing and 1 for a travelling wave (complex orthogonal decomposition)."
+        + (_SPATIAL_WORDS if space else "")
     )
     for table in _tables(record):
         parts.append(markdown_table(table[0], table[1:]))
-    for name, text in (
-        ("scores.png", "Net displacement of every start"),
-        ("paths.png", "Paths and shapes"),
-        ("gaits.png", "Torques and bending along the body over time"),
-    ):
+    pictures = {
+        "scores.png": "Net displacement of every start",
+        "paths.png": "Paths and shapes",
+        "gaits.png": "Torques and bending along the body over time",
+    }
+    if space:
+        pictures["bending.png"] = "Planes of bending along the body"
+    for name, text in pictures.items():
         parts.append(f"![{text}]({name})")
     return "\n\n".join(parts) + "\n"
 
@@ -200,5 +256,7 @@ def write_contest(contest: Contest, folder: str | os.PathLike[str]) -> None:
         save_figure(draw_scores(record), ready / "scores.png")
         save_figure(draw_paths(first, goals), ready / "paths.png")
         save_figure(draw_gaits(first, gaits), ready / "gaits.png")
+        if contest.scene.dimension == 3:
+            save_figure(draw_bending(first, gaits), ready / "bending.png")
 
-    write_folder(folder, CONTEST_FILES, write)
+    write_folder(folder, SPATIAL_CONTEST_FILES, write)
