@@ -132,13 +132,12 @@ def _refinements(scene: Scene) -> dict[str, dict[str, object]]:
     integrator, fluid = scene.integrator, scene.fluid
     space = isinstance(scene, SpatialScene)
     found: dict[str, dict[str, object]] = {
-        "time_step": {
-            "integrator.time_step": integrator.time_step / TIME_STEP_DIVISOR,
-            "integrator.tolerance": min(
-                integrator.tolerance, max(integrator.tolerance / 100.0, Integrator().tolerance)
-            ),
-        }
+        "time_step": {"integrator.time_step": integrator.time_step / TIME_STEP_DIVISOR}
     }
+    if not space:
+        found["time_step"]["integrator.tolerance"] = min(
+            integrator.tolerance, max(integrator.tolerance / 100.0, Integrator().tolerance)
+        )
     if space and fluid is not None and fluid.model in _SIMPLER_MODELS:
         found["model"] = {"fluid.model": _FINE_MODEL}
     if space or fluid is None or not FLUID_TABLE[fluid.model].panels:
@@ -159,7 +158,7 @@ def fine_scene(scene: Scene) -> Scene:
 
     That is the time step, the tolerance of its equations, and the panels on sides and ends of any
     model that has them, in proportion. What a model leaves out is no discretisation. In space it is
-    the time step, the tolerance, and the model: ``panels`` instead of ``strip`` and ``frozen``,
+    the time step and the model: ``panels`` instead of ``strip`` and ``frozen``,
     with the scene's own rows and panels around. A policy can play it: actions and observations,
     their scales included, are those of the scene. It is a SceneError if a scene has so many panels
     that more are refused.

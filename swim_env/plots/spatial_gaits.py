@@ -176,7 +176,12 @@ def _draw_lags(axes: Axes, run: SpatialTrajectory, gait: Any, colour: str) -> No
         own = None if gait is None else gait[axis]
         if own is not None:
             label = f"{axis} {own['frequency']:.2f} Hz, {own['travelling_share']:.2f}"
-            look = {"color": colour, "markersize": 2.5, "linewidth": style.LINE, "label": label}
+            look: dict[str, Any] = {
+                "color": colour,
+                "markersize": 2.5,
+                "linewidth": style.LINE,
+                "label": label,
+            }
             axes.plot(places, own["phase_lags"], "o", linestyle=stroke, **look)
     if axes.lines:
         low, high = axes.get_ylim()
@@ -256,5 +261,5 @@ def _draw_ellipse(axes: Axes, one: Any, middle: tuple[float, float], scale: floa
 
 def _name_row(axes: Axes, name: str) -> None:
     """Write a policy's name to the left of its row."""
-    look = {"rotation": 0, "ha": "right", "va": "center", "fontsize": style.SMALLER}
+    look: dict[str, Any] = {"rotation": 0, "ha": "right", "va": "center", "fontsize": style.SMALLER}
     axes.set_ylabel(style.literal(name), **look)

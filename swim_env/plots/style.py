@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from swim_env.colours import TORQUE_STOPS
 from swim_env.errors import SwimError, require_packages
 from swim_env.files.atomic import write_atomically
-from swim_env.sim.trajectory import Trajectory, TrajectoryBase
+from swim_env.sim.trajectory import TrajectoryBase
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -106,7 +106,7 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
-def require_steps(trajectories: Mapping[str, Trajectory]) -> None:
+def require_steps(trajectories: Mapping[str, TrajectoryBase]) -> None:
     """Check that there is a trajectory and that all have steps; else it is a SwimError."""
     if not trajectories or any(run.steps < 1 for run in trajectories.values()):
         raise SwimError("there is nothing to draw: no trajectory, or one without steps")

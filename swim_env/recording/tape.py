@@ -22,7 +22,6 @@ from swim_env.recording.swimmer import Swimmer, checked_rate
 from swim_env.recording.writer import WrittenRecording, recording_file, write_recording
 from swim_env.sim.batch import Bodies
 from swim_env.sim.recorder import Kept, Recorder
-from swim_env.sim.trajectory import TrajectoryBase
 
 __all__ = ["Tape"]
 
@@ -193,9 +192,7 @@ class Tape:
         task = self._episodes.task
         if reason is not None and member in self._recorder.over:
             physical = reason if reason in PHYSICS_REASONS.values() else ""
-            trajectory: TrajectoryBase = self._recorder.trajectory_of(
-                self._recorder.over[member], physical
-            )
+            trajectory: Any = self._recorder.trajectory_of(self._recorder.over[member], physical)
         else:
             trajectory = self._episodes.recorded(member)
         name, file = self.running.pop(member)

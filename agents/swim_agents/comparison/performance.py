@@ -154,16 +154,18 @@ def measure_gait(rollout: Rollout, trajectory: TrajectoryBase) -> Gait | Spatial
         return None
     instants = slice(first * hold, whole * hold, hold)
     torques = rollout.torques[first:whole]
-    times = np.arange(first, whole) * scene.episode.control_interval
+    times: Array = np.arange(first, whole) * scene.episode.control_interval
     places = scene.beam.joint_fractions
     if isinstance(trajectory, SpatialTrajectory):
         rotations = trajectory.joint_rotations[instants]
         if not np.ptp(rotations, axis=0).any():
             return None
-        frames, path = heading_of(trajectory.directors[instants]), trajectory.path[instants]
+        frames: Array = heading_of(trajectory.directors[instants])
+        path: Array = trajectory.path[instants]
         return analyse_spatial_gait(
             times, rotations, torques, places, frames, _forward_speed(scene, times, frames, path)
         )
+    assert isinstance(trajectory, Trajectory)
     bending = np.diff(trajectory.angles[instants], axis=1)
     if np.ptp(bending) == 0.0:
         return None

@@ -243,7 +243,7 @@ def write_contest(contest: Contest, folder: str | os.PathLike[str]) -> None:
     It is a SwimError if the folder holds other files, or cannot be written.
     """
     record = contest.record
-    first = {name: runs[0] for name, runs in contest.trajectories.items()}
+    first: dict[str, Any] = {name: runs[0] for name, runs in contest.trajectories.items()}
     gaits = {name: record["policies"][name]["gait"][0] for name in first}
     goals = None
     if all(rollouts[0].task.has_target for rollouts in contest.rollouts.values()):
