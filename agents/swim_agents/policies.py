@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -25,7 +25,7 @@ from swim_env.envs.interface import SceneLike
 from swim_env.envs.tasks import check_task
 from swim_env.errors import OptionError
 from swim_env.files.names import file_name
-from swim_env.scene import Scene, load_scene, scene_label
+from swim_env.scene import Scene, load_scene, scene_label, scene_names
 from swim_env.scene.checks import nearest
 
 __all__ = [
@@ -98,6 +98,25 @@ def run_label(
         if load_scene(scene.name).episode.duration != duration:
             found["duration"] = duration
     return file_name("-".join(parts), repr(sorted(found.items())) if found else "")
+
+
+def trained_for(policies: Iterable[str]) -> tuple[Scene | str, str] | None:
+    """Return the scene, by its name if it is a shipped one, and the task of the first agent there.
+
+    None if no policy is a trained agent with an ``agent.json``; errors are those of `load_agent`.
+    """
+    from swim_agents.learning.saved import load_agent
+
+    for policy in policies:
+        path = Path(policy)
+        runs = sorted(path.glob("seed_*/agent"))
+        for folder in (PRETRAINED_FOLDER / policy, path, path / "agent", *runs):
+            if (folder / "agent.json").is_file():
+                agent = load_agent(folder)
+                own = agent.scene
+                shipped = own.name in scene_names() and load_scene(own.name) == own
+                return (own.name if shipped else own), str(agent.description["task"])
+    return None
 
 
 def load_policy(

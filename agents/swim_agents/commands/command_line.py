@@ -16,7 +16,7 @@ from typing import Any, TextIO, cast
 from tqdm import tqdm
 
 from swim_agents.commands import INTERRUPTED, INTERRUPTED_TEXT
-from swim_agents.policies import policy_names
+from swim_agents.policies import policy_names, trained_for
 from swim_env.accuracy.choice import Choice, choose
 from swim_env.envs.tasks import NOISE, SEED, TASKS
 from swim_env.errors import SwimError
@@ -95,18 +95,24 @@ def add_overrides(parser: argparse.ArgumentParser, subject: str, example: str) -
 
 
 def add_scene_arguments(
-    parser: argparse.ArgumentParser, default: str | None = None, accuracy: bool = False
+    parser: argparse.ArgumentParser,
+    default: str | None = None,
+    accuracy: bool = False,
+    adopted: bool = False,
 ) -> None:
     """Add ``--scene``, ``--set`` and ``--json``, and ``--accuracy`` where that has a meaning.
+
+    A default that may be `adopted` from an agent is left open.
 
     Settings are chosen by playing the prescribed torque, so they say nothing about a policy.
     """
     parser.add_argument(
         "--scene",
-        default=default,
+        default=None if adopted else default,
         required=default is None,
         metavar="NAME",
-        help=f"a shipped scene ({', '.join(scene_names())}) or the path of a scene file",
+        help=f"a shipped scene ({', '.join(scene_names())}) or the path of a scene file"
+        + (f"; unless given, that of the first trained agent, else {default}" if adopted else ""),
     )
     add_overrides(parser, "scene", "beam.elements=27 damping=null")
     add_options(parser, *(["accuracy"] if accuracy else []), "json")
@@ -122,6 +128,14 @@ def scene_of(options: argparse.Namespace) -> Scene:
     if tolerance is None:
         return scene
     return chosen(scene, tolerance, duration=getattr(options, "duration", None)).scene
+
+
+def adopt(options: argparse.Namespace, policies: Iterable[str], scene: str = "swimmer") -> None:
+    """Take the scene and the task that the options leave open from the first trained agent."""
+    if options.scene is None or options.task is None:
+        own, task = trained_for(policies) or (scene, "forward")
+        options.scene = own if options.scene is None else options.scene
+        options.task = task if options.task is None else options.task
 
 
 def chosen(

@@ -37,9 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "several runs (a folder with seed_0, seed_1 ...), a model file; ppo_forward sac_forward "
         "unless given. paper_wave always takes part, and tuned_wave on the body it was tuned on",
     )
-    cli.add_scene_arguments(parser, default="swimmer")
+    cli.add_scene_arguments(parser, default="swimmer", adopted=True)
     cli.add_options(parser, "task", "task-option", "duration", "noise", "record")
-    parser.set_defaults(task="forward", noise=1.0)
+    parser.set_defaults(noise=1.0)
     parser.add_argument(
         "--seeds",
         type=int,
@@ -63,13 +63,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> int:
     """Hold the contest, print its tables and write what was asked for."""
-    options.task = check_task(options.task)
-    seeds = checked_seeds(options.seeds)
     cli.check_places(
         [options.scene, *options.policies],
         {"--output": options.output},
         {"--record": options.record},
     )
+    cli.adopt(options, options.policies)
+    options.task = check_task(options.task)
+    seeds = checked_seeds(options.seeds)
     scene = cli.scene_of(options)
     scene = cli.played_scene(scene, options.duration)
     scene.actions_per_episode  # noqa: B018  refuses a duration before anything is played

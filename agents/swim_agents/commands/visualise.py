@@ -30,8 +30,7 @@ _SCENE = "swimmer"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
-    cli.add_scene_arguments(parser, default=_SCENE)
-    parser.set_defaults(scene=None)
+    cli.add_scene_arguments(parser, default=_SCENE, adopted=True)
     parser.add_argument(
         "--policy",
         action="append",
@@ -170,8 +169,10 @@ def _swimmers(options: argparse.Namespace) -> tuple[Path, list[Swimmer]]:
         "noise": options.noise,
         "task_options": cli.task_options(options) or None,
     }
-    task, seed = options.task or "forward", options.seed or 0
     others = [] if options.compare_with is None else [options.compare_with]
+    if options.trajectory is None:
+        cli.adopt(options, [*options.policy, *others], _SCENE)
+    task, seed = options.task or "forward", options.seed or 0
     if options.trajectory is not None:
         saved = Trajectory.load(options.trajectory)
         scene = cli.played_scene(saved.scene, saved.duration if saved.steps else None)
@@ -185,7 +186,6 @@ def _swimmers(options: argparse.Namespace) -> tuple[Path, list[Swimmer]]:
         start = velocity_of_start(saved) if saved.steps and planar else None
         kept = Swimmer(name, saved, start_velocity=start)
         return file, [kept, *_play(options, scene, others)]
-    options.scene = options.scene or _SCENE
     scene = cli.scene_of(options)
     steps = steps_of(scene, options.duration)
     _check_scene(options, scene, steps * scene.integrator.time_step)
