@@ -16,14 +16,15 @@ VIOLENT: dict[str, Any] = {
     "damping.retardation_time": 0.002,
     "episode.duration": 10.0,
 }
+#: An action for each step, of a body of few elements.
+SHORT: dict[str, Any] = {"beam.elements": 4, "episode.control_interval": 0.005}
 #: Scene, changes, and share of the actions.
 BODIES: list[tuple[str, dict[str, Any], float]] = [
-    ("eel_3d", {"fluid.model": "strip"}, 0.1),
-    ("fish_3d", {"fluid.model": "frozen"}, 0.1),
-    # An action for each step.
-    ("eel_3d", {"fluid.model": "frozen", "episode.control_interval": 0.005}, 0.3),
-    ("fish_3d", {"fluid.model": "strip", "episode.control_interval": 0.005}, 0.3),
-    ("fish_3d", {**VIOLENT, "episode.control_interval": 0.01}, 0.2),
+    ("eel_3d", {"fluid.model": "strip"}, 0.05),
+    ("fish_3d", {"fluid.model": "frozen"}, 0.05),
+    ("eel_3d", {**SHORT, "fluid.model": "frozen"}, 0.3),
+    ("fish_3d", SHORT, 0.3),
+    ("fish_3d", {**VIOLENT, **SHORT}, 0.3),
 ]
 
 
