@@ -31,6 +31,9 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT 
 FORWARD = "swim_env/KirchhoffSwimmer-v0"
 TARGET = "swim_env/KirchhoffSwimmerTarget-v0"
 TASKS = (FORWARD, TARGET)
+FORWARD_3D = "swim_env/KirchhoffSwimmer3D-v0"
+TARGET_3D = "swim_env/KirchhoffSwimmer3DTarget-v0"
+SPATIAL_TASKS = (FORWARD_3D, TARGET_3D)
 each_task = pytest.mark.parametrize("task", TASKS, ids=("forward", "target"))
 each_mode = pytest.mark.parametrize("mode", list(AutoresetMode), ids=lambda mode: mode.name)
 

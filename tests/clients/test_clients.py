@@ -14,15 +14,16 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 from tests.contract.test_wheel import copy_sources
-from tests.support import FORWARD, ROOT, TARGET
+from tests.support import FORWARD, ROOT, SPATIAL_TASKS, TARGET, TASKS
 
 # An installation and a kernel compilation, with room for a slow network.
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
@@ -30,6 +31,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
 HERE = Path(__file__).parent
 INSTALL_SECONDS = 1200
 RUN_SECONDS = 600
+
+each_dimension = pytest.mark.parametrize("tasks", (TASKS, SPATIAL_TASKS), ids=("plane", "space"))
 
 
 class Client(NamedTuple):
@@ -39,7 +42,11 @@ class Client(NamedTuple):
     work: Path
 
     def run(
-        self, *arguments: str | Path, seconds: float = RUN_SECONDS, python: str | None = None
+        self,
+        *arguments: str | Path,
+        seconds: float = RUN_SECONDS,
+        python: str | None = None,
+        **environment: str,
     ) -> str:
         """Run the client's Python with nothing of this one around it; return what it printed.
 
@@ -57,7 +64,7 @@ class Client(NamedTuple):
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 cwd=self.work,
-                env={**clean, "NUMBA_CACHE_DIR": str(self.folder / "kernels")},
+                env={**clean, "NUMBA_CACHE_DIR": str(self.folder / "kernels"), **environment},
                 start_new_session=True,
             )
             try:
@@ -112,11 +119,13 @@ def results(printed: str) -> list[dict[str, Any]]:
     return [json.loads(line) for line in printed.splitlines() if line.startswith("{")]
 
 
-def test_rl_zoo3(install):
+@each_dimension
+def test_rl_zoo3(tasks, install):
     """Its command line trains in one process and in several, and plays what was trained."""
     zoo = install("rl-zoo3")
+    forward, target = tasks
     first_episodes = {}
-    for name, vec_env in ((FORWARD, "dummy"), (FORWARD, "subproc"), (TARGET, "subproc")):
+    for name, vec_env in ((forward, "dummy"), (forward, "subproc"), (target, "subproc")):
         logs, saved = f"logs-{vec_env}", name.replace("/", "-")
         common = ["--algo", "ppo", "--env", name, "--gym-packages", "swim_env", "--seed", "0"]
         common += ["--device", "cpu", "-f", logs]
@@ -144,10 +153,10 @@ def test_rl_zoo3(install):
         assert matched(r"(\d+) Episodes", printed) == 4
         assert math.isfinite(matched(r"Mean reward: (\S+) \+/-", printed))
         assert matched(r"Mean episode length: (\S+) \+/-", printed) == 50
-        if name == TARGET:
+        if name == target:
             assert 0 <= matched(r"Success rate: (\S+)%", printed) <= 100
     np.testing.assert_allclose(
-        first_episodes[FORWARD, "subproc"], first_episodes[FORWARD, "dummy"], atol=2e-6
+        first_episodes[forward, "subproc"], first_episodes[forward, "dummy"], atol=2e-6
     )
 
 
@@ -167,12 +176,13 @@ def test_rl_zoo3_learns_with_the_shipped_hyperparameters(install):
     assert matched(r"ep_rew_mean\s+\|\s+(\S+)", printed) > 0.5
 
 
-def test_torchrl(install):
+@each_dimension
+def test_torchrl(tasks, install):
     """Its check of specifications passes: alone, in processes, and on our batched form."""
-    printed = install("torchrl").run(HERE / "torchrl" / "check_specs.py", FORWARD, TARGET)
+    printed = install("torchrl").run(HERE / "torchrl" / "check_specs.py", *tasks)
     assert printed.count("check_env_specs succeeded!") == 10
     played = results(printed)
-    assert [result.pop("name") for result in played] == [FORWARD, TARGET]
+    assert [result.pop("name") for result in played] == list(tasks)
     for result in played:
         assert result == {
             "full_length": [100],
@@ -193,3 +203,40 @@ def test_skrl(install):
         assert result["lengths"] == [50]
         assert math.isfinite(result["mean_return"])
         shutil.rmtree(skrl.work / "runs")
+
+
+@pytest.fixture
+def ray_settings() -> Iterator[dict[str, str]]:
+    """Give Ray a folder of its own for its token and its sockets, whose path must be short."""
+    with TemporaryDirectory() as folder:
+        yield {"HOME": folder, "RAY_TMPDIR": folder, "RAY_USAGE_STATS_ENABLED": "0"}
+
+
+@each_dimension
+def test_rllib(tasks, install, ray_settings):
+    """PPO of its new stack trains on single and batched forms, and restores what it saved."""
+    rllib, names = install("rllib"), [f"swim_env:{task}" for task in tasks]
+    runs = results(rllib.run(HERE / "rllib" / "ppo.py", *names, seconds=1200, **ray_settings))
+    assert [run["name"] for run in runs] == [name for name in names for _ in range(3)]
+    for sync, native, remote in zip(runs[::3], runs[1::3], runs[2::3], strict=True):
+        assert sync["kinds"] == ["SyncVectorEnv"]
+        (kind,) = native["kinds"]
+        assert re.fullmatch(r"Swim\w*VectorEnv\w*", kind) and remote["kinds"] == [kind, kind]
+        assert native["iterations"] == sync["iterations"]
+        assert remote["restored"]
+        for run in (sync, native, remote):
+            assert run["learned"]
+            for number, figures in enumerate(run["iterations"], 1):
+                assert figures["steps"] == 512 * number
+                assert figures["len_min"] == figures["len_max"] == 50
+                assert math.isfinite(figures["return_min"] + figures["return_max"])
+        assert len(remote["iterations"]) == 4
+
+
+def test_rllib_example(install, ray_settings):
+    """The example trains, restores what it saved and evaluates it."""
+    printed = install("rllib").run(
+        *(ROOT / "examples" / "rllib_ppo.py", "--iterations", "1", "--members", "2"),
+        **ray_settings,
+    )
+    assert math.isfinite(matched(r"swam (\S+) body lengths", printed))

@@ -16,13 +16,21 @@ from swim_env import ActionError, OptionError, SceneError, SwimEnv, SwimVectorEn
 from swim_env.envs.spatial import SwimEnv3D, SwimTargetEnv3D, SwimVectorEnv3D
 from swim_env.envs.tasks import Start
 from swim_env.physics.spatial.invariants import directors_of, heading_of
-from tests.support import assert_same, each_mode, make_singles, refuses, state_of, uniform
+from tests.support import (
+    FORWARD_3D,
+    SPATIAL_TASKS,
+    TARGET_3D,
+    assert_same,
+    each_mode,
+    make_singles,
+    refuses,
+    state_of,
+    uniform,
+)
 
 Array = NDArray[np.float64]
 
-FORWARD_3D = "swim_env/KirchhoffSwimmer3D-v0"
-TARGET_3D = "swim_env/KirchhoffSwimmer3DTarget-v0"
-each_task = pytest.mark.parametrize("task", (FORWARD_3D, TARGET_3D), ids=("forward", "target"))
+each_task = pytest.mark.parametrize("task", SPATIAL_TASKS, ids=("forward", "target"))
 #: Bends beyond what its joints may within a second or so.
 LIVELY: dict[str, Any] = {
     "beam.elements": 4,
