@@ -26,10 +26,11 @@ STAMP_BUILD := $(VENV)/.stamp-build
 STAMP_VIEW := $(VENV)/.stamp-view
 STAMP_TRAIN := $(VENV)/.stamp-train
 STAMP_DEV := $(VENV)/.stamp-dev
+STAMP_DOCS := $(VENV)/.stamp-docs
 # An editable install finds only the top-level packages that existed when it was made.
 SOURCES := pyproject.toml setup.py constraints.txt agents/swim_agents/__init__.py
 
-.PHONY: help venv demo recording gallery benchmark accuracy stability paper test test-slow test-ci-slice release lint types clean
+.PHONY: help venv demo recording gallery benchmark accuracy stability paper docs test test-slow test-ci-slice release lint types clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -82,6 +83,12 @@ release: $(STAMP_DEV) ## set up, list stale studies, check speed and stored resu
 	$(BIN)/python scripts/release.py
 	$(PYTEST) -m release --timeout 600
 
+# Strict: a broken link, a wrong formula or a tutorial that fails is an error. Every tutorial runs.
+docs: $(STAMP_DOCS) ## set up and build the site into build/docs (a minute or two)
+	rm -rf build/docs build/doctrees
+	OMP_NUM_THREADS=1 $(BIN)/python -m sphinx -b html -n -W --keep-going -q -j 2 -d build/doctrees docs build/docs
+	@echo "open build/docs/index.html"
+
 lint: $(STAMP_DEV) ## check style and layout of the code
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -118,4 +125,9 @@ $(STAMP_TRAIN): $(STAMP_VIEW) $(SOURCES)
 $(STAMP_DEV): $(STAMP_TRAIN) $(SOURCES)
 	@echo "Installing the packages to compare, to test and to check into $(VENV) ..."
 	$(PIP) install -c constraints.txt --no-build-isolation -e ".[train,view,bench,dev]"
+	@touch $@
+
+$(STAMP_DOCS): $(STAMP_DEV) $(SOURCES)
+	@echo "Installing the packages to build the site into $(VENV) ..."
+	$(PIP) install -c constraints.txt --no-build-isolation -e ".[train,view,bench,dev,docs]"
 	@touch $@

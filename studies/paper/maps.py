@@ -31,7 +31,7 @@ _EVERY = 4
 #: lengths a second), 0.002 body lengths in 20 s.
 AGREEMENT, SMALLEST = 0.1, 1e-4
 #: Beyond this joint angle (rad) the constant added mass is off by more than a per cent
-#: (docs/accuracy.md): such a point counts only where it was checked with panels.
+#: (docs/reports/accuracy.md): such a point counts only where it was checked with panels.
 LARGEST_BEND = 0.4
 
 

@@ -69,7 +69,7 @@ class HardRun:
     #: Whether it is played at half the step as well, to see if its displacement may be claimed.
     compared: bool = False
     #: Whether the mean energy of the last quarter has to be that of the first within 3 %
-    #: (docs/physics.md), for passive bodies without losses.
+    #: (docs/theory/plane.md), for passive bodies without losses.
     steady: bool = False
     velocity: Array | None = None
     case: str = ""

@@ -32,8 +32,8 @@ Indices = NDArray[np.int64]
 #: velocity (body lengths) and turning (rad). Random actions on scene swimmer give root mean squares
 #: of 0.22, 0.27, 0.29 and 0.64; the tuned wave, at the first resonance, 1.3, 0.8, 2.2 and 0.44.
 ANGLE_SCALE, RATE_SCALE, VELOCITY_SCALE, TURNING_SCALE = 0.1, 0.1, 0.002, 0.02
-#: Version of the observation's layout, docs/environments.md; what was trained on one cannot use
-#: another.
+#: Version of the observation's layout, docs/environments/interface.md; what was trained on one
+#: cannot use another.
 OBSERVATION_LAYOUT = 3
 #: Observations are clipped to this, so that the space is finite; sine and cosine have their own.
 OBSERVATION_LIMIT = 100.0

@@ -33,7 +33,7 @@ class SwimEnv(SharedInterface, gymnasium.Env[Observation, NDArray[Any]]):
     ``gymnasium.make("swim_env/KirchhoffSwimmer-v0", scene="swimmer")``
 
     Observations, rewards and ends below are those of the task ``forward``. Other tasks are chosen
-    by ``task``: a shipped one or one of your own, see docs/tasks.md.
+    by ``task``: a shipped one or one of your own, see docs/environments/tasks.md.
 
     ## Actions
     ``Box(-1, 1, (N - 1,), float32)``: the torque at every joint from head to tail, as a share of

@@ -447,9 +447,9 @@ class Scene:
         """Return the scene with the cheapest settings that compute it to a tolerance.
 
         Fluid model, panels, elements, time step and scheme are chosen from the measured front of
-        accuracy against cost (docs/accuracy.md), by playing the scene with its prescribed torque,
-        which takes seconds. Body, drive and effects stay as they are; what was chosen and why is
-        appended to the description. `swim_env.accuracy.choose` returns more about it.
+        accuracy against cost (docs/reports/accuracy.md), by playing the scene with its prescribed
+        torque, which takes seconds. Body, drive and effects stay as they are; what was chosen and
+        why is appended to the description. `swim_env.accuracy.choose` returns more about it.
 
         Parameters
         ----------

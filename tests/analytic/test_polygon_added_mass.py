@@ -174,7 +174,7 @@ def test_scaled_and_mirrored(scale: float) -> None:
 
 
 def swimmer_outline(joint_angles: Array, panels: int, caps: int, h: float = 0.01) -> Array:
-    """Return the mitred outline (docs/physics.md) of a beam of unit length, head at the origin."""
+    """Return the mitred outline (docs/theory/plane.md) of a unit beam, head at the origin."""
     n = len(joint_angles) + 1
     angles = np.concatenate([[0.0], np.cumsum(joint_angles)])
     nodes = np.concatenate([[0.0], np.cumsum(np.exp(1j * angles)) / n])

@@ -450,7 +450,7 @@ def test_reasons_have_numbers_which_libraries_without_text_get(monkeypatch):
 
 
 class NumbersOnly(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """The wrapper that docs/environments.md shows."""
+    """The wrapper that docs/environments/interface.md shows."""
 
     def reset(self, **arguments):
         observation, info = self.env.reset(**arguments)
@@ -469,7 +469,7 @@ def test_episodes_end_and_begin_behind_a_conversion_to_tensors(monkeypatch, kind
     monkeypatch.setitem(sys.modules, "array_api_compat", scipy._lib.array_api_compat)
     from gymnasium.wrappers.vector import NumpyToTorch
 
-    text = (ROOT / "docs" / "environments.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "environments" / "interface.md").read_text(encoding="utf-8")
     assert inspect.getsource(NumbersOnly).split('"""')[2].strip() in text
     if kind == "ours":
         modes = list(AutoresetMode)[:2]

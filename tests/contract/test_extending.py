@@ -1,4 +1,4 @@
-"""The worked examples of docs/extending.md, applied to a copy of the package."""
+"""The worked examples of docs/howto/extending.md, applied to a copy of the package."""
 
 import re
 import shutil
@@ -60,7 +60,7 @@ def probed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     copy = tmp_path_factory.mktemp("extended")
     for folder in ("swim_env", "configs"):
         shutil.copytree(ROOT / folder, copy / folder, ignore=shutil.ignore_patterns("__pycache__"))
-    files, diffs = blocks((ROOT / "docs" / "extending.md").read_text(encoding="utf-8"))
+    files, diffs = blocks((ROOT / "docs" / "howto" / "extending.md").read_text(encoding="utf-8"))
     assert len(files) == 1 and len(diffs) == 8
     for name, text in files:
         (copy / name).write_text(text, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The import rule: each room imports only rooms above it in the table of docs/development.md."""
+"""The import rule: each room imports only rooms above it in the table of CONTRIBUTING.md."""
 
 import ast
 import re
@@ -12,7 +12,7 @@ def dotted(path: str) -> str:
     return re.sub(r"^agents/|\.py$|/$", "", path).replace("/", ".").removesuffix(".__init__")
 
 
-TABLE = (ROOT / "docs" / "development.md").read_text(encoding="utf-8").split("\n## ")[1]
+TABLE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split("\n## Rooms\n")[1]
 ROWS = re.findall(r"^\| (`.+?`) \|", TABLE, re.MULTILINE)
 ROOMS = [dotted(path) for row in ROWS for path in re.findall("`(.+?)`", row)]
 TOPS = ("swim_env", "agents/swim_agents", "studies", "scripts")

@@ -1,10 +1,10 @@
 """Independent reference for a planar elastic beam in ideal fluid, written for clarity.
 
-Everything follows docs/physics.md literally, and no gradient is derived by hand: every derivative
-is a complex step, d f(x)/dx = Im f(x + i h)/h with h = 1e-30, which has no subtractive error. All
-functions that carry a derivative therefore accept complex arguments and avoid ``abs``, ``norm`` and
-``conj``. The only finite difference is in Newton's Jacobian, which affects the number of iterations
-but not the solution.
+Everything follows docs/theory/plane.md literally, and no gradient is derived by hand: every
+derivative is a complex step, d f(x)/dx = Im f(x + i h)/h with h = 1e-30, which has no subtractive
+error. All functions that carry a derivative therefore accept complex arguments and avoid ``abs``,
+``norm`` and ``conj``. The only finite difference is in Newton's Jacobian, which affects the number
+of iterations but not the solution.
 
 Minimal coordinates are u = (x0, y0, th_1, ..., th_N), with (x0, y0) the head node.  The redundant
 ones are centres r, normals d1 and tangents d3.  All quantities are SI, per metre of depth.

@@ -419,7 +419,7 @@ def test_an_empty_page_has_no_numbers_of_ours(tmp_path):
         assert measured.startswith("no ") and verdict == f"**{NOT_MEASURED}**" and why == " |"
     # No table but that one, no picture, and no figure with a bar.
     assert sum(line.startswith("|---|") for line in page.splitlines()) == 1
-    assert "](" not in page.replace("](physics.md)", "")
+    assert "](" not in page.replace("](theory/plane.md)", "")
     assert re.search(r"[0-9] ± ", page) is None
 
 

@@ -61,7 +61,7 @@ class Task:
     A subclass overrides what it changes of `draw_goal`, `reward`, `ends`, `observe`, `info`,
     `state`, `draw_state`, `update` and `update_goal`. Those from `reward` on take a `Moment`, work
     on all members at once, and return new arrays whose first axis is the member. What is not
-    overridden costs nothing. docs/tasks.md has examples.
+    overridden costs nothing. docs/environments/tasks.md has examples.
 
     Parameters
     ----------

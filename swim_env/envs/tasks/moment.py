@@ -248,5 +248,5 @@ class Moment:
 
     @property
     def energy_drift(self) -> Array:
-        """Unexplained share of the energy, (m,), see docs/environments.md."""
+        """Unexplained share of the energy, (m,), see docs/environments/interface.md."""
         return self._figure("energy_drift")

@@ -1,8 +1,8 @@
 """The table of fluid models, and the kernels that look a scene's model up in it.
 
 A model is a file of this folder with its name, and a line in the scene's list of names
-(`swim_env.scene.fluid`); docs/extending.md shows one. A name without a file, or a file without
-what `Model` asks for, is an error when the package is imported.
+(`swim_env.scene.fluid`); docs/howto/extending.md shows one. A name without a file, or a
+file without what `Model` asks for, is an error when the package is imported.
 """
 
 from __future__ import annotations

@@ -1,0 +1,99 @@
+"""The README and the pages: what they show works, and what they say is what was measured."""
+
+import argparse
+import importlib
+import json
+import re
+import shlex
+from pathlib import Path
+from statistics import median
+
+import pytest
+from swim_agents.commands.main import COMMANDS
+
+import swim_env
+from tests.support import ROOT, run_python
+
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [page for page in PAGES if not {"_generated", "api"} & set(page.parts)]
+
+
+def name_of(page: Path) -> str:
+    """Return a page's place in the repository."""
+    return page.relative_to(ROOT).as_posix()
+
+
+def fenced(text: str, language: str) -> list[str]:
+    """Return the blocks of code of a language."""
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, flags=re.MULTILINE | re.DOTALL)
+
+
+def commands_of(page: Path) -> list[str]:
+    """Return the lines of shell that call the console command."""
+    text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+    lines = [line for block in fenced(text, "sh") for line in block.splitlines()]
+    return [line for line in lines if line.startswith("swim-env ")]
+
+
+def test_the_readme_is_short():
+    assert len(README.split()) < 900
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", ROOT / "docs/start.md"], ids=name_of)
+def test_the_first_episode_is_ten_lines_that_run(page):
+    (code,) = fenced(page.read_text(encoding="utf-8"), "python")
+    assert len(code.strip().splitlines()) <= 11  # one of them is empty
+    done = run_python("-c", code)
+    assert re.fullmatch(r"-?0\.\d{3} body lengths in 20 s\n", done.out), done.err
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if commands_of(page)], ids=name_of)
+def test_the_commands_of_the_pages_are_understood(page):
+    for line in commands_of(page):
+        _, name, *arguments = shlex.split(line, comments=True)
+        assert name in COMMANDS, line
+        module = importlib.import_module(f"swim_agents.commands.{name.replace('-', '_')}")
+        parser = argparse.ArgumentParser(exit_on_error=False)
+        module.add_arguments(parser)
+        parser.parse_args(arguments)
+
+
+def test_the_targets_of_make_that_pages_name_exist():
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M))
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        named = [*re.findall(r"`make ([a-z-]+)", text)]
+        named += re.findall(r"^make ([a-z-]+)", "".join(fenced(text, "sh")), re.MULTILINE)
+        assert set(named) <= targets, name_of(page)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_links_between_files_lead_somewhere(page):
+    for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+        if not re.match(r"[a-z]+:", link):
+            target, _, anchor = link.partition("#")
+            file = page.parent / target if target else page
+            assert file.exists(), link
+            assert not anchor or anchor in anchors(file), link
+
+
+def anchors(page: Path) -> set[str]:
+    """Return the names of a page's headings in links."""
+    titles = re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+def test_the_readme_quotes_the_stored_comparison():
+    stored = json.loads((ROOT / "docs/comparison/comparison.json").read_text(encoding="utf-8"))
+    for name, policy in stored["policies"].items():
+        (row,) = re.findall(rf"^\| `{name}`.*$", README, re.MULTILINE)
+        figures = [median(policy["net_displacement"]), median(policy["closed_displacement"])]
+        figures.append(stored["ratios"][name]["tuned_wave"])
+        assert [cell.strip() for cell in row.split("|")[2:5]] == [f"{one:.2f}" for one in figures]
+
+
+def test_every_reason_to_end_is_explained():
+    page = (ROOT / "docs/help/ends.md").read_text(encoding="utf-8")
+    for reason in swim_env.TERMINATION_REASONS:
+        assert re.search(rf"^## {reason}\b", page, re.MULTILINE), reason
