@@ -154,7 +154,7 @@ def measure_gait(rollout: Rollout, trajectory: TrajectoryBase) -> Gait | Spatial
         return None
     instants = slice(first * hold, whole * hold, hold)
     torques = rollout.torques[first:whole]
-    times: Array = np.arange(first, whole) * scene.episode.control_interval
+    times = np.asarray(np.arange(first, whole) * scene.episode.control_interval, np.float64)
     places = scene.beam.joint_fractions
     if isinstance(trajectory, SpatialTrajectory):
         rotations = trajectory.joint_rotations[instants]
