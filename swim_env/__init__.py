@@ -14,6 +14,12 @@ from swim_env.analysis.modes import natural_frequencies
 from swim_env.envs.episodes import TERMINATION_CODES, TERMINATION_REASONS, EnvSnapshot
 from swim_env.envs.registration import register_environments
 from swim_env.envs.single import SwimEnv, SwimTargetEnv
+from swim_env.envs.spatial import (
+    SwimEnv3D,
+    SwimTargetEnv3D,
+    SwimTargetVectorEnv3D,
+    SwimVectorEnv3D,
+)
 from swim_env.envs.tasks import (
     TASKS,
     EfficientTask,
@@ -80,10 +86,14 @@ __all__ = [
     "StationTask",
     "SurfaceError",
     "SwimEnv",
+    "SwimEnv3D",
     "SwimError",
     "SwimTargetEnv",
+    "SwimTargetEnv3D",
     "SwimTargetVectorEnv",
+    "SwimTargetVectorEnv3D",
     "SwimVectorEnv",
+    "SwimVectorEnv3D",
     "TargetTask",
     "Task",
     "TaskError",

@@ -8,6 +8,7 @@ from swim_agents import load_policy, play_episode, policy_names
 from swim_agents.policies import PRETRAINED_FOLDER, pretrained_names
 
 from swim_env import SwimEnv, SwimTargetEnv, load_scene
+from swim_env.envs.spatial import SwimTargetEnv3D
 
 pytest.importorskip("stable_baselines3")
 
@@ -21,7 +22,9 @@ from swim_agents.learning.trainer import train
 from tests.learning.small_runs import small_config
 from tests.support import files_of, refuses
 
-NAMES = ("ppo_forward", "sac_forward", "ppo_target")
+PLANAR = ("ppo_forward", "sac_forward", "ppo_target")
+SWIM_IN_SPACE = ("ppo_eel_3d", "sac_eel_3d", "ppo_fish_3d", "sac_fish_3d")
+NAMES = (*PLANAR, *SWIM_IN_SPACE, "ppo_target_3d")
 
 
 def test_the_agents_that_are_promised_are_there():
@@ -59,6 +62,27 @@ def test_a_forward_agent_does_as_its_record_says_and_more_than_the_tuned_wave(na
     rollout = play_episode(SwimEnv("swimmer"), load_policy(name), FIRST_SEED)
     # A network's products round otherwise for one observation than for a batch.
     assert rollout.net_displacement == pytest.approx(record["net_displacement"][0], rel=0.02)
+
+
+@pytest.mark.parametrize("name", SWIM_IN_SPACE)
+def test_an_agent_in_space_does_as_its_record_says_and_more_than_the_tuned_wave(name):
+    """Closed loop and torques alone, with panels on every shape and a quarter of the step."""
+    record = json.loads((PRETRAINED_FOLDER / name / "scores.json").read_text())
+    assert record["seeds"][0] == FIRST_SEED and all(record["verified"])
+    assert record["fine_ratio_to_tuned_wave"] > 1.2
+    policy = load_policy(name)
+    rollout = play_episode(SwimEnv(policy.scene), policy, FIRST_SEED)
+    assert rollout.net_displacement == pytest.approx(record["net_displacement"][0], rel=0.02)
+
+
+def test_the_target_agent_in_space_reaches_unseen_points():
+    """All of 100 in its scene; `scripts/target_rate.py` counts in the finer one as well."""
+    record = json.loads((PRETRAINED_FOLDER / "ppo_target_3d" / "scores.json").read_text())
+    assert all(record["verified"]) and record["verified_success_rate"] == 1.0
+    policy = load_policy("ppo_target_3d")
+    env = SwimTargetEnv3D(policy.scene)
+    seeds = range(FIRST_SEED + 100, FIRST_SEED + 106)
+    assert all(play_episode(env, policy, seed).info["success"] for seed in seeds)
 
 
 def test_the_target_agent_does_as_its_record_says():
