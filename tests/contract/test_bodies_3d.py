@@ -159,7 +159,7 @@ def test_panels_and_lengths_are_not_automatic():
 
 
 def test_characteristics_of_the_eel_are_those_of_a_uniform_elliptic_rod():
-    scene = load_scene("eel_3d")
+    scene = load_scene("eel_3d", {"fluid.model": "strip"})
     found = characterise(scene)
     b, a, rho, n = 0.03, 0.04, 1000.0, scene.beam.elements
     mass = rho * math.pi * a * b
