@@ -22,9 +22,10 @@ SHORT: dict[str, Any] = {"beam.elements": 4, "episode.control_interval": 0.005}
 BODIES: list[tuple[str, dict[str, Any], float]] = [
     ("eel_3d", {"fluid.model": "strip"}, 0.05),
     ("fish_3d", {"fluid.model": "frozen"}, 0.05),
-    ("eel_3d", {**SHORT, "fluid.model": "frozen"}, 0.3),
-    ("fish_3d", SHORT, 0.3),
-    ("fish_3d", {**VIOLENT, **SHORT}, 0.3),
+    ("eel_3d", {**SHORT, "fluid.model": "frozen"}, 0.44),
+    ("fish_3d", SHORT, 0.44),
+    # Steps that are cut into many parts take long.
+    ("fish_3d", {**VIOLENT, **SHORT}, 0.02),
 ]
 
 
@@ -42,7 +43,7 @@ def test_random_actions_are_finite_and_end_by_name(task, actions):
         envs = SwimVectorEnv(64, scene, changes, autoreset_mode="SameStep", task=task)
         envs.reset(seed=1)
         held = np.zeros(envs.action_space.shape)
-        for step in range(round(share * actions / 64)):
+        for step in range(max(100, round(share * actions / 64))):
             drawn = rng.uniform(-1.0, 1.0, envs.action_space.shape)
             kind = step // 200 % 3
             if kind == 1:
