@@ -129,7 +129,8 @@ def test_nothing_depends_on_place_or_on_how_space_is_turned(task):
         (Rotation.identity(), np.array([2.0, -4.0, 8.0])),
         (Rotation.from_rotvec([1.0, -2.0, 0.7]), np.array([0.3, 0.1, -0.2])),
     ):
-        env = make(task, scene="fish_3d")
+        # Newton's method stops by the residual, which rounds with the axes of space.
+        env = make(task, scene="fish_3d", overrides={"integrator.tolerance": 1e-10})
         env.reset(seed=5)
         seen, rewards = [begin(env, rotation, shift)], []
         for action in actions:

@@ -84,6 +84,8 @@ def ship_agent(
         "run_steps": status["steps"],
         "run_seconds": status["seconds"],
     }
+    for one in description["training"].get("resumed", []):
+        one.pop("command", None)  # what was typed names folders of the machine
     curve = read_log(place / "evaluations.csv")
 
     def write(ready: Path) -> None:
