@@ -266,9 +266,11 @@ def run(
         print(f"error: {error}", file=sys.stderr)
         return FAILED if _machine_failed(error) else BAD_INPUT
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         return 0
     except OSError as error:
+        if not error.filename:  # standard output is full: what waits for it is lost
+            _drop_output()
         where = f" ({error.filename})" if error.filename else ""
         print(f"error: {error.strerror or error}{where}", file=sys.stderr)
         return FAILED
@@ -280,6 +282,12 @@ def run(
     except KeyboardInterrupt:
         print(interrupted, file=sys.stderr)
         return INTERRUPTED
+
+
+def _drop_output() -> None:
+    """Send what standard output still holds nowhere; Python would fail on it as it ends."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _open_streams() -> None:
