@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from swim_agents import load_policy
 from swim_agents.commands.command_line import progress_bar, run
-from swim_agents.policies import trained_for
+from swim_agents.learning.saved import AgentPolicy
 
 from swim_env import SwimEnv
 from swim_env.envs.render.clip import write_clip
 from swim_env.errors import SwimError
-from swim_env.scene import load_scene
 
 Frame = NDArray[np.uint8]
 
@@ -41,12 +40,16 @@ def _parser() -> argparse.ArgumentParser:
 
 def _film(agent: str, options: argparse.Namespace) -> list[Frame]:
     """Return frames of an agent's episode, the last one again where that ends early."""
-    found = trained_for([agent])
-    if found is None:
-        raise SwimError(f"{agent} is no trained agent")
-    scene = load_scene(found[0])
     policy = load_policy(agent)
-    env = SwimEnv(scene, task=found[1], render_mode="rgb_array")
+    if not isinstance(policy, AgentPolicy):
+        raise SwimError(f"{agent} is no trained agent")
+    about = policy.description
+    env = SwimEnv(
+        policy.scene,
+        render_mode="rgb_array",
+        task=about["task"],
+        task_options=about["environment"],
+    )
     observation, _ = env.reset(seed=options.seed)
     frames: list[Frame] = []
     state, time, ended = None, 0.0, False

@@ -44,7 +44,8 @@ def main(arguments: list[str] | None = None) -> int:
     with progress_bar(2 * options.targets, "episode", "targets") as progress:
 
         def play(played: Scene, seed: int) -> Rollout:
-            rollout = play_episode(SwimTargetEnv(played), policy, seed=seed)
+            env = SwimTargetEnv(played, **policy.description["environment"])
+            rollout = play_episode(env, policy, seed=seed)
             progress(1)
             return rollout
 

@@ -123,8 +123,7 @@ def _alike(own: Scene, scene: Scene, path: str) -> bool:
 def _unit(scene: Scene, powers: tuple[int, int, int]) -> float:
     """Return what a body unit of these powers of length, mass per length and time is in SI."""
     beam = scene.beam
-    mass = scene.mass / beam.length if scene.dimension == 3 else beam.line_density
-    units = (beam.length, mass, scene.episode.control_interval)
+    units = (beam.length, scene.mass / beam.length, scene.episode.control_interval)
     return float(np.prod([unit**power for unit, power in zip(units, powers, strict=True)]))
 
 

@@ -253,7 +253,7 @@ def characterise(scene: Scene) -> Characteristics | SpatialCharacteristics:
     straight = scene.replace({"initial": {}, "stream": None})
     matrix = mass_matrix(Simulator(straight))
     beam, n = scene.beam, scene.beam.elements
-    mass, segment = beam.line_density * beam.length, beam.element_length
+    mass, segment = scene.mass, beam.element_length
     rigid = np.zeros((3, n + 2))
     rigid[0, 0] = rigid[1, 1] = 1.0
     rigid[2, 2:] = 1.0

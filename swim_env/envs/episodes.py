@@ -19,7 +19,7 @@ from swim_env.envs.assessment import (
 )
 from swim_env.envs.tasks import Start, StartPlan, Task
 from swim_env.envs.tasks.hooks import Hooks
-from swim_env.envs.tasks.layout import TERMS, TOLD, standard_parts
+from swim_env.envs.tasks.layout import TERMS, TOLD, standard_size
 from swim_env.envs.tasks.moment import COLUMNS, Arrays
 from swim_env.errors import ActionError, OptionError, SimulationEndedError, SwimError
 from swim_env.physics.status import TERMINATION_REASONS as PHYSICS_REASONS
@@ -218,7 +218,7 @@ class Episodes:
         self._position = slice(COLUMNS["x"], COLUMNS["x"] + scene.dimension)
         self.someone_ended = self.is_reset = False
         self._earlier = np.zeros((count, geometry.kept))
-        size = max(column.stop for column in standard_parts(task).values())
+        size = standard_size(task)
         self._seen = self.observations = np.zeros((count, size), dtype=np.float32)
         self._figures = np.zeros((count, len(COLUMNS)))
         self.counters = np.zeros((count, 3), dtype=np.int64)

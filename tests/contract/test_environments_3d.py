@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from swim_env import ActionError, OptionError, SceneError, SwimEnv, SwimVectorEnv, load_scene
 from swim_env.envs.spatial import SwimEnv3D, SwimTargetEnv3D, SwimVectorEnv3D
-from swim_env.envs.tasks import Start
+from swim_env.envs.tasks import ForwardTask, Start
 from swim_env.physics.spatial.invariants import directors_of, heading_of
 from tests.support import (
     FORWARD_3D,
@@ -338,6 +338,22 @@ def test_a_station_is_held_in_a_stream_from_any_side():
     assert np.allclose(info["position"] - [0.5, 0.0, 0.0], drifted, rtol=0.0, atol=1e-12)
     assert info["reward_return"] == pytest.approx(-0.3 * 0.02, rel=1e-9)
     assert info["reward_held"] == pytest.approx(0.3 * 0.02, rel=1e-2)
+
+
+class _Watching(ForwardTask):
+    """Observes what a task sees of the body's turning."""
+
+    def observe(self, now):
+        return {"rate": now.turning_rate, "gone": now.in_body(now.velocity)}
+
+
+def test_a_task_of_ones_own_sees_what_the_kernel_observes():
+    env = make(FORWARD_3D, task=_Watching, scene="fish_3d")
+    env.reset(seed=1, options={"spin": [0.3, -0.2, 0.5]})
+    for action in uniform(10, 24, seed=6):
+        seen, *_ = env.step(action)
+        assert np.allclose(seen[57:60], seen[54:57] * 0.02 / 0.02, rtol=1e-4, atol=1e-5)
+        assert np.allclose(seen[60:63], seen[51:54] * 0.002 / 0.02, rtol=1e-4, atol=1e-6)
 
 
 @each_task

@@ -84,10 +84,15 @@ def standard_parts(task: Task) -> dict[str, slice]:
     }
 
 
+def standard_size(task: Task) -> int:
+    """Return the number of quantities that the kernel observes."""
+    return max(column.stop for column in standard_parts(task).values())
+
+
 def layout_of(task: Task) -> Layout:
     """Call a task's methods once, of several members at its start, and check what they return."""
     geometry, standard = task.geometry, standard_parts(task)
-    size = max(column.stop for column in standard.values())
+    size = standard_size(task)
     start = task.draw_start(np.random.default_rng(0), task.plan_start({"noise": 0.0}))
     count = geometry.kept + size  # no other axis has this length
     kept = np.zeros((count, geometry.kept))
