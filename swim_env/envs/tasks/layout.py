@@ -86,7 +86,7 @@ def standard_parts(task: Task) -> dict[str, slice]:
 
 def standard_size(task: Task) -> int:
     """Return the number of quantities that the kernel observes."""
-    return max(column.stop for column in standard_parts(task).values())
+    return max(int(column.stop) for column in standard_parts(task).values())
 
 
 def layout_of(task: Task) -> Layout:
