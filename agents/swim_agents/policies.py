@@ -20,6 +20,7 @@ from swim_agents.baselines import (
     spatial_wave,
     tuned_wave,
 )
+from swim_agents.optimal_gait import GAIT_SUFFIX, GOALS, OptimalGait, find_optimal_gait, load_gait
 from swim_agents.tuned_wave import SUFFIX
 from swim_env.envs.interface import SceneLike
 from swim_env.envs.tasks import check_task
@@ -44,12 +45,15 @@ PRETRAINED_FOLDER = next(
     _HERE / "pretrained",
 )
 
-_BASELINES: dict[str, Callable[[Scene], WavePolicy | ZeroPolicy]] = {
+#: Names of the gaits that were optimised.
+_OPTIMAL = {f"optimal_{goal}": goal for goal in GOALS}
+_BASELINES: dict[str, Callable[[Scene], WavePolicy | ZeroPolicy | OptimalGait]] = {
     "paper_wave": paper_wave,
     "tuned_wave": tuned_wave,
     "zero": ZeroPolicy,
     **{name: partial(spatial_wave, wave=wave) for name, wave in PRESCRIBED_WAVES.items()},
     **{name: partial(tuned_wave, wave=wave) for name, wave in TUNED_WAVES.items()},
+    **{name: partial(find_optimal_gait, goal=goal) for name, goal in _OPTIMAL.items()},
 }
 
 
@@ -60,7 +64,7 @@ def pretrained_names() -> tuple[str, ...]:
 
 def policy_names() -> tuple[str, ...]:
     """Return all names that `load_policy` knows."""
-    return (*POLICY_NAMES, *SPATIAL_POLICY_NAMES, *pretrained_names())
+    return (*POLICY_NAMES, *SPATIAL_POLICY_NAMES, *_OPTIMAL, *pretrained_names())
 
 
 def policy_label(policy: str) -> str:
@@ -137,10 +141,12 @@ def load_policy(
         ``random``: uniform torques. In space, ``lateral_wave``, ``dorsoventral_wave``,
         ``helical_wave_right`` and ``helical_wave_left`` are the prescribed wave about other axes,
         see `spatial_wave`; ``tuned_wave`` is a lateral one, and ``tuned_dorsoventral``,
-        ``tuned_helical_right`` and ``tuned_helical_left`` are the others. A trained agent that
+        ``tuned_helical_right`` and ``tuned_helical_left`` are the others. ``optimal_displacement``,
+        ``optimal_efficiency`` and ``optimal_turn`` are what `swim-env optimise` found for the
+        scene. A trained agent that
         ships, see `pretrained_names`. Or a path: an agent's folder, the folder of a training run
-        (its best agent), a model file (.zip) of stable-baselines3, or a tuned wave
-        (.tuned_wave.json).
+        (its best agent), a model file (.zip) of stable-baselines3, a tuned wave
+        (.tuned_wave.json) or an optimal gait (.optimal_gait.json).
     scene : Scene, str or os.PathLike, optional
         The scene to be played; unless given, ``swimmer`` for a baseline, and for an agent the one
         it was trained on.
@@ -176,6 +182,10 @@ def load_policy(
     if name in pretrained_names():
         return _load_agent(PRETRAINED_FOLDER / name, own, task)
     path = Path(name)
+    if name.endswith(GAIT_SUFFIX) and path.is_file():
+        gait = load_gait(path, found)
+        gait.check(found, task)
+        return gait
     if name.endswith(SUFFIX) and path.is_file():
         wave = tuned_wave(found, path)
         wave.check(found, task)

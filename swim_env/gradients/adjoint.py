@@ -18,7 +18,7 @@ from swim_env.gradients.parameters import (
     check_names,
     shape_of,
 )
-from swim_env.gradients.tape import Record, Tape
+from swim_env.gradients.tape import TOLERANCE, Record, Tape
 from swim_env.scene import load_scene
 
 Array = NDArray[np.float64]
@@ -38,12 +38,13 @@ def value_and_gradient(
     steps: int | None = None,
     start: tuple[ArrayLike, ArrayLike] | None = None,
     checkpoint: int = CHECKPOINT,
+    tolerance: float = TOLERANCE,
 ) -> tuple[float, dict[str, Array]]:
     """Return an objective of a run, and its gradient by the discrete adjoint.
 
-    Steps are solved to 1e-12, or to the scene's tolerance where that is smaller, so that the
-    derivatives are those of the step equations to nearly all digits; see docs/tutorials for how
-    many are right with which fluid model.
+    The derivatives are those of the step equations. They are right to eight digits and more, with
+    the fluid models `panels` and `expansion` to six, as second derivatives of the added mass are
+    differences there.
 
     Parameters
     ----------
@@ -68,7 +69,10 @@ def value_and_gradient(
         Coordinates and velocity of the start as in `Simulator.reset_to`; the scene's unless given.
     checkpoint : int
         Steps between checkpoints. A run of more is played twice, and what its derivatives need is
-        kept for so many steps only, about 8 (3 N + 6) bytes each in the plane.
+        kept for so many steps only, 24 (N + 2) bytes each in the plane.
+    tolerance : float
+        Largest scaled residual of the steps, or the scene's where that is smaller. Derivatives of
+        steps that are solved less exactly are less exact, and cost less.
 
     Returns
     -------
@@ -87,7 +91,7 @@ def value_and_gradient(
     scene = load_scene(scene)
     names = check_names(scene, with_respect_to, torques is None)
     found = objective_of(objective)
-    tape = Tape.of(scene, start)
+    tape = Tape.of(scene, start, tolerance)
     held = held_torques(tape, torques, steps)
     length = len(held) if found.whole else max(1, int(checkpoint))
     cuts = list(range(0, len(held), length)) or [0]

@@ -111,7 +111,7 @@ def _quaternions(coordinates: Array) -> Array:
 
 
 def _conjugate(quaternions: Array) -> Array:
-    return quaternions * np.array([1.0, -1.0, -1.0, -1.0])
+    return np.asarray(quaternions * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
 def _product(a: Array, b: Array) -> Array:

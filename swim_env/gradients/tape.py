@@ -55,6 +55,8 @@ class Tape:
         What moves.
     start : pair of arrays, optional
         Coordinates and velocity as of `Simulator.reset_to`; the scene's start unless given.
+    tolerance : float
+        Largest scaled residual of its steps, or the scene's where that is smaller.
 
     Raises
     ------
@@ -64,9 +66,14 @@ class Tape:
 
     dimension = 2
 
-    def __init__(self, scene: Scene, start: tuple[ArrayLike, ArrayLike] | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        start: tuple[ArrayLike, ArrayLike] | None = None,
+        tolerance: float = TOLERANCE,
+    ) -> None:
         self._check(scene)
-        tolerance = min(TOLERANCE, scene.integrator.tolerance)
+        tolerance = min(tolerance, scene.integrator.tolerance)
         self.scene = scene
         self.simulator = Simulator(
             scene.replace({"integrator.tolerance": tolerance, "recording": None})
@@ -87,13 +94,17 @@ class Tape:
         self._reals = np.zeros(real_count)
 
     @staticmethod
-    def of(scene: Scene, start: tuple[ArrayLike, ArrayLike] | None = None) -> Tape:
+    def of(
+        scene: Scene,
+        start: tuple[ArrayLike, ArrayLike] | None = None,
+        tolerance: float = TOLERANCE,
+    ) -> Tape:
         """Return the tape that the scene's dimension calls for."""
         if scene.dimension == 3:
             from swim_env.gradients.spatial import SpatialTape
 
-            return SpatialTape(scene, start)
-        return Tape(scene, start)
+            return SpatialTape(scene, start, tolerance)
+        return Tape(scene, start, tolerance)
 
     def _check(self, scene: Scene) -> None:
         if scene.cross_flow_drag is not None:

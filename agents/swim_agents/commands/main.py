@@ -18,6 +18,7 @@ COMMANDS = {
     "visualise": "record how policies swim, and look at it in rerun's viewer",
     "characterise": "show a body's masses and frequencies, and what would keep it from swimming",
     "tune": "search for the travelling wave that swims farthest",
+    "optimise": "find the torques that are best, by exact gradients of whole episodes",
     "accuracy": "choose the cheapest settings that compute a scene to a tolerance",
     "warm-up": "compile the kernels, for images and clusters",
 }
