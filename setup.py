@@ -22,7 +22,7 @@ setup(
     ],
     package_dir=FOLDERS,
     package_data={
-        "swim_agents": ["*.json"],
+        "swim_agents": ["*.json", "optimal_gaits/*.json"],
         "swim_agents.configs.agents": ["*.yaml"],
         "swim_agents.pretrained": ["*/*"],
         "swim_env.accuracy": ["front.json"],

@@ -3,6 +3,7 @@
 After Leyendecker & Kanso, "Locomotion of a submerged Cosserat beam" (DETC2009-87198).
 """
 
+from swim_env import gradients as gradients
 from swim_env.accuracy.choice import with_chosen_settings
 from swim_env.analysis.characteristics import (
     Characteristics,

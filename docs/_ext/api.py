@@ -33,6 +33,7 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
         "swim_env.envs.tasks": (),
         "swim_env.physics": (),
     },
+    "Gradients": {"swim_env.gradients": (), "swim_env.gradients.objectives": ("objective_of",)},
     "Analysis, accuracy, pictures and recordings": {
         "swim_env.accuracy": (),
         "swim_env.analysis.body_surface": (),
@@ -55,6 +56,8 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
         "swim_agents.verification": (),
         "swim_agents.tuned_wave": (),
         "swim_agents.tuning": (),
+        "swim_agents.optimal_gait": (),
+        "swim_agents.optimising": (),
         "swim_agents.fit": (),
         "swim_agents.replay": (),
         "swim_agents.vec_env": (),

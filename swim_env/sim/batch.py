@@ -143,9 +143,8 @@ class Bodies:
 
     def move_to(self, member: int, coordinates: Array, momenta: Array) -> None:
         """Give a member coordinates and momenta, (N + 2,) each, and no past."""
-        self.states[member] = 0.0
-        state = self.views(member).state
-        state.q[:], state.p[:], state.inertia[:] = coordinates, momenta, coordinates[3:]
+        self.states[member] = self._state_at(coordinates)
+        self.momenta[member] = momenta
 
     def put(self, member: int, state: Array, velocity: Array) -> None:
         """Put a member at a start that was `prepared`."""

@@ -61,6 +61,8 @@ class Sweep(NamedTuple):
     zero, solved, early, late, early_too, late_too : (N + 2,) arrays
         No direction; the unknown of the linear system; derivatives by the earlier and the later
         coordinates, for one direction and for another.
+    force : (N,) array
+        A shape force beside another one.
     no_changes, unused : (P,) arrays
         No change of parameters, and derivatives that nobody asked for.
     """
@@ -74,6 +76,7 @@ class Sweep(NamedTuple):
     late: Array
     early_too: Array
     late_too: Array
+    force: Array
     no_changes: Array
     unused: Array
 
@@ -86,10 +89,13 @@ def sweep_views(
     n = elements + 2
     v, complex_end, end = variation_views(numbers, floats, elements, motions)
     square, end = matrix(floats, end, n, n)
-    u, end = matrix(floats, end, 8, n)
+    u, end = matrix(floats, end, 9, n)
     no_changes, end = vector(floats, end, JOINTS + 2 * (elements - 1))
     unused, end = vector(floats, end, JOINTS + 2 * (elements - 1))
-    sweep = Sweep(square, u[0], u[1], u[2], u[3], u[4], u[5], u[6], u[7], no_changes, unused)
+    sweep = Sweep(
+        *(square, u[0], u[1], u[2], u[3], u[4], u[5], u[6], u[7], u[8][:elements]),
+        *(no_changes, unused),
+    )
     return sweep, v, complex_end, end
 
 
@@ -103,6 +109,7 @@ def sweep_sizes(elements: int, motions: int) -> tuple[int, int, int]:
 def begin_half(
     torques: Array,
     h: float,
+    share: float,
     beam: BeamConstants,
     fluid: FluidConstants,
     solver: SolverConstants,
@@ -111,8 +118,9 @@ def begin_half(
 ) -> int:
     """Evaluate a step from `sweep.pose` by `sweep.z` and write J to `newton.jacobian`.
 
-    Rows and columns belong to the mean centre and the elements' angles. Returns 0 or the code of
-    the reason why there is no added mass.
+    Rows and columns belong to the mean centre and the elements' angles; `share` is the part of a
+    motion by which it is changed for a difference quotient to one side, or 0 for one to both sides,
+    which is exact. Returns 0 or the code of the reason why there is no added mass.
     """
     newton, inc = m.newton, m.body.inc
     set_pose(sweep.pose, beam, m.body.pose)
@@ -136,16 +144,21 @@ def begin_half(
         for i in range(motions):
             largest = max(largest, abs(inc.motion[i]))
         # The shape force is a quadratic form of V: (V + s U)^2 - (V - s U)^2 = 4 s V U.
+        largest = max(largest, 1e-100)
+        size = largest if share == 0.0 else share * largest
         for column in range(n):
             row = newton.motions[column]
-            size = max(largest, 1e-100)
-            for side in range(2):
-                factor = size if side == 0 else -size
+            copy(m.body.balance.shape, sweep.force)
+            if share == 0.0:
                 for i in range(newton.moved.size):
-                    newton.moved[i] = inc.motion[i] + factor * row[i]
-                shape_force(newton.moved, fluid, m.fluid_buffers, newton.shape)
-                for k in range(beam.elements):
-                    jacobian[2 + k, column] -= 0.5 * newton.shape[k] / (factor * h)
+                    newton.moved[i] = inc.motion[i] - size * row[i]
+                shape_force(newton.moved, fluid, m.fluid_buffers, sweep.force)
+            for i in range(newton.moved.size):
+                newton.moved[i] = inc.motion[i] + size * row[i]
+            shape_force(newton.moved, fluid, m.fluid_buffers, newton.shape)
+            apart = 2.0 * size if share == 0.0 else size
+            for k in range(beam.elements):
+                jacobian[2 + k, column] -= (newton.shape[k] - sweep.force[k]) / (apart * h)
     return FINE
 
 
@@ -190,6 +203,7 @@ def pull_back(
     z: Array,
     torques: Array,
     bend: float,
+    share: float,
     scalars: NDArray[np.void],
     vectors: Array,
     states: Array,
@@ -216,8 +230,8 @@ def pull_back(
         Increments of its H parts, two with the composed scheme.
     torques : (T, N - 1) array
         Joint torques (N m).
-    bend : float
-        As in `vary`.
+    bend, share : float, float
+        As in `vary` and `begin_half`.
     scalars, vectors : (1,), (V,) arrays
         The scene, from `swim_env.physics.solve.constants.pack_constants`.
     states, floats, integers : (2, S), (2, F), (2, I) arrays
@@ -256,7 +270,7 @@ def pull_back(
             second = part == 1
             increment = z[step, part]
             _place_half(q[step + part], increment, second, sweep)
-            status = begin_half(held, h, beam, fluid, solver, m, sweep)
+            status = begin_half(held, h, share, beam, fluid, solver, m, sweep)
             if status != FINE:
                 return int(status), step
             early, late, early_too, late_too = (
@@ -265,13 +279,14 @@ def pull_back(
                 sweep.early_too,
                 sweep.late_too,
             )
-            # The direction (0, pi) of the earlier and the later coordinates.
-            u_a, u_b, out_a, out_b = sweep.zero, by_momentum, early, late
+            # The direction (0, pi) of the earlier and the later coordinates. Where the inertia is
+            # that of the earlier ones, it is gone through again with mu.
+            u_a, u_b, out_a, out_b, kept = sweep.zero, by_momentum, early, late, sweep.unused
             if second:
-                u_a, u_b, out_a, out_b = by_momentum, sweep.zero, late, early
+                u_a, u_b, out_a, out_b, kept = by_momentum, sweep.zero, late, early, parameters
             status = vary(
-                *(sweep.pose, sweep.z, h, u_a, u_b, sweep.no_changes, bend, beam, fluid, m, beside),
-                *(v, out_a, out_b, parameters),
+                *(sweep.pose, sweep.z, h, u_a, u_b, sweep.no_changes, bend, second),
+                *(beam, fluid, m, beside, v, out_a, out_b, kept),
             )
             if status != FINE:
                 return int(status), step
@@ -280,25 +295,25 @@ def pull_back(
             for j in range(beam.elements - 1):
                 turned = 0.5 * beam.joint_damping[j] * _joint(by_momentum, j)
                 _add_joint(sweep.solved, j, -turned)
-                _add_joint(early, j, turned)
             if not _solve(not second, m, sweep):
                 return STEP_NOT_SOLVED, step
             mu = sweep.solved
-            u_a, u_b, out_a, out_b = mu, sweep.zero, early_too, late_too
+            u_a, u_b, out_a, out_b = mu, by_momentum, early_too, late_too
             if second:
                 u_a, u_b, out_a, out_b = sweep.zero, mu, late_too, early_too
+            else:
+                early[:] = 0.0
             status = vary(
-                *(sweep.pose, sweep.z, h, u_a, u_b, sweep.no_changes, bend, beam, fluid, m, beside),
-                *(v, out_a, out_b, parameters),
+                *(sweep.pose, sweep.z, h, u_a, u_b, sweep.no_changes, bend, not second),
+                *(beam, fluid, m, beside, v, out_a, out_b, parameters),
             )
             if status != FINE:
                 return int(status), step
             for i in range(n):
                 by_end[i] = early[i] + early_too[i]
             for j in range(beam.elements - 1):
-                turned = _joint(mu, j)
+                turned = _joint(mu, j) + _joint(by_momentum, j)
                 _add_joint(by_end, j, 0.5 * beam.joint_damping[j] * turned)
-                turned += _joint(by_momentum, j)
                 by_torques[step, j] += 0.5 * h * turned
                 parameters[dampers + j] -= 0.5 * turned * increment[3 + j]
             copy(mu, by_momentum)
@@ -314,6 +329,7 @@ def push_forward(
     z: Array,
     torques: Array,
     bend: float,
+    share: float,
     scalars: NDArray[np.void],
     vectors: Array,
     states: Array,
@@ -362,7 +378,7 @@ def push_forward(
             second = part == 1
             increment = z[step, part]
             _place_half(q[step + part], increment, second, sweep)
-            status = begin_half(held, h, beam, fluid, solver, m, sweep)
+            status = begin_half(held, h, share, beam, fluid, solver, m, sweep)
             if status != FINE:
                 return int(status), step
             early, late, early_too, late_too = (
@@ -375,8 +391,8 @@ def push_forward(
             if second:
                 u_a, u_b, out_a, out_b = sweep.zero, start, late, early
             status = vary(
-                *(sweep.pose, sweep.z, h, u_a, u_b, changes, bend, beam, fluid, m, beside),
-                *(v, out_a, out_b, sweep.unused),
+                *(sweep.pose, sweep.z, h, u_a, u_b, changes, bend, True),
+                *(beam, fluid, m, beside, v, out_a, out_b, sweep.unused),
             )
             if status != FINE:
                 return int(status), step
@@ -394,8 +410,8 @@ def push_forward(
             if second:
                 u_a, u_b, out_a, out_b = end, sweep.zero, late_too, early_too
             status = vary(
-                *(sweep.pose, sweep.z, h, u_a, u_b, sweep.no_changes, bend, beam, fluid, m, beside),
-                *(v, out_a, out_b, sweep.unused),
+                *(sweep.pose, sweep.z, h, u_a, u_b, sweep.no_changes, bend, True),
+                *(beam, fluid, m, beside, v, out_a, out_b, sweep.unused),
             )
             if status != FINE:
                 return int(status), step

@@ -144,6 +144,7 @@ def _vary_fluid(
     q: Array,
     h: float,
     bend: float,
+    forces: bool,
     fluid: FluidConstants,
     m: Member,
     beside: Member,
@@ -178,7 +179,7 @@ def _vary_fluid(
         for i in range(motions):
             largest = max(largest, abs(inc.motion[i]))
             moved = max(moved, abs(moving[i]))
-        if moved > 0.0 and largest > 0.0:
+        if forces and moved > 0.0 and largest > 0.0:
             # (V + s V')^2 - (V - s V')^2 = 4 s V V'.
             size = largest / moved
             for side in range(2):
@@ -253,6 +254,7 @@ def vary(
     u_b: Array,
     changes: Array,
     bend: float,
+    forces: bool,
     beam: BeamConstants,
     fluid: FluidConstants,
     m: Member,
@@ -276,6 +278,8 @@ def vary(
         Its part by the parameters, see `parameter_count`.
     bend : float
         Bend of a joint (rad) by which shapes to either side differ.
+    forces : bool
+        Whether the derivative of dL/da is wanted, in which the shape force is.
     beam, fluid : BeamConstants, FluidConstants
         The scene.
     m : Member
@@ -300,7 +304,7 @@ def vary(
     for i in range(changes.size):
         v.changes[i] = SMALL * changes[i]
         v.parameters[i] = 0.0
-    status = _vary(q, z, h, bend, beam, fluid, m, beside, v, out_a, out_b)
+    status = _vary(q, z, h, bend, forces, beam, fluid, m, beside, v, out_a, out_b)
     for i in range(u_a.size):
         out_a[i] /= SMALL
         out_b[i] /= SMALL
@@ -315,6 +319,7 @@ def _vary(
     z: Array,
     h: float,
     bend: float,
+    forces: bool,
     beam: BeamConstants,
     fluid: FluidConstants,
     m: Member,
@@ -329,7 +334,7 @@ def _vary(
     rate = 1.0 / h
     _vary_motion(z, beam, pose, inc, v)
     if fluid.present:
-        status = _vary_fluid(q, h, bend, fluid, m, beside, v)
+        status = _vary_fluid(q, h, bend, forces, fluid, m, beside, v)
         if status != FINE:
             return int(status)
     mass = rate * complex(beam.element_mass, v.changes[MASS])
