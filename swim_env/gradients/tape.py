@@ -28,9 +28,6 @@ TOLERANCE = 1e-12
 #: direction. The expansion is a quadratic form, of which every difference is exact.
 _BENDS = {"expansion": 0.05}
 _BEND = 2e-5
-#: Steps that are solved to less than this have derivatives of the shape force to one side only, as
-#: a share of the motion, which are right to about six digits and cost half as much.
-_ROUGH, _SHARE = 1e-10, 1e-6
 
 
 @dataclass(frozen=True)
@@ -124,8 +121,7 @@ class Tape:
         scene = self._bodies.scene
         _, fluid, _ = unpack_constants(*self._constants)
         model = scene.fluid.model if scene.fluid is not None else ""
-        share = _SHARE if scene.integrator.tolerance > _ROUGH else 0.0
-        self._options: tuple[float, ...] = (_BENDS.get(model, _BEND), share)
+        self._options: tuple[float, ...] = (_BENDS.get(model, _BEND),)
         return sweep_sizes(scene.beam.elements, motion_count(fluid))
 
     def move_to(self, coordinates: Array, momenta: Array) -> None:

@@ -175,7 +175,7 @@ def test_gradients_in_space_are_the_slopes_of_runs(case):
         def moved(e: float, name: str = name, value: Any = value, along: Any = along) -> float:
             return run_of(scene.replace(name, (value + e * along).tolist()), torques, start)
 
-        size = 0.05 * (float(np.abs(value).min()) or 0.2)
+        size = 0.02 * (float(np.abs(value).min()) or 0.2)
         expected = (along * gradient[name]).sum()
         assert slope(moved, size) == pytest.approx(expected, rel=1e-6, abs=1e-13 / size), name
 

@@ -45,7 +45,7 @@ def _planar_kernels() -> tuple[Loads, Loads]:
     constants = pack_constants(beam, SAMPLE, solver)
     row, rows, steps = np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1, 1))
     numbers, integers = np.zeros(1, np.complex128), np.zeros((1, 1), np.int64)
-    given = (rows, steps, rows, 0.1, 0.1, *constants, rows, rows, integers, numbers, row)
+    given = (rows, steps, rows, 0.1, *constants, rows, rows, integers, numbers, row)
     sizes = sweep_sizes(2, motion_count(SAMPLE))
     sweep, v, _, _ = sweep_views(
         np.zeros(sizes[0], np.complex128), np.zeros(sizes[1]), 2, motion_count(SAMPLE)
@@ -56,7 +56,7 @@ def _planar_kernels() -> tuple[Loads, Loads]:
     )
     return (
         [
-            linked(begin_half, row, 0.1, 0.1, beam, SAMPLE, solver, m, sweep),
+            linked(begin_half, row, 0.1, beam, SAMPLE, solver, m, sweep),
             entry(pull_back, *given, rows, rows, rows, rows, row),
         ],
         [

@@ -49,6 +49,10 @@ Complex = NDArray[Any]
 Integers = NDArray[np.int64]
 
 
+#: Part of a motion by which it is changed for a difference quotient.
+_SHARE = 1e-6
+
+
 class Sweep(NamedTuple):
     """Work space of a sweep.
 
@@ -61,8 +65,8 @@ class Sweep(NamedTuple):
     zero, solved, early, late, early_too, late_too : (N + 2,) arrays
         No direction; the unknown of the linear system; derivatives by the earlier and the later
         coordinates, for one direction and for another.
-    force : (N,) array
-        A shape force beside another one.
+    mu, early_last, late_last : (N + 2,) arrays
+        The solution, and derivatives along its correction.
     no_changes, unused : (P,) arrays
         No change of parameters, and derivatives that nobody asked for.
     """
@@ -76,7 +80,9 @@ class Sweep(NamedTuple):
     late: Array
     early_too: Array
     late_too: Array
-    force: Array
+    mu: Array
+    early_last: Array
+    late_last: Array
     no_changes: Array
     unused: Array
 
@@ -89,11 +95,11 @@ def sweep_views(
     n = elements + 2
     v, complex_end, end = variation_views(numbers, floats, elements, motions)
     square, end = matrix(floats, end, n, n)
-    u, end = matrix(floats, end, 9, n)
+    u, end = matrix(floats, end, 11, n)
     no_changes, end = vector(floats, end, JOINTS + 2 * (elements - 1))
     unused, end = vector(floats, end, JOINTS + 2 * (elements - 1))
     sweep = Sweep(
-        *(square, u[0], u[1], u[2], u[3], u[4], u[5], u[6], u[7], u[8][:elements]),
+        *(square, u[0], u[1], u[2], u[3], u[4], u[5], u[6], u[7], u[8], u[9], u[10]),
         *(no_changes, unused),
     )
     return sweep, v, complex_end, end
@@ -109,7 +115,6 @@ def sweep_sizes(elements: int, motions: int) -> tuple[int, int, int]:
 def begin_half(
     torques: Array,
     h: float,
-    share: float,
     beam: BeamConstants,
     fluid: FluidConstants,
     solver: SolverConstants,
@@ -118,9 +123,8 @@ def begin_half(
 ) -> int:
     """Evaluate a step from `sweep.pose` by `sweep.z` and write J to `newton.jacobian`.
 
-    Rows and columns belong to the mean centre and the elements' angles; `share` is the part of a
-    motion by which it is changed for a difference quotient to one side, or 0 for one to both sides,
-    which is exact. Returns 0 or the code of the reason why there is no added mass.
+    Rows and columns belong to the mean centre and the elements' angles. Returns 0 or the code of
+    the reason why there is no added mass.
     """
     newton, inc = m.newton, m.body.inc
     set_pose(sweep.pose, beam, m.body.pose)
@@ -143,22 +147,17 @@ def begin_half(
         largest = 0.0
         for i in range(motions):
             largest = max(largest, abs(inc.motion[i]))
-        # The shape force is a quadratic form of V: (V + s U)^2 - (V - s U)^2 = 4 s V U.
-        largest = max(largest, 1e-100)
-        size = largest if share == 0.0 else share * largest
+        # The shape force is a small part of the matrix, and what its difference quotients to one
+        # side leave is corrected: they are right to six digits.
+        size = _SHARE * max(largest, 1e-100)
         for column in range(n):
             row = newton.motions[column]
-            copy(m.body.balance.shape, sweep.force)
-            if share == 0.0:
-                for i in range(newton.moved.size):
-                    newton.moved[i] = inc.motion[i] - size * row[i]
-                shape_force(newton.moved, fluid, m.fluid_buffers, sweep.force)
             for i in range(newton.moved.size):
                 newton.moved[i] = inc.motion[i] + size * row[i]
             shape_force(newton.moved, fluid, m.fluid_buffers, newton.shape)
-            apart = 2.0 * size if share == 0.0 else size
             for k in range(beam.elements):
-                jacobian[2 + k, column] -= (newton.shape[k] - sweep.force[k]) / (apart * h)
+                change = newton.shape[k] - m.body.balance.shape[k]
+                jacobian[2 + k, column] -= change / (size * h)
     return FINE
 
 
@@ -174,6 +173,14 @@ def _solve(transposed: bool, m: Member, sweep: Sweep) -> bool:
         return False
     lu_solve(sweep.matrix, m.newton.permutation, sweep.solved)
     return True
+
+
+@kernel
+def _correct(m: Member, sweep: Sweep) -> None:
+    """Solve for `sweep.solved` once more with the same factors, and add it to `sweep.mu`."""
+    lu_solve(sweep.matrix, m.newton.permutation, sweep.solved)
+    for i in range(sweep.mu.size):
+        sweep.mu[i] += sweep.solved[i]
 
 
 @kernel
@@ -203,7 +210,6 @@ def pull_back(
     z: Array,
     torques: Array,
     bend: float,
-    share: float,
     scalars: NDArray[np.void],
     vectors: Array,
     states: Array,
@@ -230,8 +236,8 @@ def pull_back(
         Increments of its H parts, two with the composed scheme.
     torques : (T, N - 1) array
         Joint torques (N m).
-    bend, share : float, float
-        As in `vary` and `begin_half`.
+    bend : float
+        As in `vary`.
     scalars, vectors : (1,), (V,) arrays
         The scene, from `swim_env.physics.solve.constants.pack_constants`.
     states, floats, integers : (2, S), (2, F), (2, I) arrays
@@ -270,7 +276,7 @@ def pull_back(
             second = part == 1
             increment = z[step, part]
             _place_half(q[step + part], increment, second, sweep)
-            status = begin_half(held, h, share, beam, fluid, solver, m, sweep)
+            status = begin_half(held, h, beam, fluid, solver, m, sweep)
             if status != FINE:
                 return int(status), step
             early, late, early_too, late_too = (
@@ -297,18 +303,38 @@ def pull_back(
                 _add_joint(sweep.solved, j, -turned)
             if not _solve(not second, m, sweep):
                 return STEP_NOT_SOLVED, step
-            mu = sweep.solved
+            mu = sweep.mu
+            copy(sweep.solved, mu)
             u_a, u_b, out_a, out_b = mu, by_momentum, early_too, late_too
             if second:
                 u_a, u_b, out_a, out_b = sweep.zero, mu, late_too, early_too
             else:
                 early[:] = 0.0
+                late[:] = 0.0
             status = vary(
-                *(sweep.pose, sweep.z, h, u_a, u_b, sweep.no_changes, bend, not second),
+                *(sweep.pose, sweep.z, h, u_a, u_b, sweep.no_changes, bend, True),
                 *(beam, fluid, m, beside, v, out_a, out_b, parameters),
             )
             if status != FINE:
                 return int(status), step
+            if fluid.varies:
+                # Nothing may be left of the derivative by the later coordinates.
+                for i in range(n):
+                    sweep.solved[i] = by_end[i] + late[i] + late_too[i]
+                for j in range(beam.elements - 1):
+                    turned = _joint(by_momentum, j) + _joint(mu, j)
+                    _add_joint(sweep.solved, j, -0.5 * beam.joint_damping[j] * turned)
+                _correct(m, sweep)
+                u_a, u_b = sweep.solved, sweep.zero
+                out_a, out_b = sweep.early_last, sweep.late_last
+                if second:
+                    u_a, u_b, out_a, out_b = u_b, u_a, out_b, out_a
+                vary(
+                    *(sweep.pose, sweep.z, h, u_a, u_b, sweep.no_changes, 0.0, False),
+                    *(beam, fluid, m, beside, v, out_a, out_b, parameters),
+                )
+                for i in range(n):
+                    early[i] += sweep.early_last[i]
             for i in range(n):
                 by_end[i] = early[i] + early_too[i]
             for j in range(beam.elements - 1):
@@ -329,7 +355,6 @@ def push_forward(
     z: Array,
     torques: Array,
     bend: float,
-    share: float,
     scalars: NDArray[np.void],
     vectors: Array,
     states: Array,
@@ -378,7 +403,7 @@ def push_forward(
             second = part == 1
             increment = z[step, part]
             _place_half(q[step + part], increment, second, sweep)
-            status = begin_half(held, h, share, beam, fluid, solver, m, sweep)
+            status = begin_half(held, h, beam, fluid, solver, m, sweep)
             if status != FINE:
                 return int(status), step
             early, late, early_too, late_too = (
@@ -405,7 +430,8 @@ def push_forward(
                 sweep.solved[i] = momentum[i] + early[i]
             if not _solve(second, m, sweep):
                 return STEP_NOT_SOLVED, step
-            end = sweep.solved
+            end = sweep.mu
+            copy(sweep.solved, end)
             u_a, u_b, out_a, out_b = sweep.zero, end, early_too, late_too
             if second:
                 u_a, u_b, out_a, out_b = end, sweep.zero, late_too, early_too
@@ -415,6 +441,23 @@ def push_forward(
             )
             if status != FINE:
                 return int(status), step
+            if fluid.varies:
+                # The changed equation of the earlier momentum has to hold.
+                for i in range(n):
+                    sweep.solved[i] = momentum[i] + early[i] + early_too[i]
+                for j in range(beam.elements - 1):
+                    _add_joint(sweep.solved, j, -0.5 * beam.joint_damping[j] * _joint(end, j))
+                _correct(m, sweep)
+                u_a, u_b = sweep.zero, sweep.solved
+                out_a, out_b = sweep.early_last, sweep.late_last
+                if second:
+                    u_a, u_b, out_a, out_b = u_b, u_a, out_b, out_a
+                vary(
+                    *(sweep.pose, sweep.z, h, u_a, u_b, sweep.no_changes, 0.0, False),
+                    *(beam, fluid, m, beside, v, out_a, out_b, sweep.unused),
+                )
+                for i in range(n):
+                    late[i] += sweep.late_last[i]
             for i in range(n):
                 momentum[i] = late[i] + late_too[i]
                 start[i] = end[i]

@@ -193,7 +193,7 @@ def _vary_fluid(
         bent = 0.0
         for j in range(elements - 1):
             bent = max(bent, abs(u_a[3 + j] - u_a[2 + j]))
-        if bent > 0.0:
+        if bend > 0.0 and bent > 0.0:
             step = bend / bent
             for side in range(2):
                 factor = step if side == 0 else -step
@@ -277,7 +277,7 @@ def vary(
     changes : (P,) array
         Its part by the parameters, see `parameter_count`.
     bend : float
-        Bend of a joint (rad) by which shapes to either side differ.
+        Bend of a joint (rad) by which shapes to either side differ; 0 to hold the added mass.
     forces : bool
         Whether the derivative of dL/da is wanted, in which the shape force is.
     beam, fluid : BeamConstants, FluidConstants
