@@ -37,7 +37,7 @@ PLANAR = {
         300,
         1e-8,
     ),
-    "panels": (SWIMMER, 1000, 1e-6),
+    "panels": (SWIMMER, 1000, 1e-8),
     "panels, axial, five elements": (
         SWIMMER.replace(
             {
@@ -49,7 +49,7 @@ PLANAR = {
             }
         ),
         200,
-        1e-6,
+        1e-8,
     ),
 }
 SPACE = {
