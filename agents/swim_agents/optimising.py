@@ -36,13 +36,15 @@ _DESIGN = {2: ("beam.bending_stiffness",), 3: ("beam.lateral_stiffness",)}
 _LARGEST_FACTOR = 4.0
 #: Periods of the first mode in the episodes of the first search.
 _SHORT = 12
-#: Guesses: frequencies as shares of the first and the second mode's, wave numbers by pi.
-_FREQUENCIES = ((0, 0.9), (0, 1.0), (1, 0.95))
-_WAVE_NUMBERS = (1.5, 2.5, -1.5)
+#: Guesses: frequencies as shares of the first and the second mode's, wave numbers by pi. A table
+#: has some cycles, so that frequencies between whole numbers of actions are there.
+_FREQUENCIES = ((0, 0.95), (0, 1.01), (1, 0.95))
+_WAVE_NUMBERS = (2.5, 1.5)
+_CYCLES = 3
 #: Share of the time that goes into the first search.
 _FIRST = 0.35
 #: Weight of a displacement that is missed, of the squared share, and rounds of its multiplier.
-_PENALTY, _ROUNDS = 50.0, 4
+_PENALTY, _ROUNDS = 50.0, 3
 #: Value of a gait on which a run ends early.
 _WORST = 1e6
 
@@ -95,7 +97,9 @@ class Problem:
     def scene_of(self, unknowns: Array) -> Scene:
         """Return the scene with the stiffness of a vector of unknowns."""
         changes = {}
-        scale = np.exp(unknowns[self.table(unknowns).size :]).reshape(len(self.fields), self.scene.joints)
+        scale = np.exp(unknowns[self.table(unknowns).size :]).reshape(
+            len(self.fields), self.scene.joints
+        )
         for name, factors in zip(self.fields, scale, strict=True):
             block, stiffness = name.split(".")
             own = np.broadcast_to(getattr(getattr(self.scene, block), stiffness), factors.shape)
@@ -167,10 +171,10 @@ def starts(problem: Problem, frequencies: Sequence[float], seed: int) -> list[tu
     found = []
     for wave_number in _WAVE_NUMBERS:
         for mode, share in _FREQUENCIES:
-            period = max(2, round(1.0 / (frequencies[mode] * share * interval)))
-            phase = 2.0 * np.pi * np.arange(period)[:, None] / period
+            period = max(2, round(_CYCLES / (frequencies[mode] * share * interval)))
+            phase = 2.0 * np.pi * _CYCLES * np.arange(period)[:, None] / period
             place = np.pi * wave_number * np.repeat(scene.beam.joint_fractions, axes)
-            table = 0.6 * np.cos(phase - place)
+            table = 0.9 * np.cos(phase - place)
             # Without the symmetry of a wave, a turn has a slope to follow.
             table += 0.02 * random.standard_normal(table.shape)
             if problem.goal == "turn":
@@ -186,20 +190,21 @@ def improve(
     seconds: float,
     keep: Callable[[Result], object] | None = None,
     progress: Callable[[float], object] | None = None,
+    rounds: int = _ROUNDS,
 ) -> Result:
     """Improve unknowns for so many seconds or until nothing is gained; returns the best.
 
-    A gait on which the run ends early counts as the worst there is.
+    A gait on which the run ends early counts as the worst there is. `rounds` are those of the
+    multiplier of a displacement that must be reached.
     """
     begin = time.perf_counter()
-    if problem.goal != "efficiency":
-        return _minimise(problem, problem.objective(), result, begin + seconds, keep, progress)
     multiplier = 0.0
-    for number in range(1, _ROUNDS + 1):
-        until = begin + seconds * number / _ROUNDS
+    rounds = rounds if problem.goal == "efficiency" else 1
+    for number in range(1, rounds + 1):
+        until = begin + seconds * number / rounds
         objective = problem.objective(multiplier)
         result = _minimise(problem, objective, result, until, keep, progress)
-        if not np.isfinite(result.value):
+        if number == rounds or not np.isfinite(result.value):
             break
         measured = Objective(objective.measures, lambda sums: (float(sums[0]), [1.0, 0.0]))
         moved, _ = problem.evaluate(result.unknowns, measured)
@@ -324,6 +329,7 @@ def search_gait(
             each,
             None if keep is None else lambda result: keep(number, period, result),
             None if progress is None else lambda passed: progress(passed / threads),
+            rounds=1,
         )
         one.done = True
         found[number] = period, one
