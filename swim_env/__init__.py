@@ -3,7 +3,9 @@
 After Leyendecker & Kanso, "Locomotion of a submerged Cosserat beam" (DETC2009-87198).
 """
 
-from swim_env import gradients as gradients
+import importlib
+from types import ModuleType
+
 from swim_env.accuracy.choice import with_chosen_settings
 from swim_env.analysis.characteristics import (
     Characteristics,
@@ -55,6 +57,14 @@ __version__ = "0.1.0"
 
 #: Names of the effects that a scene may have; each is the name of its block.
 EFFECTS = EFFECT_NAMES
+
+
+def __getattr__(name: str) -> ModuleType:
+    """Import `swim_env.gradients` where it is asked for, which most programs do not."""
+    if name == "gradients":
+        return importlib.import_module("swim_env.gradients")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 register_environments()
 Scene._choose = with_chosen_settings

@@ -41,9 +41,10 @@ def test_each_room_imports_only_rooms_above_it():
 
 
 def test_only_pictures_and_recordings_load_what_is_heavy():
-    """Beyond what numba loads, which looks whether there is a SciPy."""
+    """Beyond what numba loads, which looks whether there is a SciPy, and PyTorch's own function."""
     names = [dotted(str(file)) for file in FILES]
-    light = [name for name in names if re.match(r"swim_env(?!\.plots|\.recording)", name)]
+    others = r"\.plots|\.recording|\.gradients\.torch"
+    light = [name for name in names if re.match(rf"swim_env(?!{others})", name)]
     heavy = {"matplotlib", "torch", "stable_baselines3", "rerun", "scipy"}
     code = f"import numba, sys; before = set(sys.modules); import {', '.join(light)}; "
     done = run_python("-c", code + f"print({heavy} & (set(sys.modules) - before))")
