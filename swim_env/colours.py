@@ -25,6 +25,21 @@ TORQUE_STOPS: tuple[Colour, ...] = (
 )
 
 
+#: Of the parts of the energy and of what changes it, the same in recordings and still pictures, to
+#: be seen on dark and light backgrounds.
+ENERGY: dict[str, Colour] = {
+    "elastic": (230, 159, 0),
+    "kinetic, body": (0, 114, 178),
+    "kinetic, fluid": (86, 180, 233),
+    "kinetic, body and fluid": (86, 180, 233),
+    "total": (150, 150, 150),
+    "by torques": (213, 94, 0),
+    "positive part": (240, 160, 110),
+    "to damping": (0, 158, 115),
+    "unexplained": (204, 121, 167),
+}
+
+
 def ramp(stops: Sequence[Colour], places: ArrayLike) -> Colours:
     """Return the colours (..., 3) at places (...) between stops, which are at 0, 1, 2 ..."""
     at, numbers = np.asarray(places, dtype=np.float64), np.arange(len(stops))

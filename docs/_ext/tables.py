@@ -15,6 +15,7 @@ from typing import Any
 import gymnasium
 from sphinx.application import Sphinx
 from swim_agents.commands.main import COMMANDS
+from swim_agents.policies import PRETRAINED_FOLDER, pretrained_names
 
 from swim_env import load_scene, scene_names
 from swim_env.envs.registration import FORWARD_3D_ID, FORWARD_ID, TARGET_3D_ID, TARGET_ID
@@ -56,8 +57,23 @@ def at_a_glance(name: str) -> str:
     return table(["", f"`{name}`"], glance) + title + table(["index", "part"], rows)
 
 
+def starts(record: dict[str, Any]) -> str:
+    """Return the sentence that says which starts the figures of a record are of."""
+    seeds, one = record["seeds"], len(record["seeds"]) == 1
+    which = f"one start (seed {seeds[0]})" if one else ""
+    which = which or f"{len(seeds)} starts (seeds {seeds[0]} to {seeds[-1]})"
+    return f"{which}, {record['duration']:g} s; no training draws these seeds."
+
+
+def record_of(agent: str) -> dict[str, Any]:
+    """Return what a shipped agent's own record says."""
+    file = PRETRAINED_FOLDER / agent / "scores.json"
+    record: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+    return record
+
+
 def scores() -> str:
-    """Return what the shipped policies reach, from the stored comparison."""
+    """Return what the shipped policies reach in the plane, from the stored comparison."""
     stored = json.loads((ROOT / "docs/comparison/comparison.json").read_text(encoding="utf-8"))
     rows = []
     for name, figures in stored["policies"].items():
@@ -69,7 +85,35 @@ def scores() -> str:
             + [f"{sum(verified)} of {len(verified)}"]
         )
     head = ["policy", "score (BL)", "recomputed finer (BL)", "times the tuned wave", "verified"]
-    return table(head, rows)
+    return f"Medians over {starts(stored)}\n\n" + table(head, rows)
+
+
+def scores_in_space() -> str:
+    """Return how far the shipped agents swim in space, from their own records."""
+    rows, seen = [], set()
+    for name in pretrained_names():
+        record = record_of(name)
+        if record["task"] != "forward" or load_scene(record["scene"]).dimension != 3:
+            continue
+        verified, middle = record["verified"], record["median"]
+        seen.add(f"Figures of {starts(record)}")
+        rows.append(
+            [f"`{name}`", f"`{record['scene']}`", f"{middle['net_displacement']:.2f}"]
+            + [f"{middle['closed_displacement']:.2f}", f"{record['ratio_to_tuned_wave']:.2f}"]
+            + [f"{sum(verified)} of {len(verified)}"]
+        )
+    head = ["agent", "scene", "score (BL)", "recomputed finer (BL)", "times the tuned wave"]
+    (lead,) = seen
+    return f"{lead}\n\n" + table([*head, "verified"], rows)
+
+
+def targets(agent: str) -> str:
+    """Return how many targets a shipped agent reaches, from its own record."""
+    record = record_of(agent)
+    reached, finer = sum(record["success"]), sum(record["closed_success"])
+    count = len(record["seeds"])
+    text = f"`{agent}` reaches {reached} of {count} targets, {finer} in the finer computation"
+    return f"{text}; {starts(record)}\n"
 
 
 def ends() -> str:
@@ -108,7 +152,8 @@ def write_tables(app: Sphinx) -> None:
     folder = Path(app.srcdir) / "_generated"
     folder.mkdir(exist_ok=True)
     texts = {f"{page}.md": at_a_glance(name) for page, name in PAGES.items()}
-    texts |= {"scores.md": scores(), "ends.md": ends()}
+    texts |= {"scores.md": scores(), "scores_3d.md": scores_in_space(), "ends.md": ends()}
+    texts |= {f"scores_{name}.md": targets(f"ppo_{name}") for name in ("target", "target_3d")}
     texts |= {"scenes.md": scenes(), "commands.md": commands()}
     for name, text in texts.items():
         file = folder / name

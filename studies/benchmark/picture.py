@@ -26,6 +26,12 @@ _COLOURS = (
 )
 #: What the picture shows of the fluid models and panels, where it was measured.
 _SHOWN = ("panels", 4)
+#: Colours and marks of what was measured.
+_KINDS = {
+    "this package, fluid of panels": (style.BLUE, "o"),
+    "peers with a drag for the fluid": (style.ORANGE, "s"),
+    "peers without fluid": (style.GREY, "D"),
+}
 #: What is written outside the axes.
 _NOTE: dict[str, Any] = {"fontsize": style.SMALL, "color": style.GREY}
 
@@ -88,6 +94,15 @@ def _shown_speeds(speeds: Mapping[str, Record]) -> list[Record]:
 
 def _rate(speed: Record) -> float:
     return float(speed["simulated_seconds_per_second"]["median"])
+
+
+def _kind_of(speed: Record) -> str:
+    """Return which of _KINDS was measured: MuJoCo's drag counts as a fluid, damping does not."""
+    ours, drag, none = _KINDS
+    if not speed.get("peer"):
+        return ours
+    has_drag = speed["fluid"] != "none" if "fluid" in speed else "Swimmer" in speed["label"]
+    return drag if has_drag else none
 
 
 def _bars(spreads: Sequence[Record]) -> list[list[float]]:
@@ -171,19 +186,20 @@ def _time(microseconds: float) -> str:
 
 
 def _draw_speeds(axes: Axes, speeds: Sequence[Record]) -> None:
-    """Draw simulated seconds per second, the first at the top, this package's in another colour."""
+    """Draw simulated seconds per second, the first at the top, with quartiles."""
     from matplotlib.ticker import NullFormatter
 
     places = range(len(speeds))
     rates = [speed["simulated_seconds_per_second"] for speed in speeds]
     medians = [rate["median"] for rate in rates]
-    for peer, colour, label in ((False, style.BLUE, "this package"), (True, style.ORANGE, "peers")):
-        some = [place for place in places if bool(speeds[place].get("peer")) is peer]
+    kinds = [_kind_of(speed) for speed in speeds]
+    for kind, (colour, mark) in _KINDS.items():
+        some = [place for place in places if kinds[place] == kind]
         if some:
-            lengths = [medians[place] for place in some]
-            axes.barh(some, lengths, height=0.6, color=colour, label=label)
-    look: dict[str, Any] = {"fmt": "none", "ecolor": style.BLACK, "capsize": 2, "linewidth": 1}
-    axes.errorbar(medians, places, xerr=_bars(rates), **look)
+            bars = _bars([rates[place] for place in some])
+            look: dict[str, Any] = {"fmt": mark, "color": colour, "markersize": 6}
+            look |= {"capsize": 2, "linewidth": 1}
+            axes.errorbar([medians[place] for place in some], some, xerr=bars, label=kind, **look)
     axes.set_xscale("log")
     # Whole decades, so that there are labels at both ends.
     decades = (math.floor(math.log10(0.7 * min(medians))), math.ceil(math.log10(2 * max(medians))))
@@ -191,10 +207,12 @@ def _draw_speeds(axes: Axes, speeds: Sequence[Record]) -> None:
     axes.xaxis.set_minor_formatter(NullFormatter())
     for place, rate in enumerate(rates):
         number = f"{rate['median']:,.0f}" if rate["median"] >= 100.0 else f"{rate['median']:.3g}"
-        axes.text(1.2 * rate["high"], place, number, va="center", fontsize=style.SMALLER)
+        where: dict[str, Any] = {"xytext": (7, 0), "textcoords": "offset points"}
+        axes.annotate(number, (rate["high"], place), va="center", fontsize=style.SMALLER, **where)
     axes.set_yticks(places, [textwrap.fill(speed["label"], 24) for speed in speeds])
     axes.invert_yaxis()
-    _legend_below(axes, (0.4, -0.09), ncols=2)
+    axes.grid(axis="y", color=style.GRID, linewidth=style.THIN)
+    _legend_below(axes, (0.3, -0.09), ncols=1)
     style.name_panel(axes, "speed (batches: all members)")
     style.style_axes(axes, "simulated time per wall time (s/s)", "")
     axes.tick_params(axis="y", labelsize=style.SMALLER)

@@ -24,8 +24,8 @@ from swim_env.plots.style import (
     GREY,
     ORANGE,
     SMALL,
-    TIME_COLOURS,
     diverging_map,
+    mark_ends,
     name_panel,
     new_figure,
     style_axes,
@@ -152,36 +152,38 @@ def draw_variants(data: Data) -> Figure:
 
 
 def draw_constants(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
-    """Draw what energy and momentum do over time in the twelve runs, from their arrays."""
-    from matplotlib import colormaps
-
+    """Draw the energy over time and how well momentum is kept in the twelve runs."""
     figure = new_figure(8.6, 4.2)
-    left, right = figure.subplots(1, 2)
+    left, right = figure.subplots(1, 2, width_ratios=(1.6, 1.0))
     names = [name for name in NUMERALS if name in arrays]
-    colours = colormaps[TIME_COLOURS](np.linspace(0.0, 0.92, max(1, len(names))))
     for i, name in enumerate(names):
         found, energy = arrays[name], data["runs"][name]["energy"]
-        look = {"color": colours[i], "linewidth": 0.8, "linestyle": ("-", "--", ":")[i % 3]}
         scale = energy["largest"] or 1.0
         left.axhline(-_ROW * i, color=_SPLIT, linewidth=0.5)
         share = 1e3 * found["unexplained"] / scale
-        left.plot(found["series_time"], share - _ROW * i, color=colours[i], linewidth=0.7)
-        # Round-off goes up and down by decades: the largest so far says what is kept.
-        drift = np.maximum.accumulate(np.maximum(found["drift"], _FLOOR))
-        right.plot(found["series_time"], drift, label=name, **look)
-    bound = max((data["runs"][name]["momentum"]["bound"] for name in names), default=1e-9)
-    right.axhline(1e-9, color="black", linewidth=1.0)
-    place: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "fontsize": SMALL - 1}
-    right.annotate("the paper's 1e-9", (0.02, 1.3e-9), **place)
-    right.set_yscale("log")
-    right.set_ylim(_FLOOR, 10.0 * max(bound, 1e-9))
+        left.plot(found["series_time"], share - _ROW * i, color=BLUE, linewidth=0.7)
+        drift = max(float(found["drift"].max()), _FLOOR)
+        right.plot(drift, i, "o", color=BLUE, markersize=5)
+        right.annotate(
+            f"{drift:.0e}", (drift, i), xytext=(6, 0), textcoords="offset points", va="center",
+            fontsize=SMALL - 1,
+        )  # fmt: skip
+    right.axvline(1e-9, color=ORANGE, linewidth=1.4)
+    right.annotate(
+        "the paper's 1e-9", (1e-9, 0.5 * len(names)), xytext=(-4, 0), textcoords="offset points",
+        ha="right", va="center", fontsize=SMALL - 1, color=ORANGE,
+    )  # fmt: skip
+    right.set_xscale("log")
+    right.set_xlim(_FLOOR, 1e-8)
+    right.set_yticks(range(len(names)), names)
+    right.set_ylim(len(names) - 0.5, -0.5)
     left.set_yticks([-_ROW * i for i in range(len(names))], names)
+    left.set_ylim(-_ROW * (len(names) - 0.5), 0.5 * _ROW)
     rows = f"rows are {_ROW:g}/1000\nof the largest energy apart"
     name_panel(left, f"energy that the work does not explain: {rows}")
-    name_panel(right, "momentum: largest |J - J(0)| so far (kg m/s, kg m²/s)")
+    name_panel(right, "momentum: largest |J - J(0)|")
     style_axes(left, "time (s)", "scene")
-    style_axes(right, "time (s)", "drift")
-    figure.legend(loc="outside right center", **_LEGEND)
+    style_axes(right, "drift (kg m/s, kg m²/s)", "")
     return figure
 
 
@@ -211,6 +213,7 @@ def draw_internal(data: Data, arrays: Mapping[str, Arrays]) -> Figure:
         look = {"cmap": diverging_map(), "vmin": -largest, "vmax": largest, "shading": "nearest"}
         image = over_time.pcolormesh(place, np.arange(len(total)) / len(total), total, **look)
         bar = figure.colorbar(image, ax=over_time)
+        mark_ends(bar)
         bar.set_label("sum (N m)", fontsize=SMALL)
         bar.ax.tick_params(labelsize=SMALL - 1)
         name_panel(moments, f"{name}) moments at joints, below {RESOLVED:g} Hz")
@@ -306,6 +309,10 @@ def _draw_map(
     look: dict[str, Any] = {"cmap": diverging_map(), "norm": norm, "shading": "nearest"}
     image = axes.pcolormesh(x, y, np.ma.masked_where(~good, speed), **look)
     bar = figure.colorbar(image, ax=axes, location="bottom", shrink=0.9, aspect=35)
+    decades = [0.01 * largest, 0.1 * largest, largest]
+    places = [*(-one for one in decades[::-1]), 0.0, *decades]
+    bar.set_ticks(places, labels=[f"{one:.2g}" for one in places])
+    bar.ax.minorticks_off()
     words = "net speed (body lengths a second): orange head first, blue tail first;\n"
     bar.set_label(f"{words}grey: not verified", fontsize=SMALL)
     bar.ax.tick_params(labelsize=SMALL - 2)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from swim_env.plots import style
 from swim_env.plots.style import GREY, SMALL, TIME_COLOURS, name_panel, new_figure, style_axes
+from swim_env.scene import load_scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,6 +33,8 @@ LINES = (style.BLUE, style.ORANGE, style.GREEN, style.PINK, style.AMBER, style.S
 _COVERED = 0.7
 #: How far apart (body lengths), and the length of a director (element lengths).
 _APART, _DIRECTOR = 0.075, 0.4
+#: A heading that turns by less than this (°) does not turn.
+_TURN = 1.0
 
 
 def draw_torques(arrays: Arrays) -> Figure:
@@ -57,9 +60,10 @@ def draw_torques(arrays: Arrays) -> Figure:
 class _Shapes:
     """The shapes of a scene that are drawn, moved apart where they would hide each other."""
 
-    def __init__(self, run: Run, arrays: Arrays, between: int) -> None:
+    def __init__(self, scene: str, run: Run, arrays: Arrays, between: int) -> None:
         times, middle = arrays["time"], arrays["nodes"].mean(axis=1)
         self.length = float(run["length"])
+        self.half_thickness = load_scene(f"paper_{scene}").beam.half_thickness
         self.is_apart = bool(np.ptp(middle, axis=0).max() < _COVERED * self.length)
         instants = slice(None, None, min(between, max(1, len(times) // 4)))
         self.times, self.angles = times[instants], arrays["angles"][instants]
@@ -77,47 +81,61 @@ class _Shapes:
 
 
 def draw_configurations(name: str, runs: Mapping[str, tuple[Run, Arrays]]) -> Figure:
-    """Draw one of `PAPER_FIGURES`: shapes with both directors, and how the heading turns.
+    """Draw one of `PAPER_FIGURES`: bodies with both directors, and how the heading turns.
 
     ``runs`` are figures and arrays of `studies.paper.runs.play_run` by scene.
     """
     numerals, between = PAPER_FIGURES[name]
-    scenes = {one: _Shapes(*runs[one], between) for one in numerals if one in runs}
+    scenes = {one: _Shapes(one, *runs[one], between) for one in numerals if one in runs}
     heights = [shapes.height for shapes in scenes.values()]
     apart = [shapes.reach for shapes in scenes.values() if shapes.is_apart]
     if len(apart) == len(scenes):
         heights = [max(heights)] * len(heights)
-    figure = new_figure(8.6, max(2.6, min(8.0, 0.9 + sum(heights))))
-    grid = figure.add_gridspec(len(scenes), 2, width_ratios=(2.5, 1.0), height_ratios=heights)
+    turned = {one: _turned(runs[one][0]) for one in scenes}
+    # A panel of its own only where something turns: else the titles say by how much.
+    turns = max(float(np.abs(one).max()) for one in turned.values()) > _TURN
+    figure = new_figure(8.6 if turns else 6.3, max(2.6, min(8.0, 0.9 + sum(heights))))
+    widths = (2.5, 1.0) if turns else (1.0,)
+    grid = figure.add_gridspec(len(scenes), len(widths), width_ratios=widths, height_ratios=heights)
     for row, (scene, shapes) in enumerate(scenes.items()):
         axes = figure.add_subplot(grid[row, 0])
-        _draw_scene(axes, scene, shapes)
+        _draw_scene(axes, scene, shapes, "" if turns else _words(turned[scene]))
         if shapes.is_apart:
             # The same piece of x for all, so that ways can be compared.
             left, right = min(low for low, _ in apart), max(high for _, high in apart)
             axes.update_datalim([(left, 0.0), (right, 0.0)])
             axes.autoscale_view()
-    _draw_turning(figure.add_subplot(grid[:, 1]), {one: runs[one][0] for one in scenes})
+    if turns:
+        _draw_turning(figure.add_subplot(grid[:, 1]), turned)
     figure.suptitle(f"Fig. {name[-1]}, configurations of our runs", fontsize=SMALL + 1)
     return figure
 
 
-def _draw_scene(axes: Axes, scene: str, shapes: _Shapes) -> None:
-    """Draw shapes with both directors at every element's centre."""
+def _turned(run: Run) -> NDArray[np.float64]:
+    """Return by how much the heading has turned in each second's mean (°), left positive."""
+    turned: NDArray[np.float64] = np.degrees(np.array(run["heading"]) - run["heading"][0])
+    return turned
+
+
+def _words(turned: NDArray[np.float64]) -> str:
+    return f", heading turns by {float(np.abs(turned).max()):.1g}° at most"
+
+
+def _draw_scene(axes: Axes, scene: str, shapes: _Shapes, turn: str) -> None:
+    """Draw shapes with both directors at every element's centre; `turn` ends the title."""
     from matplotlib import colormaps
     from matplotlib.collections import LineCollection
 
     colours = colormaps[TIME_COLOURS](np.linspace(0.0, 0.88, len(shapes.times)))
     arm = min(_DIRECTOR / shapes.angles.shape[1], 0.045) * shapes.length
     for shape, angle, colour in zip(shapes.nodes, shapes.angles, colours, strict=True):
-        axes.plot(*shape.T, color=colour, linewidth=1.3, zorder=2)
-        axes.plot(*shape[0], "o", color=colour, markersize=3.5, zorder=3)
+        style.draw_body(axes, shape, shapes.half_thickness, colour)
         centres = 0.5 * (shape[:-1] + shape[1:])
         tangents = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=-1)
         for direction, width in ((normals, 0.7), (tangents, 1.8)):
             ends = np.stack([centres, centres + arm * direction], axis=1)
-            lines = LineCollection(list(ends), colors=[colour], linewidths=width, zorder=2)
+            lines = LineCollection(list(ends), colors=[colour], linewidths=width, zorder=3)
             axes.add_collection(lines)
     _label_instants(axes, shapes, colours)
     axes.set_aspect("equal", adjustable="datalim")
@@ -126,7 +144,7 @@ def _draw_scene(axes: Axes, scene: str, shapes: _Shapes) -> None:
     if shapes.is_apart:
         note = f", shapes moved apart by {_APART * shapes.length:.2g} m"
         axes.set_yticks([])
-    name_panel(axes, f"{scene}) dot: head{note}")
+    name_panel(axes, f"{scene}){note}{turn}".replace("),", ")"))
     style_axes(axes, "x (m)", "" if note else "y (m)")
     # Where shapes are moved apart there is no scale.
     axes.spines["left"].set_visible(not note)
@@ -148,15 +166,11 @@ def _label_instants(axes: Axes, shapes: _Shapes, colours: NDArray[Any]) -> None:
         axes.annotate(f"{time:.0f} s", place, xytext=(0, 7), va="bottom", ha="center", **look)
 
 
-def _draw_turning(axes: Axes, runs: Mapping[str, Run]) -> None:
+def _draw_turning(axes: Axes, turned: Mapping[str, NDArray[np.float64]]) -> None:
     axes.axhline(0.0, color=GREY, linewidth=0.5)
-    for colour, stroke, (scene, run) in zip(LINES, ("-", "--", ":"), runs.items(), strict=False):
-        turned = np.degrees(np.array(run["heading"]) - run["heading"][0])
-        seconds = 0.5 + np.arange(len(turned))
-        axes.plot(seconds, turned, color=colour, linestyle=stroke, linewidth=1.4, label=scene)
-    low, high = axes.get_ylim()
-    # So that a turn of a thousandth of a degree does not look like a curve.
-    axes.set_ylim(min(low, -1.5), max(high, 1.5))
+    for colour, stroke, (scene, way) in zip(LINES, ("-", "--", ":"), turned.items(), strict=False):
+        seconds = 0.5 + np.arange(len(way))
+        axes.plot(seconds, way, color=colour, linestyle=stroke, linewidth=1.4, label=scene)
     axes.legend(fontsize=SMALL - 1, frameon=False)
     name_panel(axes, "turn of the heading")
     style_axes(axes, "time (s)", "mean of a second (°), left positive")

@@ -57,7 +57,7 @@ def draw_energy(
         for place, label, title in (
             (parts, "energy (J)", f"energy in its parts, last {shown:g} s"),
             (spent, "energy (J)", "since the start"),
-            (drift, "share of what\nwent through (%)", "H - H(0) - work + dissipated"),
+            (drift, "share of what\nwent through (%)", "energy that nothing explains"),
         ):
             style.style_axes(place, "time (s)", "" if column else label, f"{name}: {title}")
         style.add_legend(parts, loc="upper center", ncols=2)
@@ -73,19 +73,19 @@ def _draw_parts(axes: Axes, run: Trajectory, velocity: ArrayLike | None, seconds
     if velocity is None:
         elastic = _elastic_energy(run, instants)
         layers = {
-            "elastic": (elastic, style.AMBER),
-            "kinetic, body and fluid": (total - elastic, style.SKY),
+            "elastic": elastic,
+            "kinetic, body and fluid": total - elastic,
         }
     else:
         split = split_energy(run, velocity, instants)
         layers = {
-            "elastic": (split.elastic, style.AMBER),
-            "kinetic, fluid": (split.fluid, style.SKY),
-            "kinetic, body": (split.body, style.BLUE),
+            "elastic": split.elastic,
+            "kinetic, fluid": split.fluid,
+            "kinetic, body": split.body,
         }
-    values, colours = zip(*layers.values(), strict=True)
-    axes.stackplot(time, *values, labels=list(layers), colors=colours, linewidth=0)
-    axes.plot(time, total, color=style.BLACK, linewidth=style.LINE, label="H, their sum")
+    colours = [style.energy_colour(part) for part in layers]
+    axes.stackplot(time, *layers.values(), labels=list(layers), colors=colours, linewidth=0)
+    axes.plot(time, total, color=style.BLACK, linewidth=style.LINE, label="total")
     axes.set_xlim(time[0], time[-1])
     # Room for the legend.
     axes.set_ylim(0.0, 1.45 * float(total.max()) or None)
@@ -103,9 +103,9 @@ def _draw_spent(axes: Axes, run: Trajectory) -> None:
     instants = _thinned(0, run.steps)
     style.mark_zero(axes)
     for label, values, colour, stroke in (
-        ("work of the torques", summed(run.work), style.ORANGE, "-"),
-        ("dissipated", summed(run.dissipated), style.GREEN, "--"),
-        ("H - H(0)", run.energy - run.energy[0], style.BLACK, "-"),
+        ("work of the torques", summed(run.work), style.energy_colour("by torques"), "-"),
+        ("dissipated", summed(run.dissipated), style.energy_colour("to damping"), "--"),
+        ("energy gained", run.energy - run.energy[0], style.BLACK, "-"),
     ):
         time, width = run.time[instants], style.LINE
         axes.plot(time, values[instants], stroke, color=colour, linewidth=width, label=label)
@@ -119,7 +119,9 @@ def _draw_drift(axes: Axes, run: Trajectory) -> None:
     begins = _thinned(0, run.steps, _PIECES)[:-1]
     low, high = (100.0 / through * end.reduceat(left, begins) for end in (np.minimum, np.maximum))
     style.mark_zero(axes)
-    axes.fill_between(run.time[begins], low, high, color=style.PINK, linewidth=style.LINE)
+    axes.fill_between(
+        run.time[begins], low, high, color=style.energy_colour("unexplained"), linewidth=style.LINE
+    )
     axes.set_xlim(run.time[0], run.time[-1])
 
 

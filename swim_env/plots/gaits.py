@@ -95,8 +95,8 @@ def draw_paths(
         run, colour = trajectories[name], looks[name]["color"]
         path, shape = (_from_start(run, points) for points in (run.path, run.nodes[-1]))
         plane.plot(*path.T, **looks[name], linewidth=style.LINE, label=style.literal(name))
-        plane.plot(*shape.T, color=colour, linewidth=style.THICK, alpha=0.6, solid_capstyle="round")
-        plane.plot(*shape[0], "o", color=colour, markersize=4)
+        beam = run.scene.beam
+        style.draw_body(plane, shape, beam.half_thickness / beam.length, colour, layer=3)
         if name in goals:
             goal = _from_start(run, goals[name])
             plane.plot(*goal, "*", color=style.BLACK, markersize=9, zorder=5)
@@ -104,7 +104,7 @@ def draw_paths(
     entries = plane.get_legend_handles_labels()
     columns = min(4, len(names))
     style.add_legend(figure, *entries, ncols=columns, loc="outside upper center")
-    title = "path of the mean centre from the same start, body at the end (dot: head)"
+    title = "path of the mean centre from the same start, body at the end"
     style.style_axes(plane, "x (body lengths)", "y (body lengths)", title)
 
     strip = rows[1].subgridspec(len(names), 1, hspace=0.1)
@@ -173,6 +173,7 @@ def draw_gaits(
         ):
             image = draw_map(axes, run, values, limit)
             bar = figure.colorbar(image, ax=axes, fraction=0.06, pad=0.02)
+            style.mark_ends(bar)
             bar.ax.tick_params(labelsize=style.SMALLER)
             style.style_axes(axes, time, label, title if first else "", grid=False)
         bends.set_yticklabels([])

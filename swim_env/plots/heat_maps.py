@@ -195,5 +195,6 @@ def add_bar(
 ) -> None:
     """Add a labelled bar of an image's colours beside axes."""
     bar = figure.colorbar(image, ax=axes, **options)
+    style.mark_ends(bar)
     bar.set_label(label, fontsize=style.SMALL)
     bar.ax.tick_params(labelsize=style.SMALL)

@@ -143,6 +143,7 @@ def draw_spatial_gaits(
                     _note(axes, "not actuated", color=style.GREY)
             maps[0].set_ylabel("joint", fontsize=style.SMALL)
             bar = figure.colorbar(image, ax=maps, aspect=8, pad=0.015)
+            style.mark_ends(bar)
             bar.set_label(label, fontsize=style.SMALLER)
             bar.ax.tick_params(labelsize=style.SMALLER)
         lags = figure.add_subplot(grid[2 * number : 2 * number + 2, -1])

@@ -28,8 +28,8 @@ _ACROSS, _AROUND = 7.1, 0.95
 _LOWEST, _HIGHEST = 1.0, 4.6
 #: Length of a director (element lengths).
 _DIRECTOR = 0.4
-#: Pieces of time that a swing is shown in, about.
-_PIECES = 30
+#: Most pieces of time that a swing is shown in, and the fewest waves of a run that has a wave.
+_PIECES, _FEWEST = 40, 3
 #: A swimmer that covers less than this hides its own track: its shapes are moved apart, by at
 #: least this (body lengths).
 _COVERED, _APART = 0.4, 0.06
@@ -44,8 +44,8 @@ def draw_path(
 ) -> Figure:
     """Draw where a run went: body shapes at intervals, as in the paper's Figs. 4 to 8.
 
-    Above, the centre line at equal intervals of time in the plane, with the normal director at
-    every element's centre and the path of the mean centre; a slow swimmer covers its own track, so
+    Above, the body at equal intervals of time in the plane, with the normal director at every
+    element's centre and the path of the mean centre; a slow swimmer covers its own track, so
     its shapes are moved apart, downwards with time. Below, displacement and heading over time. A
     run in space is drawn from three sides, with its true sections and without a target.
 
@@ -77,7 +77,8 @@ def draw_path(
     points = np.concatenate(shown)
     box = np.array([points.min(axis=0), points.max(axis=0)])
     director = _DIRECTOR * trajectory.scene.beam.element_length
-    margin = director + 0.02 * float(box[1, 0] - box[0, 0])
+    half = trajectory.scene.beam.half_thickness
+    margin = director + half + 0.02 * float(box[1, 0] - box[0, 0])
     box += np.array([[-margin], [margin]])
     scale = _ACROSS / float(box[1, 0] - box[0, 0])
     height = float(np.clip(scale * (box[1, 1] - box[0, 1]), _LOWEST, _HIGHEST))
@@ -86,7 +87,8 @@ def draw_path(
     plane = figure.add_subplot(rows[0, :])
     for row, n in enumerate(instants):
         label, angles = f"{trajectory.time[n]:.3g} s", trajectory.angles[n]
-        _draw_shape(plane, nodes[row], centres[row], angles, director, colours[row], label)
+        style.draw_body(plane, nodes[row], half, colours[row], label)
+        _draw_directors(plane, centres[row], angles, director, colours[row])
     if step:
         plane.set_yticks([])
     else:
@@ -125,20 +127,12 @@ def _step_apart(trajectory: Trajectory, instants: NDArray[np.int64]) -> float:
     return max(float(heights.max()), _APART * length)
 
 
-def _draw_shape(
-    axes: Axes,
-    nodes: Array,
-    centres: Array,
-    angles: Array,
-    director: float,
-    colour: Any,
-    label: str,
+def _draw_directors(
+    axes: Axes, centres: Array, angles: Array, director: float, colour: Any
 ) -> None:
-    """Draw a centre line with its head and, of some length (m), its directors."""
+    """Draw the normal directors of a shape, of some length (m)."""
     from matplotlib.collections import LineCollection
 
-    axes.plot(*nodes.T, color=colour, linewidth=1.6, label=label, zorder=2)
-    axes.plot(*nodes[0], "o", color=colour, markersize=3.5, zorder=3)
     normals = np.stack([-np.sin(angles), np.cos(angles)], axis=-1)
     lines = list(np.stack([centres, centres + director * normals], axis=1))
     looks: dict[str, Any] = {"linewidths": style.THIN, "alpha": 0.8, "zorder": 1}
@@ -169,19 +163,32 @@ def _draw_heading(axes: Axes, trajectory: Trajectory) -> None:
     """Draw by how much the body has turned: in short pieces of time the mean and the extent."""
     angles = np.degrees(trajectory.angles.mean(axis=1))
     turned = angles - angles[0]
-    duration = trajectory.duration
-    # Whole periods of the paper's drive, where that is possible: a part of one turns to and fro.
-    piece = duration / _PIECES if duration < _PIECES else math.ceil(duration / (2.0 * _PIECES))
-    size = max(1, round(piece / trajectory.scene.integrator.time_step))
-    begins = range(size, trajectory.steps + 1 - size // 2, size)
-    pieces = np.split(turned, begins)
-    middles = [float(time.mean()) for time in np.split(trajectory.time, begins)]
-    low, high = [part.min() for part in pieces], [part.max() for part in pieces]
+    size = _piece(trajectory)
+    count = len(turned) // size
+    pieces = turned[: count * size].reshape(count, size)
+    times = trajectory.time[: count * size].reshape(count, size)
+    middles = times.mean(axis=1)
     style.mark_zero(axes)
+    low, high = pieces.min(axis=1), pieces.max(axis=1)
     axes.fill_between(middles, low, high, color=style.BLUE, alpha=0.25, linewidth=0)
-    axes.plot(middles, [part.mean() for part in pieces], color=style.BLUE, linewidth=style.LINE)
+    axes.plot(middles, pieces.mean(axis=1), color=style.BLUE, linewidth=style.LINE)
     bottom, top = axes.get_ylim()
     # So that a turn of a thousandth of a degree does not look like a curve.
     axes.set_ylim(min(bottom, -1.0), max(top, 1.0))
     title = "turn of the body, left positive (band: its swing)"
     style.style_axes(axes, "time (s)", "mean element angle (\u00b0)", title)
+
+
+def _piece(trajectory: Trajectory) -> int:
+    """Return the steps of a piece of time: whole waves of the body, a part of one turns to and fro.
+
+    A run without waves, which has no peak in the spectrum of its bends, has pieces of equal length.
+    """
+    steps = trajectory.steps
+    bends = np.diff(trajectory.angles, axis=1)[: max(1, steps)]
+    power = (np.abs(np.fft.rfft(bends - bends.mean(axis=0), axis=0)) ** 2).sum(axis=1)
+    waves = int(power.argmax())
+    if waves < _FEWEST:
+        return max(1, round(steps / _PIECES))
+    wave = steps / waves
+    return max(1, round(math.ceil(steps / _PIECES / wave) * wave))

@@ -14,13 +14,15 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swim_env.colours import TORQUE_STOPS
+from swim_env.colours import ENERGY, TORQUE_STOPS
+from swim_env.envs.render.silhouette import head_outline, mitres
 from swim_env.errors import SwimError, require_packages
 from swim_env.files.atomic import write_atomically
 from swim_env.sim.trajectory import TrajectoryBase
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.colorbar import Colorbar
     from matplotlib.colors import LinearSegmentedColormap
     from matplotlib.figure import Figure, SubFigure
     from matplotlib.legend import Legend
@@ -40,6 +42,8 @@ WIDTH, SMALL, SMALLER = 8.0, 8, 7
 #: Widths of lines (points).
 THIN, LINE, THICK = 0.6, 1.3, 2.2
 _DOTS_PER_INCH = 150
+#: Least half width of a head (body lengths), as in frames.
+_HEAD = 0.014
 #: Displacements below this are rounding (body lengths).
 _NOTHING = 1e-12
 #: Frames of a moving picture that a still one shows of a run's end.
@@ -80,6 +84,11 @@ def policy_looks(names: Iterable[str]) -> dict[str, dict[str, Any]]:
         number = members[group] = members.get(group, -1) + 1
         looks[name] = {"color": colours[group], "linestyle": _STROKES[number % len(_STROKES)]}
     return looks
+
+
+def energy_colour(part: str) -> str:
+    """Return the colour of a part of the energy, see `swim_env.colours.ENERGY`."""
+    return "#" + bytes(ENERGY[part]).hex()
 
 
 def diverging_map() -> LinearSegmentedColormap:
@@ -190,6 +199,49 @@ def literal(text: str) -> str:
 def add_legend(axes: Axes | Figure | SubFigure, *entries: Any, **options: Any) -> Legend:
     """Add a legend in small letters, without a frame; the rest is matplotlib's."""
     return axes.legend(*entries, **{"fontsize": SMALLER, "frameon": False, **options})
+
+
+def draw_body(
+    axes: Axes,
+    nodes: ArrayLike,
+    half_thickness: float,
+    colour: Any,
+    label: str = "",
+    layer: int = 2,
+) -> None:
+    """Draw a planar body with its thickness and a head, as frames show it.
+
+    Nodes (N + 1, 2) from head to tail and half the thickness are in the axes' units; the body is
+    at least as wide as a line. The label is that of its centre line.
+    """
+    from matplotlib.colors import to_rgb
+    from matplotlib.patches import Polygon
+
+    line = np.array(nodes, dtype=np.float64)
+    along = np.diff(line, axis=0)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=-1)
+    sides = half_thickness * mitres(across)
+    elements = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    radius = max(1.4 * half_thickness, _HEAD * float(elements.sum()))
+    head = head_outline(line[0], along[0], across[0], radius)
+    # The outline begins where the head is widest, which covers its corners.
+    line[0] += min(radius, 0.5 * float(elements[0])) * along[0]
+    pale = 0.5 + 0.5 * np.array(to_rgb(colour))
+    look: dict[str, Any] = {"edgecolor": colour, "linewidth": 0.9, "joinstyle": "round"}
+    outline = np.concatenate([line + sides, (line - sides)[::-1]])
+    for corners, fill in ((outline, pale), (head, colour)):
+        axes.add_patch(Polygon(corners, facecolor=fill, zorder=layer, **look))
+    # Where the body is small, it is its centre line, and its head is a dot.
+    shown: dict[str, Any] = {"label": label} if label else {}
+    axes.plot(*np.asarray(nodes).T, color=colour, linewidth=LINE, zorder=layer, **shown)
+    axes.plot(*line[0], "o", color=colour, markersize=3, zorder=layer)
+
+
+def mark_ends(bar: Colorbar) -> None:
+    """Put numbers at both ends of a bar of colours from -x to x, in the middle and half way."""
+    places = np.linspace(*bar.mappable.get_clim(), 5).tolist()
+    bar.set_ticks(places, labels=[f"{place:.3g}" for place in places])
 
 
 def mark_zero(axes: Axes) -> None:

@@ -21,8 +21,10 @@ from swim_env.recording.schema import (
     TIMELINE,
     group_path,
     groups_of,
+    map_path,
 )
 from swim_env.recording.spatial_blueprint import spatial_views
+from swim_env.recording.torque_map import HEIGHT, groups_of_maps
 
 __all__ = ["blueprint_of"]
 
@@ -166,7 +168,10 @@ def _plots(lanes: Sequence[Layout]) -> Any:
         for group, name in names.items():
             for lane in lanes:
                 title = name if len(lanes) == 1 else f"{lane.label}: {name}"
-                views.append(_plot(lanes, title, group, [lane]))
+                if group in groups_of_maps(lane):
+                    views.append(_map(lane, f"{title}, head above, last {_BEFORE:g} s", group))
+                else:
+                    views.append(_plot(lanes, title, group, [lane]))
         rows.append(views)
     tabs = [rrb.Tabs(*views, active_tab=0) for views in rows]
     return rrb.Vertical(*tabs, row_shares=[1.0, 1.0, 1.35])
@@ -192,6 +197,14 @@ def _detailed(dimension: int) -> dict[str, str]:
         "angular_momentum": "Angular momentum (kg m\u00b2/s)",
         **drift,
     }
+
+
+def _map(lane: Layout, name: str, group: str) -> Any:
+    """Return the map of torques before the present, which is its right edge."""
+    place = map_path(lane.label, group)
+    return _plane(
+        f"{place}/now", name, [-_BEFORE, 0.02 * _BEFORE], [0.0, HEIGHT], contents=[f"{place}/**"]
+    )
 
 
 def _plot(lanes: Sequence[Layout], name: str, group: str, shown: Sequence[Layout]) -> Any:

@@ -82,6 +82,11 @@ def group_path(label: str, group: str) -> str:
     return f"scalars/{label}/{group}"
 
 
+def map_path(label: str, group: str) -> str:
+    """Return the entity of the map of a swimmer's group of torques."""
+    return f"maps/{label}/{group}"
+
+
 def names_of(group: str, joints: int, split: bool, dimension: int = 2) -> tuple[str, ...]:
     """Return the names of a group's series, with their units.
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
+from swim_env.colours import ENERGY
 from swim_env.recording.chunks import column, still
 from swim_env.recording.layout import Lane, Layout
 from swim_env.recording.palette import SERIES, joint_colours
@@ -37,10 +38,11 @@ def looks_of_series(layout: Layout) -> list[Any]:
             # These of all swimmers share a plot.
             names = [f"{layout.label}, {name}" for name in names]
             colours = np.array([layout.bright], dtype=np.uint8)
+        elif group in ("energy", "work"):
+            parts = [ENERGY[name.partition(" (")[0]] for name in names]
+            colours = np.array(parts, dtype=np.uint8)
         else:
-            # What has the same name has the same colour, with and without the split.
-            places = [groups[group].index(n) if n in groups[group] else 0 for n in names]
-            colours = np.array(SERIES, dtype=np.uint8)[places]
+            colours = np.array(SERIES[: len(names)], dtype=np.uint8)
         lines = rr.SeriesLines(
             names=names,
             colors=colours,

@@ -177,6 +177,7 @@ def _content(
     from swim_env.recording.scenery import log_swimmer
     from swim_env.recording.series import log_series
     from swim_env.recording.spatial_scenery import log_spatial_swimmer
+    from swim_env.recording.torque_map import log_torque_maps
 
     layouts = tuple([lane.layout for lane in lanes])
     reasons = tuple([lane.swimmer.trajectory.termination_reason for lane in lanes])
@@ -192,6 +193,7 @@ def _content(
         log: Any = log_swimmer if lane.layout.scene.dimension == 2 else log_spatial_swimmer
         log(stream, lane, water)
         log_series(stream, lane)
+        log_torque_maps(stream, lane)
     stream.disconnect()
     content: bytes = kept.read()
     if not content:
@@ -214,6 +216,7 @@ def _fixed_parts(layouts: tuple[Layout, ...]) -> tuple[Any, list[Any]]:
     from swim_env.recording.scenery import scenery_of
     from swim_env.recording.series import looks_of_series
     from swim_env.recording.spatial_scenery import spatial_scenery_of
+    from swim_env.recording.torque_map import looks_of_maps
 
     planar = layouts[0].scene.dimension == 2
     # The plane's y points upwards, the screen's downwards.
@@ -221,7 +224,7 @@ def _fixed_parts(layouts: tuple[Layout, ...]) -> tuple[Any, list[Any]]:
     standing = [still(WORLD, world), *legend_of(layouts[0])]
     for layout in layouts:
         standing += scenery_of(layout) if planar else spatial_scenery_of(layout)
-        standing += looks_of_series(layout)
+        standing += looks_of_series(layout) + looks_of_maps(layout)
     return blueprint_of(layouts), standing
 
 

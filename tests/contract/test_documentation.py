@@ -10,6 +10,7 @@ from statistics import median
 
 import pytest
 from swim_agents.commands.main import COMMANDS
+from swim_agents.policies import PRETRAINED_FOLDER, pretrained_names
 
 import swim_env
 from tests.support import ROOT, run_python
@@ -91,6 +92,68 @@ def test_the_readme_quotes_the_stored_comparison():
         figures = [median(policy["net_displacement"]), median(policy["closed_displacement"])]
         figures.append(stored["ratios"][name]["tuned_wave"])
         assert [cell.strip() for cell in row.split("|")[2:5]] == [f"{one:.2f}" for one in figures]
+
+
+def figures_of(name: str) -> set[str]:
+    """Return how far a policy swims (BL), as it was computed and finer, as pages may say it."""
+    stored = json.loads((ROOT / "docs/comparison/comparison.json").read_text(encoding="utf-8"))
+    file = PRETRAINED_FOLDER / name / "scores.json"
+    if name in stored["policies"]:
+        record = stored["policies"][name]
+    else:
+        record = json.loads(file.read_text(encoding="utf-8"))
+    kinds = ("net_displacement", "closed_displacement")
+    return {f"{median(record[kind]):.2f}" for kind in kinds}
+
+
+def lines_and_heads(page: Path) -> list[tuple[str, str]]:
+    """Return a page's lines, those of tables with their table's first line, others with none."""
+    head, pairs = "", []
+    for line in page.read_text(encoding="utf-8").splitlines():
+        head = (head or line) if line.startswith("|") else ""
+        pairs.append((line, head))
+    return pairs
+
+
+#: Its figures are of runs on the way and of all seeds.
+TRIED = ROOT / "docs/reports/training.md"
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page != TRIED], ids=name_of)
+def test_a_page_states_the_stored_figure_for_a_policy(page):
+    """Body lengths in a line, or in a row of a table in them, that names one policy."""
+    names = {*pretrained_names(), "paper_wave", "tuned_wave"}
+    for line, head in lines_and_heads(page):
+        named = names & set(re.findall(r"`(\w+)`", line))
+        said = re.findall(r"(\d+\.\d+) BL\b(?!/)", line)
+        if "(BL)" in head:
+            cells = zip(head.split("|"), line.split("|"), strict=True)
+            said += [cell.strip() for title, cell in cells if "(BL)" in title]
+        if len(named) == 1:
+            assert set(said) <= figures_of(named.pop()), line
+
+
+def test_the_report_on_training_starts_from_the_stored_waves():
+    text = TRIED.read_text(encoding="utf-8")
+    plane, eel, fish = (
+        json.loads((ROOT / f"agents/swim_agents/{name}tuned_wave.json").read_text("utf-8"))
+        for name in ("", "eel_3d.", "fish_3d.")
+    )
+    reached = f"{plane['net_displacement']:.2f}"
+    assert f"tuned wave reaches {reached} BL in 20 s" in text
+    assert reached in figures_of("tuned_wave")
+    in_space = f"{eel['net_displacement']:.2f} BL\nwith the eel and {fish['net_displacement']:.2f}"
+    assert f"tuned lateral wave reaches {in_space} with the fish" in text
+
+
+@pytest.mark.parametrize("name", ["ppo_forward", "sac_forward"])
+def test_an_agents_own_record_has_the_starts_of_the_comparison(name):
+    stored = json.loads((ROOT / "docs/comparison/comparison.json").read_text(encoding="utf-8"))
+    own = json.loads((PRETRAINED_FOLDER / name / "scores.json").read_text(encoding="utf-8"))
+    count = len(stored["seeds"])
+    assert own["seeds"][:count] == stored["seeds"]
+    for kind in ("net_displacement", "closed_displacement"):
+        assert own[kind][:count] == stored["policies"][name][kind]
 
 
 def test_every_reason_to_end_is_explained():

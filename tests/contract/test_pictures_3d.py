@@ -370,7 +370,7 @@ def test_the_energy_in_space_is_elastic_and_kinetic(compared):
     figure = draw_energy({"lateral_wave": run}, seconds=0.5)
     check_texts(figure)
     elastic, kinetic = (part.get_paths()[0].vertices for part in figure.axes[0].collections)
-    (total,) = (line for line in figure.axes[0].lines if line.get_label() == "H, their sum")
+    (total,) = (line for line in figure.axes[0].lines if line.get_label() == "total")
     assert kinetic[:, 1].max() == pytest.approx(total.get_ydata().max())
     last = spatial_elastic_energy(run.scene, run.joint_rotations[-101:])
     assert elastic[:, 1].max() == pytest.approx(last.max(), rel=1e-9)

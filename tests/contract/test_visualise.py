@@ -33,7 +33,7 @@ def test_agent_beside_the_wave(command, tmp_path):
     figures = done.figures()
     assert figures.keys() >= {"file", "flow_frames", "logging_seconds", "flow_seconds", "schema"}
     assert figures["bytes"] == file.stat().st_size and figures["frames"] == 42
-    assert f"rerun {file}" in done.err and "rerun --web-viewer" in done.err
+    assert f"rerun {file}" in done.err and f"visualise --recording {file} --web" in done.err
     read = read_recording(file)
     assert list(read.swimmers) == ["tuned_wave", "paper_wave"]
     for one in read.swimmers.values():
@@ -90,6 +90,12 @@ def test_prescribed_torque_and_saved_trajectory(command, tmp_path):
         (["--noise", "0"], "--noise needs --policy or --compare-with"),
         (["--seed", "0"], "--seed needs --policy or --compare-with"),
         (["--set", "fluid=null", "--flow-rate", "5"], "there is no flow to record"),
+        (["--recording", "none.rrd", "--web", "--port", "0"], "cannot read the recording: No such"),
+        (["--recording", "none.rrd"], "--recording needs --view, --web or --picture"),
+        (["--recording", "x.rrd", "--web", "--port", "0", "--no-flow"], "--no-flow has no meaning"),
+        (["--recording", "x.rrd", "--view", "--seed", "0"], "--seed has no meaning"),
+        (["--port", "1"], "--port needs --web"),
+        (["--web", "--port", "-1"], "a port is a number from 0 to 65535, got -1"),
         (["--output", "x.txt"], "ends with .rrd"),
         (["--output", "folder.rrd"], "this is a folder"),
         (["--task", "fly", "--policy", "zero"], "unknown task 'fly'"),
@@ -116,12 +122,12 @@ def test_a_display_that_does_not_answer(tmp_path, monkeypatch, code):
     program.write_text(f"#!/bin/sh\nexit {code}\n")
     program.chmod(0o755)
     monkeypatch.setenv("DISPLAY", ":99")
-    monkeypatch.setattr("swim_env.recording.show.rerun_command", lambda: str(program))
+    monkeypatch.setattr("swim_env.recording.viewer.rerun_command", lambda: str(program))
     line = open_viewer("some.rrd")
     if code == 0:
         assert line is None
     else:
-        assert "no display answers" in line and "rerun --web-viewer some.rrd" in line
+        assert "no display answers" in line and "visualise --recording some.rrd --web" in line
 
 
 def test_replay_records(command, tmp_path):

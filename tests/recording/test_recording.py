@@ -1,5 +1,6 @@
 """Recordings, read back with rerun's own reader and compared with the run's numbers."""
 
+import io
 import math
 import subprocess
 import sys
@@ -8,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rerun as rr
+from PIL import Image
 
 from swim_env import OptionError, Simulator, SwimError, load_scene
 from swim_env.analysis.energy import elastic_energy, split_energy
@@ -23,10 +25,11 @@ from swim_env.recording import (
     take_picture,
     write_recording,
 )
+from swim_env.recording.palette import shades_of_torque
 from swim_env.recording.reader import ReadRecording
 from swim_env.recording.schema import DETAILS, GROUPS, UNSPLIT_ENERGY, label_of
-from swim_env.recording.show import rerun_command
 from swim_env.recording.swimmer import frames_of
+from swim_env.recording.viewer import rerun_command
 from swim_env.recording.water import picture_of, pressure_of
 from swim_env.recording.writer import _fixed_parts
 from tests.support import full_disk, refuses
@@ -397,3 +400,21 @@ def test_places_of_recordings(tmp_path, monkeypatch):
     with pytest.raises(SwimError, match="cannot write into the folder .*: Permission denied"):
         recording_file(tmp_path / "a.rrd", "n")
     assert not list(tmp_path.rglob("*.rrd"))
+
+
+def test_torques_are_shown_as_a_map_of_joints_and_time(tmp_path):
+    """A column a frame, a row a joint, head above, in the colours of the body."""
+    simulator = Simulator("swimmer")
+    run = simulator.rollout(simulator.prescribed_torques(100))
+    columns = {}
+    for colour in ("torque", "moment"):
+        file = tmp_path / f"{colour}.rrd"
+        write_recording(file, [Swimmer("one", run)], flow_rate=None, colour=colour)
+        columns[colour] = read_recording(file).columns
+    place = ("/maps/one/torques/picture", "EncodedImage:blob")
+    with Image.open(io.BytesIO(bytes(columns["torque"][place].values[0][0]))) as picture:
+        pixels = np.asarray(picture)
+    frames = read_recording(tmp_path / "torque.rrd").swimmers["one"].series["torques"][:-1]
+    assert pixels.shape == (8, len(frames), 3)
+    assert (pixels == shades_of_torque(frames.T / run.scene.torque_limit)).all()
+    assert place not in columns["moment"]

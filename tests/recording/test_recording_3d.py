@@ -16,7 +16,7 @@ from swim_env.recording import COLOURS, Swimmer, read_recording, write_recording
 from swim_env.recording.palette import shades_of_torque
 from swim_env.recording.reader import ReadRecording
 from swim_env.recording.schema import SPATIAL_DETAILS, SPATIAL_GROUPS, UNSPLIT_ENERGY
-from swim_env.recording.show import rerun_command
+from swim_env.recording.viewer import rerun_command
 from swim_env.scene.spatial.body import AXIS_NAMES
 from swim_env.sim.spatial.constants import surface_of
 from tests.support import refuses

@@ -59,7 +59,7 @@ def test_the_page_shows_every_picture_and_says_what_it_was_made_of(made):
     assert "These runs are short" in text and "`swimmer`, 1.2 s" in text
     assert str(record["date"]) in text and str(record["commit"] or "unknown")[:10] in text
     for name, rows in record["policies"].items():
-        assert f"| `{name}` | {rows[-1]['net_displacement']:.3f} BL |" in text
+        assert f"| `{name}` | {rows[-1]['positive_work']:.3g} J |" in text
     assert "{" not in text
 
 

@@ -164,7 +164,8 @@ def played_scene(scene: Scene, duration: float | None) -> Scene:
 def refuse(options: argparse.Namespace, names: Sequence[str], problem: str) -> None:
     """Refuse options that were given, all for one reason."""
     for name in names:
-        if getattr(options, name) not in (None, []):
+        given = getattr(options, name)
+        if given is not None and given is not False and given != []:
             raise SwimError(f"--{name.replace('_', '-')} {problem}")
 
 

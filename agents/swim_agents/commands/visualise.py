@@ -8,6 +8,7 @@ import os
 import shlex
 import sys
 from pathlib import Path
+from typing import Any
 
 from swim_agents.commands import command_line as cli
 from swim_agents.commands import playing
@@ -19,13 +20,18 @@ from swim_env.envs.geometry import geometry_of
 from swim_env.envs.tasks import check_task, make_task
 from swim_env.errors import SwimError
 from swim_env.files.names import file_name
-from swim_env.recording import Swimmer, WrittenRecording
+from swim_env.recording import Swimmer
 from swim_env.scene import Scene
 from swim_env.sim.replay import steps_of
 from swim_env.sim.trajectory import Trajectory
 
 #: The scene unless one is given.
 _SCENE = "swimmer"
+#: Options of what is played, and of the recording that is made of it.
+_MAKING = (
+    *("scene", "set", "policy", "compare_with", "trajectory", "duration", "task", "task_option"),
+    *("seed", "noise", "output", "colour", "no_flow", "flow_rate", "frame_rate"),
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,6 +56,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="record a saved run (.npz) instead of playing --scene with --set for --duration",
     )
+    parser.add_argument(
+        "--recording",
+        metavar="FILE",
+        help="look at a recording (.rrd) that exists instead of making one",
+    )
     cli.add_options(parser, "duration", "task", "task-option", "seed", "noise")
     parser.add_argument(
         "--output",
@@ -59,8 +70,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--colour",
         choices=tuple(recording.COLOURS),
-        default="torque",
-        help="what the body's colours show: the joint torques or the elastic bending moments",
+        help="what the body's colours show: the joint torques, unless given, or the elastic "
+        "bending moments",
     )
     parser.add_argument("--no-flow", action="store_true", help="leave the fluid out")
     parser.add_argument(
@@ -78,6 +89,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--view", action="store_true", help="open rerun's viewer with it")
     parser.add_argument(
+        "--web",
+        action="store_true",
+        help="serve it and rerun's viewer to a browser on this machine, until Ctrl-C",
+    )
+    parser.add_argument(
+        "--port",
+        type=int,
+        metavar="N",
+        help=f"of --web's page; {recording.WEB_PORT} unless given, 0 takes any that is free",
+    )
+    parser.add_argument(
         "--picture",
         metavar="FILE",
         help="keep a picture (.png, .jpg) of rerun's viewer with it, no display needed",
@@ -88,36 +110,80 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Play, write the recording, and show it."""
+    """Play and write a recording, or take one that exists, and show it."""
     _check(options)
-    file, swimmers = _swimmers(options)
-    for swimmer in swimmers:
-        playing.report_early_end(swimmer, swimmer.name)
-    flow_rate = None if options.no_flow else options.flow_rate or recording.AUTO
-    written = playing.record(
-        file, swimmers, flow_rate=flow_rate, frame_rate=options.frame_rate, colour=options.colour
-    )
+    made, file, end = _existing(options) if options.recording else _new(options)
     if options.picture is not None:
-        longest = max(float(swimmer.trajectory.time[-1]) for swimmer in swimmers)
-        shown = 0.5 * longest if options.at is None else options.at
+        shown = 0.5 * end if options.at is None else options.at
         for complaint in recording.take_picture(file, options.picture, shown):
             print(f"rerun: {complaint}", file=sys.stderr)
     if options.view:
         advice = recording.open_viewer(file)
         if advice is not None:
             print(advice, file=sys.stderr)
-    elif not options.json:
-        command = shlex.join([recording.typed_command(), str(written.file)])
+    elif not options.json and not options.web and not options.recording:
+        command = shlex.join([recording.typed_command(), str(file)])
         print(f"look at it with: {command}", file=sys.stderr)
-    cli.print_result(written.to_dict(), options.json, lambda: _table(written))
+    cli.print_result(made, options.json, lambda: _table(made))
+    if options.web:
+        sys.stdout.flush()
+        with recording.web_viewer(file, _port(options)) as viewer:
+            print(f"open {viewer.address} on this machine; Ctrl-C ends it", file=sys.stderr)
+            viewer.wait()
     return 0
+
+
+def _new(options: argparse.Namespace) -> tuple[dict[str, Any], Path, float]:
+    """Play and write; return figures of the recording, its file and its end (s)."""
+    file, swimmers = _swimmers(options)
+    for swimmer in swimmers:
+        playing.report_early_end(swimmer, swimmer.name)
+    flow_rate = None if options.no_flow else options.flow_rate or recording.AUTO
+    written = playing.record(
+        file,
+        swimmers,
+        flow_rate=flow_rate,
+        frame_rate=options.frame_rate,
+        colour=options.colour or "torque",
+    )
+    end = max(float(swimmer.trajectory.time[-1]) for swimmer in swimmers)
+    return written.to_dict(), Path(written.file), end
+
+
+def _existing(options: argparse.Namespace) -> tuple[dict[str, Any], Path, float]:
+    """Read; return figures of the recording, its file and its end (s)."""
+    file = Path(options.recording)
+    read = recording.read_recording(file)
+    swimmers = read.swimmers.values()
+    end = max(float(swimmer.time[-1]) for swimmer in swimmers)
+    _check_time(options, end)
+    figures = {
+        "file": str(file),
+        "bytes": file.stat().st_size,
+        "frames": max(len(swimmer.time) for swimmer in swimmers),
+        "flow_frames": max(len(swimmer.flow_time) for swimmer in swimmers),
+        "schema": read.schema,
+    }
+    return figures, file, end
+
+
+def _port(options: argparse.Namespace) -> int:
+    return recording.WEB_PORT if options.port is None else int(options.port)
 
 
 def _check(options: argparse.Namespace) -> None:
     """Refuse options that have no meaning together, before anything is played."""
+    if options.web:
+        recording.check_web(_port(options))
+    else:
+        cli.refuse(options, ("port",), "needs --web")
+    if options.recording is not None:
+        cli.refuse(options, _MAKING, "has no meaning with --recording")
+        if not options.view and not options.web and options.picture is None:
+            raise SwimError("--recording needs --view, --web or --picture")
     if options.trajectory is not None:
         cli.refuse(options, ("scene", "set", "duration"), "has no meaning with --trajectory")
-    if not options.policy and not options.compare_with:
+    if not options.policy and not options.compare_with and not options.recording:
         cli.refuse(
             options, ("task", "task_option", "seed", "noise"), "needs --policy or --compare-with"
         )
@@ -141,7 +207,10 @@ def _check(options: argparse.Namespace) -> None:
         problem = "has no meaning with --trajectory; --compare-with adds a policy"
         cli.refuse(options, ("policy",), problem)
     cli.check_places(
-        [options.scene, options.trajectory, options.compare_with, *options.policy],
+        [
+            *(options.scene, options.trajectory, options.recording, options.compare_with),
+            *options.policy,
+        ],
         {"--picture": options.picture},
         {"--output": options.output},
     )
@@ -155,6 +224,11 @@ def _check_scene(options: argparse.Namespace, scene: Scene, end: float) -> None:
             f"{'' if scene.dimension == 2 else ' of panels (panels, frozen)'}, so there is no flow "
             "to record"
         )
+    _check_time(options, end)
+
+
+def _check_time(options: argparse.Namespace, end: float) -> None:
+    """Refuse a picture of a time after the end (s)."""
     if options.at is not None and options.at > end:
         raise SwimError(f"--at must be at most the run's end, {end:g} s, got {options.at:g}")
 
@@ -163,7 +237,7 @@ def _swimmers(options: argparse.Namespace) -> tuple[Path, list[Swimmer]]:
     """Play; return where the recording goes, and the swimmers in it."""
     place = options.output or "results/recordings"
     looks = {
-        "colour": None if options.colour == "torque" else options.colour,
+        "colour": options.colour if options.colour == "moment" else None,
         "flow_rate": 0.0 if options.no_flow else options.flow_rate,
         "frame_rate": options.frame_rate,
         "noise": options.noise,
@@ -221,15 +295,16 @@ def _play(options: argparse.Namespace, scene: Scene, policies: list[str]) -> lis
     ]
 
 
-def _table(written: WrittenRecording) -> str:
-    return text_table(
-        [
-            ("recording", written.file),
-            ("size", f"{written.size / 1e6:.2f} MB"),
-            ("frames", f"{written.frames}, and {written.flow_frames} of the fluid"),
-            ("logging", f"{written.logging_seconds:.2f} s"),
-            ("fluid", f"{written.flow_seconds:.2f} s"),
-            ("schema", str(written.schema)),
-        ],
-        left=True,
-    )
+def _table(made: dict[str, Any]) -> str:
+    rows = [
+        ("recording", made["file"]),
+        ("size", f"{made['bytes'] / 1e6:.2f} MB"),
+        ("frames", f"{made['frames']}, and {made['flow_frames']} of the fluid"),
+        ("schema", str(made["schema"])),
+    ]
+    if "logging_seconds" in made:
+        rows[3:3] = [
+            ("logging", f"{made['logging_seconds']:.2f} s"),
+            ("fluid", f"{made['flow_seconds']:.2f} s"),
+        ]
+    return text_table(rows, left=True)

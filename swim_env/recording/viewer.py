@@ -65,15 +65,16 @@ def open_viewer(path: str | os.PathLike[str]) -> str | None:
         os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
     )
     typed, file = typed_command(), os.fspath(path)
+    browser = ["swim-env", "visualise", "--recording", file, "--web"]
     hint = (
         f"look at the recording with: {shlex.join([typed, file])} (on a machine with one) or "
-        f"{shlex.join([typed, '--web-viewer', file])} (in a browser)"
+        f"{shlex.join(browser)} (in a browser)"
     )
     if not has_display:
         return f"there is no display; {hint}"
     try:
         viewer = subprocess.Popen(
-            [command, os.fspath(path)],
+            [command, "--bind", "127.0.0.1", os.fspath(path)],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
