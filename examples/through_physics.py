@@ -10,6 +10,7 @@ import argparse
 import math
 
 import torch
+
 from swim_env import load_scene
 from swim_env.gradients import SwimFunction
 

@@ -13,7 +13,8 @@ import contextlib
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,8 @@ _SHORT = 12
 _FREQUENCIES = ((0, 0.95), (0, 1.01), (1, 0.95))
 _WAVE_NUMBERS = (2.5, 1.5)
 _CYCLES = 3
+#: Fluids of the whole episode, as multiples of the scene's density.
+_DENSITIES = (1.0, 0.97)
 #: Share of the time that goes into the first search.
 _FIRST = 0.35
 #: Weight of a displacement that is missed, of the squared share, and rounds of its multiplier.
@@ -67,6 +70,9 @@ class Problem:
         Whether the stiffness of every joint varies as well.
     at_least : float
         Displacement (BL) that an efficient gait must reach.
+    densities : tuple of float
+        Fluids in which the gait is to do well, as multiples of the scene's density: what is best in
+        one alone is tuned to a resonance that the number of panels has shifted.
     """
 
     scene: Scene
@@ -75,6 +81,7 @@ class Problem:
     actions: int
     design: bool = False
     at_least: float = 0.0
+    densities: tuple[float, ...] = (1.0,)
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -116,8 +123,21 @@ class Problem:
         return held if scene.dimension == 2 else held.reshape(len(held), scene.joints, 3)
 
     def evaluate(self, unknowns: Array, objective: Objective) -> tuple[float, Array]:
-        """Return an objective and its gradient by the unknowns."""
+        """Return an objective and its gradient by the unknowns, the means over all fluids."""
+        if len(self.densities) == 1:
+            return self._evaluate(unknowns, objective, self.densities[0])
+        with ThreadPoolExecutor(min(len(self.densities), usable_threads())) as pool:
+            found = pool.map(partial(self._evaluate, unknowns, objective), self.densities)
+            values, slopes = zip(*found, strict=True)
+        return float(np.mean(values)), np.mean(slopes, axis=0)
+
+    def _evaluate(
+        self, unknowns: Array, objective: Objective, density: float
+    ) -> tuple[float, Array]:
+        """Return an objective and its gradient by the unknowns in one fluid."""
         scene = self.scene_of(unknowns)
+        if density != 1.0 and scene.fluid is not None and scene.fluid.density is not None:
+            scene = scene.replace("fluid.density", density * scene.fluid.density)
         value, by = value_and_gradient(
             scene,
             self.torques(unknowns),
@@ -345,7 +365,7 @@ def search_gait(
             raise SwimError(f"none of {len(guesses)} guesses swims on scene {scene.name}")
         found[-1] = period, Result(best.unknowns)
     period, given = found[-1]
-    problem = Problem(scene, goal, period, whole, design, at_least)
+    problem = Problem(scene, goal, period, whole, design, at_least, _DENSITIES)
     rest = (1.0 - _FIRST) * seconds
 
     def keep_whole(result: Result) -> None:
@@ -357,6 +377,7 @@ def search_gait(
         table = problem.table(result.unknowns)
         rows = table[np.arange(whole) % period]
         unknowns = np.concatenate([rows.ravel(), result.unknowns[table.size :]])
-        problem, given = Problem(scene, goal, whole, whole, design, at_least), Result(unknowns)
+        problem = replace(problem, period=whole)
+        given = Result(unknowns)
         rest *= 0.6
     return problem, improve(problem, given, rest, keep_whole, progress)
