@@ -43,11 +43,11 @@ _FREQUENCIES = ((0, 0.95), (0, 1.01), (1, 0.95))
 _WAVE_NUMBERS = (2.5, 1.5)
 _CYCLES = 3
 #: Fluids of the whole episode, as multiples of the scene's density.
-_DENSITIES = (1.0, 0.97)
+_DENSITIES = (1.0, 0.98)
 #: Share of the time that goes into the first search.
 _FIRST = 0.35
 #: Weight of a displacement that is missed, of the squared share, and rounds of its multiplier.
-_PENALTY, _ROUNDS = 50.0, 3
+_PENALTY, _ROUNDS = 200.0, 3
 #: Value of a gait on which a run ends early.
 _WORST = 1e6
 
@@ -181,6 +181,8 @@ class Result:
     value: float = np.inf
     evaluations: int = 0
     done: bool = False
+    #: Of the displacement that must be reached.
+    multiplier: float = 0.0
 
 
 def starts(problem: Problem, frequencies: Sequence[float], seed: int) -> list[tuple[int, Array]]:
@@ -218,7 +220,7 @@ def improve(
     multiplier of a displacement that must be reached.
     """
     begin = time.perf_counter()
-    multiplier = 0.0
+    multiplier = result.multiplier
     rounds = rounds if problem.goal == "efficiency" else 1
     for number in range(1, rounds + 1):
         until = begin + seconds * number / rounds
@@ -229,6 +231,7 @@ def improve(
         measured = Objective(objective.measures, lambda sums: (float(sums[0]), [1.0, 0.0]))
         moved, _ = problem.evaluate(result.unknowns, measured)
         multiplier = max(0.0, multiplier + _PENALTY * (1.0 - moved / problem.at_least))
+    result.multiplier = multiplier
     return result
 
 
@@ -378,6 +381,6 @@ def search_gait(
         rows = table[np.arange(whole) % period]
         unknowns = np.concatenate([rows.ravel(), result.unknowns[table.size :]])
         problem = replace(problem, period=whole)
-        given = Result(unknowns)
+        given = Result(unknowns, multiplier=result.multiplier)
         rest *= 0.6
     return problem, improve(problem, given, rest, keep_whole, progress)

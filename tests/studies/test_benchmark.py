@@ -364,7 +364,7 @@ def test_a_copy_is_as_fast_and_a_slow_one_is_slower(tmp_path):
     shutil.copytree(ROOT / "configs", tmp_path / "configs")
     simulator = tmp_path / "swim_env" / "sim" / "simulator.py"
     plain = simulator.read_text(encoding="utf-8")
-    start = "        held = self._checked(torques, 2)\n"
+    start = "        held = self._checked(torques, many=False)\n"
     assert plain.count(start) == 1
     found = compare_checkouts(tmp_path, rounds=41)
     for name, one in found.items():
