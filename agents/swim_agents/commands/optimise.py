@@ -181,7 +181,9 @@ def _record(
     record: dict[str, Any] = {
         "goal": options.goal,
         "scene": scene.name,
-        "command": options.command_line,
+        "settings": {
+            name: getattr(options, name) for name in ("minutes", "free", "design", "at_least")
+        },
         "net_displacement": rollout.net_displacement,
         "heading_change": summary["heading_change"],
         "positive_work": summary["positive_work"],
