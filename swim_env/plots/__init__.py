@@ -12,6 +12,7 @@ from swim_env.plots.heat_maps import draw_kymographs, draw_torques, draw_wave_se
 from swim_env.plots.spatial_gaits import draw_bending
 from swim_env.plots.stills import draw_path
 from swim_env.plots.style import require_matplotlib, save_figure
+from swim_env.plots.sweeps import draw_sweep
 from swim_env.plots.training import draw_training
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "draw_path",
     "draw_paths",
     "draw_scores",
+    "draw_sweep",
     "draw_torques",
     "draw_training",
     "draw_wave_search",

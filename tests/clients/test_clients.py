@@ -5,6 +5,7 @@ pytest's cache folder and is rebuilt when the pins or the interpreter change.
 """
 
 import contextlib
+import csv
 import hashlib
 import json
 import math
@@ -21,7 +22,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from swim_agents.replay import replay_episode
 
+from swim_env import load_scene
 from tests.contract.test_wheel import copy_sources
 from tests.support import FORWARD, ROOT, SPATIAL_TASKS, TARGET, TASKS
 
@@ -205,6 +208,26 @@ def test_skrl(install):
         shutil.rmtree(skrl.work / "runs")
 
 
+def test_cleanrl(install):
+    """PPO in one file, in its manner, on our batched form."""
+    client = install("cleanrl")
+    for name in (FORWARD, TARGET):
+        script = HERE / "cleanrl" / "ppo_continuous_action.py"
+        (result,) = results(client.run(script, name))
+        assert result.pop("episodes") == 12 and result.pop("lengths") == [50]
+        assert result.pop("learned") and all(map(math.isfinite, result.values()))
+
+
+@each_dimension
+def test_tianshou(tasks, install):
+    """Its PPO trains on environments in processes, and is evaluated."""
+    client = install("tianshou")
+    for name in tasks:
+        (result,) = results(client.run(HERE / "tianshou" / "ppo.py", name))
+        assert (result["steps"], result["episodes"], result["lengths"]) == (800, 8, [50])
+        assert result["learned"] and math.isfinite(result["mean_return"])
+
+
 @pytest.fixture
 def ray_settings() -> Iterator[dict[str, str]]:
     """Give Ray a folder of its own for its token and its sockets, whose path must be short."""
@@ -228,15 +251,53 @@ def test_rllib(tasks, install, ray_settings):
             assert run["learned"]
             for number, figures in enumerate(run["iterations"], 1):
                 assert figures["steps"] == 512 * number
-                assert figures["len_min"] == figures["len_max"] == 50
+                # RLlib 2.60 may count a step too many where its runner is this process, and an
+                # episode goes on from one sample to the next (so it does with Pendulum-v1).
+                assert figures["len_min"] == 50
+                assert figures["len_max"] <= (50 if run is remote or number == 1 else 51)
                 assert math.isfinite(figures["return_min"] + figures["return_max"])
         assert len(remote["iterations"]) == 4
 
 
-def test_rllib_example(install, ray_settings):
-    """The example trains, restores what it saved and evaluates it."""
-    printed = install("rllib").run(
-        *(ROOT / "examples" / "rllib_ppo.py", "--iterations", "1", "--members", "2"),
+def test_rllib_example(install, ray_settings, tmp_path):
+    """The example trains, restores what it saved, evaluates it and exports it to be played."""
+    rllib, folder = install("rllib"), tmp_path / "out"
+    printed = rllib.run(
+        *(ROOT / "examples" / "rllib_ppo.py", "--scene", "swimmer", "--iterations", "1"),
+        *("--members", "2", "--output", folder),
         **ray_settings,
     )
     assert math.isfinite(matched(r"swam (\S+) body lengths", printed))
+    code = f"""
+import numpy as np, torch
+from ray.rllib.algorithms.algorithm import Algorithm
+from swim_agents.policies import load_policy
+from swim_agents.rllib import register
+register()
+module = Algorithm.from_checkpoint({str(folder / "checkpoint")!r}).get_module()
+seen = np.random.default_rng(0).normal(size=(50, 21)).astype(np.float32)
+found = module.forward_inference({{"obs": torch.from_numpy(seen)}})["action_dist_inputs"][:, :8]
+played, _ = load_policy({str(folder / "agent")!r}).predict(seen)
+print("off by", np.abs(played - found.detach().numpy().clip(-1, 1)).max())
+"""
+    assert matched(r"off by (\S+)", rllib.run("-c", code, **ray_settings)) < 1e-6
+    # Here, where there is no Ray.
+    rollout, _, summary = replay_episode(
+        load_scene("swimmer", "episode.duration=0.2"), str(folder / "agent")
+    )
+    assert len(rollout.rewards) == summary["actions"] == 10
+
+
+def test_a_sweep_on_ray(install, ray_settings, tmp_path):
+    """The command from the installed package gives with Ray what it gives without."""
+    rllib, code = install("rllib"), "import sys; from swim_agents.commands.main import main; main()"
+    tables = []
+    for place in ("local", "ray"):
+        sweep = (ROOT / "examples" / "sweep.yaml", "--output", tmp_path / place, "--on", place)
+        rllib.run("-c", code, "sweep", *sweep, **ray_settings)
+        with open(tmp_path / place / "table.csv", newline="", encoding="utf-8") as file:
+            tables.append(list(csv.DictReader(file)))
+    for row in (*tables[0], *tables[1]):
+        assert row["status"] in ("finished", "ended")
+        del row["seconds"], row["wall_seconds"]
+    assert tables[0] == tables[1] and len(tables[0]) == 40

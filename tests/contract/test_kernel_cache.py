@@ -11,7 +11,7 @@ from filelock import FileLock
 
 from swim_env.physics.loading import load_kernels
 from swim_env.physics.runtime.cache import cache_folder, fingerprint
-from tests.support import ROOT, Done, run_python
+from tests.support import ENVIRONMENT, ROOT, Done, run_python
 
 
 def test_the_fingerprint_sees_every_file_with_kernels_in_folders_of_any_depth(tmp_path):
@@ -50,6 +50,39 @@ def test_two_processes_fill_an_empty_cache_without_writing_to_the_same_place(tmp
     assert [path.name for path in kept if not path.name.endswith(".1.nbc")] == []
     assert load(tmp_path) == Done(0, "", "")
     assert len(list(tmp_path.rglob("*.nbc"))) == len(kept)
+
+
+EPISODE = """
+import hashlib, swim_env
+env = swim_env.SwimVectorEnv(3, num_threads=1)
+env.reset(seed=0)
+env.action_space.seed(0)
+seen = hashlib.sha256()
+for _ in range(50):
+    seen.update(env.step(env.action_space.sample())[0].tobytes())
+print(seen.hexdigest())
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_of_eight_processes_on_an_empty_cache_one_compiles_and_all_agree_to_the_bit(tmp_path):
+    environment = {**ENVIRONMENT, "NUMBA_CACHE_DIR": str(tmp_path)}
+    started = [
+        subprocess.Popen(
+            [sys.executable, "-c", EPISODE],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment,
+        )
+        for _ in range(8)
+    ]
+    done = [process.communicate(timeout=800) for process in started]
+    said = [err.splitlines() for _, err in done]
+    assert sum("compiling the physics kernels" in lines[0] for lines in said) == 1, said
+    assert sum("another process compiles" in lines[0] for lines in said) == 7, said
+    assert {out for out, _ in done} == {run_python("-c", EPISODE).out}
 
 
 KERNEL = """

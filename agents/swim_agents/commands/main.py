@@ -20,6 +20,7 @@ COMMANDS = {
     "tune": "search for the travelling wave that swims farthest",
     "optimise": "find the torques that are best, by exact gradients of whole episodes",
     "accuracy": "choose the cheapest settings that compute a scene to a tolerance",
+    "sweep": "do many runs of a command that differ in settings, here or on a cluster",
     "warm-up": "compile the kernels, for images and clusters",
 }
 
