@@ -211,7 +211,7 @@ def test_ctrl_c_keeps_what_is_done_and_the_table(tmp_path):
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert err.endswith("interrupted; start again to continue\n") and "Traceback" not in err
-    assert not children(process.pid)
+    wait_until(lambda: not children(process.pid), 20.0)
     statuses = [row["status"] for row in table(folder)]
     assert len(statuses) == 40 and statuses.count("waiting") == 40 - len(records(folder))
 
@@ -282,7 +282,7 @@ def test_trainings_are_swept_and_tuned_waves_as_well(tmp_path, capsys):
 
 
 BAD: dict[str, tuple[dict[str, Any], str]] = {
-    "no command": ({}, "run must be one of replay, tune, train"),
+    "no command": ({}, "run must be one of replay, tune, optimise, train"),
     "unknown command": ({"run": "tain"}, "'tain' (nearest: train)"),
     "unknown field": ({**TWO, "seeds": 3}, "unknown field seeds (nearest: seed)"),
     "unknown option": ({**TWO, "options": {"scene": "paper_i", "dration": 1}}, "--dration=1"),
