@@ -11,7 +11,7 @@ import os
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
@@ -20,17 +20,10 @@ from swim_agents.learning.config import TrainingConfig
 from swim_agents.learning.saved import AgentError, save_agent
 from swim_agents.learning.settings import Network
 from swim_env import SwimEnv, SwimVectorEnv
-from swim_env.errors import SwimError
+from swim_env.errors import require_packages
 
-try:
-    import ray
-    import torch
+if TYPE_CHECKING:
     from ray.rllib.algorithms.algorithm import Algorithm
-    from ray.tune.registry import register_env
-except ImportError as error:
-    raise SwimError(
-        f"RLlib is needed ({error}): install the extra 'ray' (pip install 'swim-env[ray]')"
-    ) from None
 
 __all__ = ["NAME", "export", "make_env", "register"]
 
@@ -50,8 +43,16 @@ def register() -> str:
 
     ``config.environment(register(), env_config={"scene": "eel_3d"})``
     """
+    _require_rllib()
+    from ray.tune.registry import register_env
+
     register_env(NAME, make_env)
     return NAME
+
+
+def _require_rllib() -> None:
+    """Refuse what needs RLlib where it is not installed (SwimError)."""
+    require_packages("agents of RLlib need", {"ray": "Ray"}, "ray")
 
 
 def make_env(config: Mapping[str, Any]) -> gymnasium.Env[Any, Any] | gymnasium.vector.VectorEnv:
@@ -69,6 +70,8 @@ def make_env(config: Mapping[str, Any]) -> gymnasium.Env[Any, Any] | gymnasium.v
     ------
     SceneError, OptionError
         As of `swim_env.SwimEnv`.
+    SwimError
+        If Ray is not installed.
     """
     arguments = {"num_threads": _processors(), **config}
     return (SwimVectorEnv if "num_envs" in arguments else SwimEnv)(**arguments)
@@ -76,6 +79,9 @@ def make_env(config: Mapping[str, Any]) -> gymnasium.Env[Any, Any] | gymnasium.v
 
 def _processors() -> int | None:
     """Return how many processors Ray gives this process; None outside of its workers."""
+    _require_rllib()
+    import ray
+
     context = ray.get_runtime_context() if ray.is_initialized() else None
     if context is None or context.worker.mode != ray.WORKER_MODE:
         return None
@@ -108,6 +114,10 @@ def export(
     Where the standard deviation depends on the state (without ``free_log_std``), the agent has no
     exploration; its best action is the same.
     """
+    _require_rllib()
+    import ray
+    from ray.rllib.algorithms.algorithm import Algorithm
+
     if not isinstance(algorithm, Algorithm):
         algorithm = Algorithm.from_checkpoint(os.path.abspath(algorithm))
     config = algorithm.config
@@ -134,6 +144,8 @@ def export(
 
 def _network(module: Any) -> tuple[Network, dict[str, Any]]:
     """Return the layers of a policy, and its weights as stable-baselines3 names them."""
+    import torch
+
     encoder = module.encoder
     parts = (getattr(encoder, "actor_encoder", None) or encoder.encoder, module.pi)
     leaves = [leaf for part in parts for leaf in part.modules() if not list(leaf.children())]
@@ -168,5 +180,7 @@ class _Weights:
 
     def save(self, path: Path) -> None:
         """Write a zip file with the weights alone."""
+        import torch
+
         with zipfile.ZipFile(path, "w") as archive, archive.open("policy.pth", "w") as file:
             torch.save(self._weights, file)

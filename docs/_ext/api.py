@@ -61,6 +61,7 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
         "swim_agents.fit": (),
         "swim_agents.replay": (),
         "swim_agents.vec_env": (),
+        "swim_agents.rllib": (),
         "swim_agents.files": (),
         "swim_agents.commands.main": (),
         "swim_agents.comparison.contest": ("Contest", "Entry", "entries_of", "hold_contest"),

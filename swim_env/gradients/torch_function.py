@@ -67,7 +67,7 @@ def _each(function: Any, members: int) -> list[Any]:
         return list(pool.map(function, range(members)))
 
 
-class SwimFunction(torch.nn.Module):  # type: ignore[misc]
+class SwimFunction:
     """Moves a batch of bodies by torques, differentiably.
 
     Parameters
@@ -89,7 +89,6 @@ class SwimFunction(torch.nn.Module):  # type: ignore[misc]
     """
 
     def __init__(self, scene: Any, batch: int = 1) -> None:
-        super().__init__()
         if batch < 1:
             raise OptionError(f"batch must be at least 1, got {batch}")
         self.scene = load_scene(scene)
@@ -104,7 +103,7 @@ class SwimFunction(torch.nn.Module):  # type: ignore[misc]
         coordinates, momenta = (torch.from_numpy(np.stack([one] * count)) for one in found)
         return coordinates, momenta
 
-    def forward(
+    def __call__(
         self, torques: torch.Tensor, coordinates: torch.Tensor, momenta: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """Return all states of a run.
