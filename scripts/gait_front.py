@@ -20,10 +20,11 @@ from swim_agents.optimal_gait import GAIT_SUFFIX
 from swim_agents.rollout import play_episode
 from swim_agents.tables import text_table
 
-from swim_env import SwimEnv, load_scene
+from studies.gallery.pictures import draw_pareto
+from swim_env import Scene, SwimEnv, Trajectory, load_scene
 from swim_env.errors import SwimError
 from swim_env.files.provenance import where_and_when
-from swim_env.plots import draw_front, require_matplotlib, save_figure
+from swim_env.plots import require_matplotlib, save_figure
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -37,12 +38,13 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def measure(policy: str, scene: Any) -> dict[str, Any]:
-    """Return how far a policy swims (BL), with how much work (J), and whether it counts."""
+def measure(policy: str, scene: Scene) -> tuple[dict[str, Any], Trajectory]:
+    """Return how far a policy swims (BL), with how much work (J), and its run."""
     rollout = play_episode(SwimEnv(scene), load_policy(policy, scene), options={"noise": 0.0})
-    summary = rollout.simulate().summary()
+    run: Any = rollout.simulate()
+    summary = run.summary()
     spent = summary["positive_work"]
-    return {
+    row = {
         "policy": Path(policy).name.removesuffix(GAIT_SUFFIX),
         "displacement": rollout.net_displacement,
         "positive_work": spent,
@@ -50,6 +52,7 @@ def measure(policy: str, scene: Any) -> dict[str, Any]:
         "energy_drift": summary["energy_drift"],
         "termination_reason": summary["termination_reason"],
     }
+    return row, run
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -60,8 +63,9 @@ def main(arguments: list[str] | None = None) -> int:
         raise SwimError(f"the front is that of planar gaits, {scene.name} is in space")
     if options.output is not None:
         require_matplotlib()
-    rows = [measure(policy, scene) for policy in options.policies]
-    rows.sort(key=lambda row: -row["displacement"])
+    found = [measure(policy, scene) for policy in options.policies]
+    found.sort(key=lambda one: -one[0]["displacement"])
+    rows = [row for row, _ in found]
     heads = ("policy", "displacement (BL)", "positive work (J)", "efficiency (BL/J)")
     cells = [
         (
@@ -78,7 +82,8 @@ def main(arguments: list[str] | None = None) -> int:
         write_json(folder / "front.json", {"rows": rows, **where_and_when()})
         lines = ["| " + " | ".join(line) + " |" for line in (heads, ("---",) * 4, *cells)]
         (folder / "front.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
-        save_figure(draw_front(rows), folder / "front.png")
+        runs = {row["policy"]: [run] for row, run in found}
+        save_figure(draw_pareto(runs), folder / "front.png")
     print_result({"rows": rows}, options.json, lambda: text_table([heads, *cells]))
     return 0
 

@@ -88,7 +88,9 @@ def draw_pareto(
     axes.yaxis.set_major_formatter("{x:g}")
     style.add_legend(axes, fontsize=style.SMALL, loc="upper left")
     first = next(run for runs in trajectories.values() for run in runs)
-    title = f"{first.scene.name}, {first.duration:g} s: each policy's torques at rising strength"
+    title = f"{first.scene.name}, {first.duration:g} s"
+    if max(map(len, trajectories.values())) > 1:
+        title += ": each policy's torques at rising strength"
     work, reach = "positive work of the torques (J)", "net displacement (body lengths)"
     style.style_axes(axes, work, reach, title)
     return figure

@@ -6,7 +6,6 @@ be drawn, that is a SwimError.
 """
 
 from swim_env.plots.energy import draw_energy
-from swim_env.plots.front import draw_front
 from swim_env.plots.gaits import draw_gaits, draw_paths, draw_scores
 from swim_env.plots.heat_maps import draw_kymographs, draw_torques, draw_wave_search
 from swim_env.plots.spatial_gaits import draw_bending
@@ -18,7 +17,6 @@ from swim_env.plots.training import draw_training
 __all__ = [
     "draw_bending",
     "draw_energy",
-    "draw_front",
     "draw_gaits",
     "draw_kymographs",
     "draw_path",

@@ -262,6 +262,7 @@ def test_two_processes_do_not_do_one_sweep(tmp_path, capsys):
         process.communicate()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of libraries that the trainer loads
 def test_trainings_are_swept_and_tuned_waves_as_well(tmp_path, capsys):
     pytest.importorskip("stable_baselines3")
