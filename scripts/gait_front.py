@@ -13,6 +13,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # studies are not installed
+
 from swim_agents import load_policy
 from swim_agents.commands.command_line import add_options, print_result, run
 from swim_agents.files import write_json
