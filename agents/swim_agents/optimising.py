@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from scipy.optimize import minimize
 from swim_agents.optimal_gait import GOALS
 from swim_env.errors import OptionError, SceneError, SimulationEndedError, SwimError
 from swim_env.gradients import OBJECTIVES, Objective, value_and_gradient
+from swim_env.gradients.tape import CutStepError, Tape
 from swim_env.physics.runtime.threads import usable_threads
 from swim_env.scene import Scene
 
@@ -42,14 +44,20 @@ _SHORT = 12
 _FREQUENCIES = ((0, 0.95), (0, 1.01), (1, 0.95))
 _WAVE_NUMBERS = (2.5, 1.5)
 _CYCLES = 3
-#: Fluids of the whole episode, as multiples of the scene's density.
-_DENSITIES = (1.0, 0.98)
+#: Fluids in which an efficient gait has to do well, as multiples of the scene's density.
+_DENSITIES = (1.005, 0.975)
 #: Share of the time that goes into the first search.
 _FIRST = 0.35
 #: Weight of a displacement that is missed, of the squared share: half a per cent of it is missed.
 _PENALTY = 400.0
 #: Value of a gait on which a run ends early.
 _WORST = 1e6
+
+
+def _value(scene: Scene, name: str) -> Any:
+    """Return a field of a scene."""
+    block, field = name.split(".")
+    return getattr(getattr(scene, block), field)
 
 
 @dataclass(frozen=True)
@@ -108,8 +116,7 @@ class Problem:
             len(self.fields), self.scene.joints
         )
         for name, factors in zip(self.fields, scale, strict=True):
-            block, stiffness = name.split(".")
-            own = np.broadcast_to(getattr(getattr(self.scene, block), stiffness), factors.shape)
+            own = np.broadcast_to(_value(self.scene, name), factors.shape)
             changes[name] = (own * factors).tolist()
         return self.scene.replace(changes) if changes else self.scene
 
@@ -151,8 +158,7 @@ class Problem:
         np.add.at(found, places, rows[:, scene.action_places] * scene.action_torques)
         parts = [found.ravel()]
         for name in self.fields:
-            block, stiffness = name.split(".")
-            parts.append(by[name] * np.array(getattr(getattr(scene, block), stiffness)))
+            parts.append(by[name] * np.array(_value(scene, name)))
         return value, np.concatenate(parts)
 
     def objective(self) -> Objective:
@@ -191,7 +197,8 @@ def starts(problem: Problem, frequencies: Sequence[float], seed: int) -> list[tu
     found = []
     for wave_number in _WAVE_NUMBERS:
         for mode, share in _FREQUENCIES:
-            period = max(2, round(_CYCLES / (frequencies[mode] * share * interval)))
+            hertz = share * frequencies[min(mode, len(frequencies) - 1)]
+            period = max(2, round(_CYCLES / (hertz * interval)))
             phase = 2.0 * np.pi * _CYCLES * np.arange(period)[:, None] / period
             place = np.pi * wave_number * np.repeat(scene.beam.joint_fractions, axes)
             table = 0.9 * np.cos(phase - place)
@@ -227,7 +234,7 @@ def improve(
         best.evaluations += 1
         try:
             value, slope = problem.evaluate(unknowns, objective)
-        except (SimulationEndedError, OptionError):
+        except (SimulationEndedError, CutStepError):
             # The line search takes a shorter step.
             value, slope = _WORST, np.zeros_like(unknowns)
         now = time.perf_counter()
@@ -276,7 +283,7 @@ def search_gait(
     goal : str
         One of GOALS.
     frequencies : sequence of float
-        Its first two natural frequencies (Hz), see `swim_env.natural_frequencies`.
+        Its first natural frequencies (Hz), two if it has so many; see `natural_frequencies`.
     seconds : float
         Time to spend, a third of it on guesses side by side.
     design, at_least
@@ -305,12 +312,16 @@ def search_gait(
         raise OptionError("an efficient gait needs the displacement that it must reach (BL)")
     if goal == "turn" and scene.dimension == 3:
         raise SceneError("the turn that is optimised is one in the plane")
+    Tape.of(scene)  # refuses a scene that has no gradient
+    for name in _DESIGN[scene.dimension] if design else ():
+        if not isinstance(_value(scene, name), (float, tuple)):
+            raise SceneError(f"a design needs numbers, one or one per joint, as {name}")
     whole = scene.actions_per_episode
     short = min(whole, round(_SHORT / (frequencies[0] * scene.episode.control_interval)))
     found = dict(known or {})
     guesses = starts(Problem(scene, goal, 1, short, design), frequencies, seed)
-    threads = usable_threads()
-    each = _FIRST * seconds * threads / len(guesses)
+    threads = min(usable_threads(), len(guesses))
+    each = _FIRST * seconds / -(-len(guesses) // threads)
 
     def first(number: int) -> None:
         period, unknowns = guesses[number]
@@ -328,7 +339,7 @@ def search_gait(
         )
         one.done = True
         found[number] = period, one
-        if keep is not None:
+        if keep is not None and np.isfinite(one.value):
             keep(number, period, one)
 
     if -1 not in found:
@@ -340,7 +351,8 @@ def search_gait(
             raise SwimError(f"none of {len(guesses)} guesses swims on scene {scene.name}")
         found[-1] = period, Result(best.unknowns)
     period, given = found[-1]
-    problem = Problem(scene, goal, period, whole, design, at_least, _DENSITIES)
+    fluids = _DENSITIES if goal == "efficiency" else (1.0,)
+    problem = Problem(scene, goal, period, whole, design, at_least, fluids)
     rest = (1.0 - _FIRST) * seconds
 
     def keep_whole(result: Result) -> None:
@@ -355,4 +367,7 @@ def search_gait(
         problem = replace(problem, period=whole)
         given = Result(unknowns)
         rest *= 0.6
-    return problem, improve(problem, given, rest, keep_whole, progress)
+    result = improve(problem, given, rest, keep_whole, progress)
+    if not np.isfinite(result.value):
+        raise SwimError(f"the best guess on scene {scene.name} does not last a whole episode")
+    return problem, result

@@ -43,8 +43,8 @@ def value_and_gradient(
     """Return an objective of a run, and its gradient by the discrete adjoint.
 
     The derivatives are those of the step equations, right to eight digits and more over thousands
-    of steps. With the fluid models `panels` and `expansion`, second derivatives of the added mass
-    are central differences of the exact first ones.
+    of steps. With the fluid models `panels` and `expansion`, derivatives of the added mass and of
+    its exact first derivative along one direction are central differences.
 
     Parameters
     ----------
@@ -69,7 +69,8 @@ def value_and_gradient(
         Coordinates and velocity of the start as in `Simulator.reset_to`; the scene's unless given.
     checkpoint : int
         Steps between checkpoints. A run of more is played twice, and what its derivatives need is
-        kept for so many steps only, 24 (N + 2) bytes each in the plane.
+        kept for so many steps only, in the plane 24 (N + 2) bytes each, 32 with the composed
+        scheme. An objective that is a function of the run needs all steps at once.
     tolerance : float
         Largest scaled residual of the steps, or the scene's where that is smaller. Derivatives of
         steps that are solved less exactly are less exact, and cost less.
@@ -157,16 +158,16 @@ def tangent(
     """
     scene = load_scene(scene)
     given = dict(direction or {})
-    check_names(scene, given, torques is None)
+    check_names(scene, given, torques is None, "direction")
     found = objective_of(objective)
     tape = Tape.of(scene, start)
     held = held_torques(tape, torques, steps)
     moved, turned = np.zeros((2, tape._bodies.unknowns)), np.zeros_like(held)
     changed = np.zeros(tape.parameters)
     for name, value in given.items():
-        change = np.asarray(value, dtype=np.float64)
+        change = _checked_change(tape, name, value, held)
         if name == "torques":
-            turned += np.broadcast_to(change, held.shape)
+            turned += change
         elif name in WAVE:
             turned += float(change) * change_of_wave(scene, name, wave_times(tape, len(held)))
         elif name in START:
@@ -191,6 +192,24 @@ def tangent(
                 slopes_sums[i] += (by.torques * torque_change).sum()
     value, weights = found.combine(sums)
     return value, float(np.asarray(weights) @ slopes_sums)
+
+
+def _checked_change(tape: Tape, name: str, value: ArrayLike, held: Array) -> Array:
+    """Return a change of what a name means, or an OptionError that it has another shape."""
+    start = dict(zip(START, tape.start, strict=True))
+    if name == "torques":
+        shape = held.shape
+    elif name in start:
+        shape = start[name].shape
+    else:
+        shape = () if name in WAVE else shape_of(tape.scene, name)
+    change = np.asarray(value, dtype=np.float64)
+    if change.shape != shape or not np.isfinite(change).all():
+        raise OptionError(
+            f"the change of {name} must be finite numbers of shape {shape}, got an array of "
+            f"{change.shape}"
+        )
+    return change
 
 
 def wave_times(tape: Tape, steps: int) -> Array:
@@ -240,7 +259,7 @@ def _momentum_slopes(tape: Tape, name: str) -> Array:
     """Return how the start's momenta change with a field, (F, M)."""
     coordinates, velocity = tape.start
     scenes, steps, slopes = change_of_constants(tape.scene, name)
-    if not velocity.any():
+    if not tape.moving:
         return np.zeros((len(slopes), velocity.size))
     before = tape.momenta_of(coordinates, velocity)
     return np.stack(
@@ -258,7 +277,7 @@ def _start_change(tape: Tape, name: str, change: Array) -> Array:
         moved[1] = tape.mass_times(change)
         return moved
     moved[0] = tape.turns_of(change, tape.start[0])
-    if tape.start[1].any():
+    if tape.moving:
         for i, one in enumerate(np.eye(moved.shape[1])):
             moved[1] += _slope_of_momenta(tape, one) * moved[0, i]
     return moved
@@ -267,7 +286,7 @@ def _start_change(tape: Tape, name: str, change: Array) -> Array:
 def _by_pose(tape: Tape, by_momenta: Array) -> Array:
     """Return what the start's momenta add to a derivative by its pose, velocity held."""
     found = np.zeros_like(by_momenta)
-    if tape.start[1].any():
+    if tape.moving:
         for i, one in enumerate(np.eye(found.size)):
             found[i] = _slope_of_momenta(tape, one) @ by_momenta
     return found

@@ -225,24 +225,29 @@ def objective_of(given: Any) -> Objective:
         )
 
     def measure(stretch: Stretch) -> tuple[float, Slopes]:
+        returned = given(stretch)
         try:
-            value, slopes = given(stretch)
+            value, slopes = returned
             if not isinstance(slopes, (Slopes, Mapping)):
                 slopes = {"coordinates": slopes}
-            if isinstance(slopes, Mapping):
-                slopes = Slopes(**slopes)
-            value = float(value)
+            by = slopes if isinstance(slopes, Mapping) else vars(slopes)
+            arrays = {
+                name: np.asarray(one, dtype=np.float64)
+                for name, one in by.items()
+                if one is not None
+            }
+            value, found = float(value), Slopes(**arrays)
         except (TypeError, ValueError) as error:
             raise OptionError(
                 f"the objective must return its value and its derivatives, see Slopes: {error}"
             ) from error
-        for name in ("coordinates", "momenta", "torques", "joints"):
-            found = getattr(slopes, name)
-            if found is not None and np.shape(found) != getattr(stretch, name).shape:
+        for name, one in arrays.items():
+            wanted = getattr(stretch, name).shape
+            if one.shape != wanted or not np.isfinite(one).all():
                 raise OptionError(
-                    f"the objective's derivatives by {name} must have the shape "
-                    f"{getattr(stretch, name).shape}, got {np.shape(found)}"
+                    f"the objective's derivatives by {name} must have the shape {wanted} and be "
+                    f"finite, got {one.shape}"
                 )
-        return value, slopes
+        return value, found
 
     return Objective((measure,), whole=True)

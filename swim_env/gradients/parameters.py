@@ -43,17 +43,19 @@ WAVE = tuple(f"actuation.{name}" for name in ("amplitude", "frequency", "wave_nu
 START = ("start.coordinates", "start.velocity")
 
 
-def check_names(scene: Scene, names: Iterable[str], prescribed: bool) -> tuple[str, ...]:
+def check_names(
+    scene: Scene, names: Iterable[str], prescribed: bool, option: str = "with_respect_to"
+) -> tuple[str, ...]:
     """Return what gradients are wanted with respect to; an OptionError names one that is not known.
 
-    `prescribed` is whether the torques are those of the scene's wave.
+    `prescribed` is whether the torques are those of the scene's wave; `option` gave the names.
     """
     wanted = (names,) if isinstance(names, str) else tuple(names)
     known = ("torques", *START, *CONSTANTS[scene.dimension], *WAVE)
     for name in wanted:
         if name not in known:
             raise OptionError(
-                f"with_respect_to must be of {', '.join(known)}, got {name!r}; what changes the "
+                f"{option} must be of {', '.join(known)}, got {name!r}; what changes the "
                 "body's shape or the panels has no gradient"
             )
         if name in WAVE and not prescribed:

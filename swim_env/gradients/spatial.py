@@ -26,7 +26,6 @@ Array = NDArray[np.float64]
 class SpatialTape(Tape):
     """A `Tape` of a scene in space. The basis of momenta is that of rotations in its axes."""
 
-    dimension = 3
     _pull_back: Any = staticmethod(pull_back_spatial)
     _push_forward: Any = staticmethod(push_forward_spatial)
 

@@ -46,6 +46,10 @@ class Record:
     increments: Array
 
 
+class CutStepError(OptionError):
+    """A step had to be cut into parts, which has no derivative."""
+
+
 class Tape:
     """Plays a scene step by step and records what derivatives need; `Tape.of` makes one.
 
@@ -63,8 +67,6 @@ class Tape:
     OptionError
         If the scene has something that has no gradient.
     """
-
-    dimension = 2
 
     def __init__(
         self,
@@ -85,6 +87,8 @@ class Tape:
         #: Coordinates and velocity of the start.
         self.start = tuple(np.array(one, dtype=np.float64) for one in start)
         self._bodies: Any = self.simulator._bodies
+        #: Whether there is any momentum at the start, in the frame that moves with a stream.
+        self.moving = bool(self._bodies.momenta[0].any())
         self.parts = 2 if scene.integrator.scheme == "composed" else 1
         #: Members whose work space the sweeps use.
         self._work: Any = type(self._bodies)(self._bodies.scene, 2)
@@ -135,7 +139,9 @@ class Tape:
         Raises
         ------
         SimulationEndedError
-            If the run ends early, or a step had to be cut into parts: it has no derivative.
+            If the run ends early.
+        CutStepError
+            If a step had to be cut into parts.
         """
         bodies = self._bodies
         history = self._history()
@@ -158,7 +164,7 @@ class Tape:
                 )
             if record[0, 0, PARTS] != 1.0:
                 time = (first + step) * self.scene.integrator.time_step
-                raise OptionError(
+                raise CutStepError(
                     f"the step at t = {time:.6g} s was cut into {record[0, 0, PARTS]:.0f} parts, "
                     "which has no derivative; a smaller integrator.time_step may help"
                 )

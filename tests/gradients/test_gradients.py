@@ -245,6 +245,41 @@ def test_gradient_of_an_independent_implementation():
     assert slope(moved, 0.2) == pytest.approx(gradient["torques"][4, 1], rel=1e-6)
 
 
+@pytest.mark.parametrize("space", [False, True], ids=["plane", "space"])
+def test_a_start_at_rest_in_a_stream_has_momentum(space):
+    body = SPACE["strip"] if space else SWIMMER.replace("fluid.model", "strip")
+    scene = body.replace("stream", {"velocity": [0.1, 0.05, 0.02][: body.dimension]})
+    torques = lively(scene, 60)
+    coordinates, velocity = (np.array(one) for one in Tape.of(scene).start)
+    assert not velocity.any()
+    names = ("fluid.density", "start.coordinates")
+    _, gradient = value_and_gradient(scene, torques, "displacement", names)
+
+    def denser(e: float) -> float:
+        changed = scene.replace("fluid.density", scene.fluid.density * (1.0 + e))
+        return run_of(changed, torques, (coordinates, velocity))
+
+    by_share = float(gradient["fluid.density"]) * scene.fluid.density
+    assert slope(denser, 0.02) == pytest.approx(by_share, rel=1e-6, abs=1e-11)
+    tape = Tape.of(scene)
+    turns = uniform(tape._bodies.unknowns, seed=3)
+    changes = (tape.moved(1e-6 * turns) - tape.moved(-1e-6 * turns)) / 2e-6
+    found = slope(lambda e: run_of(scene, torques, (tape.moved(e * turns), velocity)), 1e-3)
+    assert found == pytest.approx(gradient["start.coordinates"] @ changes, rel=1e-6)
+
+
+def test_a_body_without_stiffness_has_a_gradient_by_it():
+    scene = SWIMMER.replace(
+        {"fluid.model": "strip", "damping": None, "beam.bending_stiffness": 0.0}
+    )
+    torques = 0.1 * lively(scene, 20)
+    start = moving(scene)
+    _, gradient = value_and_gradient(scene, torques, "turn", "beam.bending_stiffness", start=start)
+    changed = scene.replace("beam.bending_stiffness", 1e-6)
+    difference = run_of(changed, torques, start, "turn") - run_of(scene, torques, start, "turn")
+    assert difference / 1e-6 == pytest.approx(float(gradient["beam.bending_stiffness"]), rel=1e-3)
+
+
 def test_checkpoints_change_nothing():
     torques = lively(SWIMMER, 50)
     whole = value_and_gradient(SWIMMER, torques, "efficiency", ("torques", "fluid.density"))
@@ -291,6 +326,8 @@ def test_what_has_no_gradient_is_one_clear_error():
     with pytest.raises(OptionError, match="is a law; give numbers"):
         stiff = SWIMMER.replace("beam.bending_stiffness", {"linear": {"head": 6.0, "tail": 4.0}})
         value_and_gradient(stiff, torques, with_respect_to="beam.bending_stiffness")
+    with pytest.raises(OptionError, match=r"change of start.velocity must be finite numbers of sh"):
+        tangent(SWIMMER, torques, {"start.velocity": [1.0]})
     violent = np.full((40, 8), 40.0)
     with pytest.raises((OptionError, SimulationEndedError), match=r"t = [0-9.]+ s"):
         value_and_gradient(SWIMMER, violent)

@@ -93,11 +93,13 @@ def test_a_design_is_a_body_with_its_gait(body, tmp_path):
     place = tmp_path / "best.displacement.optimal_gait.json"
     arguments = ["--scene", str(body), "--design", "--minutes", "0.08", "--output", str(place)]
     assert optimise(arguments) == 0
-    scene = load_scene(tmp_path / "best.displacement.yaml")
+    scene = load_scene(tmp_path / "best.yaml")
     stiffness = np.array(scene.beam.bending_stiffness)
     assert stiffness.shape == (4,) and np.ptp(stiffness) > 0.0
     assert ((stiffness >= 1.0 - 1e-9) & (stiffness <= 16.0 + 1e-9)).all()
-    load_policy(place, scene)
+    load_policy("optimal_displacement", scene)
+    with pytest.raises(SwimError, match=r"best.yaml exists, and would be the design's body"):
+        optimise(arguments)
 
 
 def test_an_interrupted_search_goes_on(body, tmp_path, monkeypatch):
@@ -131,8 +133,19 @@ def test_an_interrupted_search_goes_on(body, tmp_path, monkeypatch):
         (["--scene", "swimmer"], "name the record's file with --output"),
         (["--output", "gait.json"], "must end with .optimal_gait.json"),
         (["--minutes", "0"], "--minutes must be above 0"),
+        (
+            ["--for", "efficiency", "--set", "episode.duration=1"],
+            "no tuned wave for this episode; give the displacement",
+        ),
+        (["--set", "cross_flow_drag.coefficient=1.0"], "has cross_flow_drag"),
+        (
+            ["--design", "--set", "beam.bending_stiffness={linear: {head: 6, tail: 4}}"],
+            "a design needs numbers",
+        ),
     ],
 )
-def test_bad_input_is_one_error(arguments, message):
+def test_bad_input_is_one_error(arguments, message, tmp_path):
+    if not {"--output", "--scene"} & set(arguments):
+        arguments = [*arguments, "--output", str(tmp_path / "x.displacement.optimal_gait.json")]
     with pytest.raises(SwimError, match=message):
         optimise(arguments)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from swim_agents.baselines import tuned_wave
 from swim_agents.commands import command_line as cli
 from swim_agents.files import check_file, write_json
 from swim_agents.optimal_gait import GAIT_SUFFIX, GOALS, OptimalGait, gait_file
@@ -20,7 +21,7 @@ from swim_agents.rollout import Rollout, play_episode
 from swim_agents.tuned_wave import find_tuned_wave
 from swim_agents.verification import fine_scene, finer_scenes, verify_rollout
 from swim_env import SwimEnv, SwimEnv3D, __version__, natural_frequencies
-from swim_env.errors import SceneError, SwimError
+from swim_env.errors import OptionError, SceneError, SwimError
 from swim_env.files.provenance import where_and_when
 from swim_env.scene import Scene, scene_names
 
@@ -45,14 +46,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--design",
         action="store_true",
         help="vary the stiffness of every joint, too, up to "
-        "fourfold; the body that is best goes into FILE.yaml beside the record",
+        "fourfold; the body that is best goes into a scene's file beside the record",
     )
     parser.add_argument(
         "--at-least",
         type=float,
         metavar="BL",
         help="displacement in the episode that an "
-        "efficient gait must reach; that of the tuned wave unless given",
+        "efficient gait must reach; that of the scene's own tuned wave unless given",
     )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the guesses")
     parser.add_argument(
@@ -76,14 +77,21 @@ def main(options: argparse.Namespace) -> int:
         raise SwimError(f"--minutes must be above 0, got {options.minutes}")
     output = _output(options)
     check_file(output)
+    body = None
+    if options.design:
+        ending = f".{options.goal}{GAIT_SUFFIX}"
+        if not output.endswith(ending):
+            raise SwimError(f"--output of a design must end with {ending}, got {output}")
+        body = Path(f"{output.removesuffix(ending)}.yaml")
+        if body.exists():
+            raise SwimError(f"{body} exists, and would be the design's body; name another --output")
     cli.check_places([options.scene], {"--output": output})
     scene = cli.scene_of(options)
     if not scene.has_period:
         raise SceneError(f"scene {scene.name} has joints without stiffness, and no modes to try")
     at_least = 0.0
     if options.goal == "efficiency":
-        given = options.at_least
-        at_least = find_tuned_wave(scene)["net_displacement"] if given is None else given
+        at_least = _tuned(scene) if options.at_least is None else options.at_least
     sought = [scene.to_dict(), options.goal, options.free, options.design, at_least, options.seed]
     log = Path(f"{output}.part")
     head = hashlib.sha256(json.dumps(sought).encode()).hexdigest()
@@ -100,7 +108,11 @@ def main(options: argparse.Namespace) -> int:
 
     with cli.progress_bar(round(60.0 * options.minutes), "s", "search") as progress:
         problem, result = search_gait(
-            *(scene, options.goal, natural_frequencies(scene, 2, scene.axes[:1])),
+            *(
+                scene,
+                options.goal,
+                natural_frequencies(scene, min(2, scene.joints), scene.axes[:1]),
+            ),
             seconds=60.0 * options.minutes,
             design=options.design,
             free=options.free,
@@ -114,15 +126,33 @@ def main(options: argparse.Namespace) -> int:
     gait = OptimalGait(own, problem.table(result.unknowns), own)
     record = _record(own, problem, gait, result, options)
     record["seconds"] = round(time.perf_counter() - begin, 1)
-    if options.design:
-        own.save(Path(output).with_name(f"{Path(output).name.removesuffix(GAIT_SUFFIX)}.yaml"))
+    if options.verify and not record["verification"]["verified"]:
+        # What is there already stays.
+        write_json(f"{output}.unverified", record)
+        raise SwimError(f"the gait is not verified; its record is in {output}.unverified")
+    if body is not None:
+        own.save(body)
     write_json(output, record)
     log.unlink(missing_ok=True)
-    if options.verify and not record["verification"]["verified"]:
-        raise SwimError(f"the gait is not verified; the record is in {output}")
     brief = {name: record[name] for name in record if name not in ("actions", "scene_fields")}
     cli.print_result(brief, options.json, lambda: _text(record, output))
     return 0
+
+
+def _tuned(scene: Scene) -> float:
+    """Return how far the scene's tuned wave swims in the episode (BL)."""
+    record = find_tuned_wave(scene)
+    same = record["scene_fields"].episode.duration == scene.episode.duration
+    try:
+        tuned_wave(scene).check(scene)
+    except OptionError:
+        same = False
+    if not same:
+        raise SwimError(
+            f"scene {scene.name} has no tuned wave for this episode; give the displacement that an "
+            "efficient gait must reach by --at-least, in body lengths"
+        )
+    return float(record["net_displacement"])
 
 
 def _output(options: argparse.Namespace) -> str:
@@ -181,13 +211,12 @@ def _record(
     record: dict[str, Any] = {
         "goal": options.goal,
         "scene": scene.name,
-        "settings": {
-            name: getattr(options, name) for name in ("minutes", "free", "design", "at_least")
-        },
+        "settings": {name: getattr(options, name) for name in ("minutes", "free", "design")},
+        "at_least": problem.at_least or None,
         "net_displacement": rollout.net_displacement,
         "heading_change": summary["heading_change"],
         "positive_work": summary["positive_work"],
-        "efficiency": rollout.net_displacement / summary["positive_work"],
+        "efficiency": rollout.net_displacement / max(summary["positive_work"], 1e-300),
         "energy_drift": summary["energy_drift"],
         "termination_reason": summary["termination_reason"],
         "period": problem.period * scene.episode.control_interval,

@@ -7,7 +7,7 @@ derivative of (D_1 L, D_2 L) along the direction, by a complex step: imaginary p
 that their products vanish, are the derivatives to all digits.
 
 What depends on a fluid model is taken from the model by central differences along the direction of
-the shape alone: A and the shape force at the shape a little to either side. The shape force is a
+the shape alone: A and the shape force, at the shape a little to either side. The shape force is a
 quadratic form of the motion, so its derivative by the motion is exact.
 
 Here `a` is the end of the step at which the inertia is taken, `b` the other; in the second half of
@@ -30,7 +30,7 @@ from swim_env.physics.planar.layout import Increment, Pose
 from swim_env.physics.runtime.compile import kernel, shared
 from swim_env.physics.runtime.dense import mat_vec
 from swim_env.physics.runtime.linking import linked_kernel
-from swim_env.physics.runtime.views import MEASURE, matrix, padded, vector
+from swim_env.physics.runtime.views import matrix, padded, vector
 from swim_env.physics.solve.state import Member
 from swim_env.physics.status import FINE
 
@@ -113,12 +113,6 @@ def variation_views(
         complex_end,
         end,
     )
-
-
-def variation_sizes(elements: int, motions: int) -> tuple[int, int]:
-    """Return how many complex and real numbers a `Variation` takes."""
-    measure: Any = MEASURE
-    return variation_views(measure, measure, elements, motions)[1:]
 
 
 @kernel
@@ -372,6 +366,5 @@ def _vary(
             munk += rate * v.shape[j] - v.impulse[unit_motion(j, LATERAL, fluid)] * along
         out_a[2 + j] = (munk - arm - turning).imag
         out_b[2 + j] = (new_arm + turning).imag
-    if beam.elastic:
-        _vary_joints(h, beam, inc, v, out_a, out_b)
+    _vary_joints(h, beam, inc, v, out_a, out_b)
     return FINE

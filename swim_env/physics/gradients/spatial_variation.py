@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from swim_env.physics.gradients.planar_variation import SMALL
 from swim_env.physics.runtime.compile import embedded, kernel, shared
 from swim_env.physics.runtime.linking import linked_kernel
-from swim_env.physics.runtime.views import MEASURE, matrix, padded, vector
+from swim_env.physics.runtime.views import matrix, padded, vector
 from swim_env.physics.spatial.chain import SpatialBeam, sum_from_centres, sum_to_centres
 from swim_env.physics.spatial.equations import apply_added_mass
 from swim_env.physics.spatial.layout import Body, SpatialFluid
@@ -128,12 +128,6 @@ def spatial_variation_views(
         complex_end,
         end,
     )
-
-
-def spatial_variation_sizes(elements: int) -> tuple[int, int]:
-    """Return how many complex and real numbers a `SpatialVariation` takes."""
-    measure: Any = MEASURE
-    return spatial_variation_views(measure, measure, elements)[1:]
 
 
 @kernel
