@@ -211,6 +211,7 @@ def test_every_subcommand_has_help(name, capsys):
     assert caught.value.code == 0
     assert text.startswith(f"usage: swim-env {name} ")
     own = {"train": ("CONFIG", "--resume", "ppo_forward"), "warm-up": ("images and clusters",)}
+    own["sweep"] = ("SWEEP.yaml", "--output", "--json", "replay, tune")
     own["characterise"] = ("--set", "--json", "paper_xii")
     for word in own.get(name, ("--set", "--output", "--json", "paper_xii")):
         assert word in text

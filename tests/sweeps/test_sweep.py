@@ -125,7 +125,7 @@ def children(session: int) -> list[int]:
     return found
 
 
-def wait_until(so: Callable[[], bool], seconds: float = 120.0) -> None:
+def wait_until(so: Callable[[], bool], seconds: float = 240.0) -> None:
     limit = time.monotonic() + seconds
     while not so():
         assert time.monotonic() < limit, "it does not come to the point"
