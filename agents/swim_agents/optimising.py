@@ -45,7 +45,7 @@ _FREQUENCIES = ((0, 0.95), (0, 1.01), (1, 0.95))
 _WAVE_NUMBERS = (2.5, 1.5)
 _CYCLES = 3
 #: Fluids in which an efficient gait has to do well, as multiples of the scene's density.
-_DENSITIES = (1.005, 0.975)
+_DENSITIES = (1.0, 0.98)
 #: Share of the time that goes into the first search.
 _FIRST = 0.35
 #: Weight of a displacement that is missed, of the squared share: half a per cent of it is missed.

@@ -50,6 +50,8 @@ def draw_pareto(
     trusted : mapping of str to sequence of bool, optional
         Whether each run passed a check; those that did not are hollow and not on the front.
     """
+    from matplotlib.ticker import LogFormatter
+
     looks = style.policy_looks(trajectories)
     figure = style.new_figure(style.WIDTH, 4.6)
     axes = figure.add_subplot()
@@ -86,6 +88,8 @@ def draw_pareto(
     _draw_equal_costs(axes)
     axes.xaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_major_formatter("{x:g}")
+    for axis in (axes.xaxis, axes.yaxis):  # where the range is less than a decade
+        axis.set_minor_formatter(LogFormatter(minor_thresholds=(1.0, 0.4)))
     style.add_legend(axes, fontsize=style.SMALL, loc="upper left")
     first = next(run for runs in trajectories.values() for run in runs)
     title = f"{first.scene.name}, {first.duration:g} s"
