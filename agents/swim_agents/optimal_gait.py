@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_agents.baselines import _Baseline
+from swim_agents.baselines import WavePolicy, _Baseline
 from swim_agents.fit import TUNED_FIELDS, difference
 from swim_env.errors import OptionError, SwimError
 from swim_env.scene import Scene, scene_names
@@ -40,7 +40,7 @@ class OptimalGait(_Baseline):
         The scene that they were optimised on; `check` refuses another body, fluid or damping.
     """
 
-    _fields = (*_Baseline._fields, "beam.length", "torque_limit", "episode.control_interval")
+    _fields = WavePolicy._fields
 
     def __init__(self, scene: Scene, table: Array, made_for: Scene) -> None:
         super().__init__(scene)

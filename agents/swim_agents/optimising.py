@@ -15,7 +15,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +23,7 @@ from scipy.optimize import minimize
 from swim_agents.optimal_gait import GOALS
 from swim_env.errors import OptionError, SceneError, SimulationEndedError, SwimError
 from swim_env.gradients import OBJECTIVES, Objective, value_and_gradient
+from swim_env.gradients.parameters import field_of
 from swim_env.gradients.tape import CutStepError, Tape
 from swim_env.physics.runtime.threads import usable_threads
 from swim_env.scene import Scene
@@ -52,12 +52,6 @@ _FIRST = 0.35
 _PENALTY = 400.0
 #: Value of a gait on which a run ends early.
 _WORST = 1e6
-
-
-def _value(scene: Scene, name: str) -> Any:
-    """Return a field of a scene."""
-    block, field = name.split(".")
-    return getattr(getattr(scene, block), field)
 
 
 @dataclass(frozen=True)
@@ -116,7 +110,7 @@ class Problem:
             len(self.fields), self.scene.joints
         )
         for name, factors in zip(self.fields, scale, strict=True):
-            own = np.broadcast_to(_value(self.scene, name), factors.shape)
+            own = np.broadcast_to(field_of(self.scene, name), factors.shape)
             changes[name] = (own * factors).tolist()
         return self.scene.replace(changes) if changes else self.scene
 
@@ -158,7 +152,7 @@ class Problem:
         np.add.at(found, places, rows[:, scene.action_places] * scene.action_torques)
         parts = [found.ravel()]
         for name in self.fields:
-            parts.append(by[name] * np.array(_value(scene, name)))
+            parts.append(by[name] * np.array(field_of(scene, name)))
         return value, np.concatenate(parts)
 
     def objective(self) -> Objective:
@@ -314,7 +308,7 @@ def search_gait(
         raise SceneError("the turn that is optimised is one in the plane")
     Tape.of(scene)  # refuses a scene that has no gradient
     for name in _DESIGN[scene.dimension] if design else ():
-        if not isinstance(_value(scene, name), (float, tuple)):
+        if not isinstance(field_of(scene, name), (float, tuple)):
             raise SceneError(f"a design needs numbers, one or one per joint, as {name}")
     whole = scene.actions_per_episode
     short = min(whole, round(_SHORT / (frequencies[0] * scene.episode.control_interval)))

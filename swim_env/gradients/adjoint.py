@@ -20,6 +20,8 @@ from swim_env.gradients.parameters import (
 )
 from swim_env.gradients.tape import TOLERANCE, Record, Tape
 from swim_env.scene import load_scene
+from swim_env.sim.replay import steps_of
+from swim_env.sim.simulator import torque_times
 
 Array = NDArray[np.float64]
 
@@ -169,13 +171,13 @@ def tangent(
         if name == "torques":
             turned += change
         elif name in WAVE:
-            turned += float(change) * change_of_wave(scene, name, wave_times(tape, len(held)))
+            turned += float(change) * _change_of_wave(tape, name, len(held))
         elif name in START:
             moved += _start_change(tape, name, change)
         else:
-            _, _, slopes = change_of_constants(scene, name)
+            slopes, of_momenta = _field_slopes(tape, name)
             changed += change.ravel() @ slopes
-            moved[1] += change.ravel() @ _momentum_slopes(tape, name)
+            moved[1] += change.ravel() @ of_momenta
     length = len(held) if found.whole else max(1, int(checkpoint))
     sums, slopes_sums = np.zeros(len(found.measures)), np.zeros(len(found.measures))
     for first in range(0, max(1, len(held)), length):
@@ -212,23 +214,19 @@ def _checked_change(tape: Tape, name: str, value: ArrayLike, held: Array) -> Arr
     return change
 
 
-def wave_times(tape: Tape, steps: int) -> Array:
-    """Return the times (s) at which a step takes the prescribed wave's torques."""
-    into = 0.5 if tape.scene.integrator.scheme == "composed" else 0.0
-    return np.asarray((np.arange(steps) + into) * tape.scene.integrator.time_step)
-
-
 def held_torques(tape: Tape, torques: ArrayLike | None, steps: int | None) -> Array:
     """Return the torques of every step, given or the scene's."""
-    scene = tape.scene
     if torques is not None:
         if steps is not None:
             raise OptionError("steps are for the scene's own torques; leave them out")
         held: Array = tape.simulator._checked(torques, many=True)
         return held
-    if steps is None:
-        steps = round(scene.episode.duration / scene.integrator.time_step)
-    return tape.simulator.prescribed_torques(steps)
+    return tape.simulator.prescribed_torques(steps_of(tape.scene) if steps is None else steps)
+
+
+def _change_of_wave(tape: Tape, name: str, steps: int) -> Array:
+    """Return how the prescribed torques of a run change with a field of the wave."""
+    return change_of_wave(tape.scene, name, torque_times(tape.scene, 0, steps))
 
 
 def _by_name(
@@ -240,34 +238,29 @@ def _by_name(
     by_parameters: Array,
 ) -> Array:
     """Return the derivative by one of the names of `value_and_gradient`."""
-    scene = tape.scene
     if name == "torques":
         return by_torques.copy()
     if name in WAVE:
-        change = change_of_wave(scene, name, wave_times(tape, len(held)))
-        return np.array((by_torques * change).sum())
+        return np.array((by_torques * _change_of_wave(tape, name, len(held))).sum())
     if name == "start.coordinates":
         return tape.by_coordinates(adjoint[0] + _by_pose(tape, adjoint[1]), tape.start[0])
     if name == "start.velocity":
         return tape.mass_times(adjoint[1])
-    _, _, slopes = change_of_constants(scene, name)
-    found = slopes @ by_parameters + _momentum_slopes(tape, name) @ adjoint[1]
-    return np.asarray(found).reshape(shape_of(scene, name))
+    slopes, of_momenta = _field_slopes(tape, name)
+    found = slopes @ by_parameters + of_momenta @ adjoint[1]
+    return np.asarray(found).reshape(shape_of(tape.scene, name))
 
 
-def _momentum_slopes(tape: Tape, name: str) -> Array:
-    """Return how the start's momenta change with a field, (F, M)."""
+def _field_slopes(tape: Tape, name: str) -> tuple[Array, Array]:
+    """Return how parameters and the start's momenta change with a field, (F, P) and (F, M)."""
     coordinates, velocity = tape.start
     scenes, steps, slopes = change_of_constants(tape.scene, name)
-    if not tape.moving:
-        return np.zeros((len(slopes), velocity.size))
-    before = tape.momenta_of(coordinates, velocity)
-    return np.stack(
-        [
-            (tape.momenta_of(coordinates, velocity, one) - before) / step
-            for one, step in zip(scenes, steps, strict=True)
-        ]
-    )
+    of_momenta = np.zeros((len(slopes), velocity.size))
+    if tape.moving:
+        before = tape.momenta_of(coordinates, velocity)
+        for i, (one, step) in enumerate(zip(scenes, steps, strict=True)):
+            of_momenta[i] = (tape.momenta_of(coordinates, velocity, one) - before) / step
+    return slopes, of_momenta
 
 
 def _start_change(tape: Tape, name: str, change: Array) -> Array:

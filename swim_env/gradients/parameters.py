@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -62,12 +62,13 @@ def check_names(
             raise OptionError(f"{name} changes nothing where torques are given; leave them out")
         if name in WAVE and scene.actuation is None:
             raise OptionError(f"{name} needs a scene with actuation; {scene.name} has none")
-        if name in CONSTANTS[scene.dimension] and _value(scene, name) is None:
+        if name in CONSTANTS[scene.dimension] and field_of(scene, name) is None:
             raise OptionError(f"{name} is not given in the scene {scene.name}; set it first")
     return wanted
 
 
-def _value(scene: Scene, name: str) -> Any:
+def field_of(scene: Scene, name: str) -> Any:
+    """Return a field of a scene by its dotted name, None where its block is absent."""
     block, field = name.split(".")
     return getattr(getattr(scene, block), field, None)
 
@@ -102,7 +103,7 @@ def constants_of(scene: Scene, density: float) -> Array:
 def _numbers_of(scene: Scene, name: str) -> Array:
     """Return a field's value; an OptionError says that it is a law and not numbers."""
     try:
-        return np.array(_value(scene, name), dtype=np.float64)
+        return np.array(field_of(scene, name), dtype=np.float64)
     except TypeError:
         raise OptionError(
             f"{name} of {scene.name} is a law; give numbers, one or one per joint"
@@ -138,7 +139,7 @@ def change_of_constants(scene: Scene, name: str) -> tuple[list[Scene], Array, Ar
 
 def shape_of(scene: Scene, name: str) -> tuple[int, ...]:
     """Return the shape of a field's value."""
-    return np.shape(_value(scene, name))
+    return np.shape(field_of(scene, name))
 
 
 def change_of_wave(scene: Scene, name: str, times: Array) -> Array:
@@ -150,11 +151,8 @@ def change_of_wave(scene: Scene, name: str, times: Array) -> Array:
         return np.asarray(replace(drive, amplitude=1.0, **own).torques(times, scene.beam))
     # d cos(x)/dx = cos(x + pi/2), and the same of the sine.
     turned = replace(drive, phase=drive.phase + 0.5 * math.pi).torques(times, scene.beam)
-    factor: dict[str, Callable[[], Any]] = {
-        "actuation.phase": lambda: 1.0,
-        "actuation.frequency": lambda: times.reshape(-1, *[1] * (turned.ndim - 1)),
-        "actuation.wave_number": lambda: (
-            -scene.beam.joint_fractions.reshape(1, -1, *[1] * (turned.ndim - 2))
-        ),
-    }
-    return np.asarray(factor[name]() * turned)
+    if name == "actuation.frequency":
+        turned *= times.reshape(-1, *[1] * (turned.ndim - 1))
+    elif name == "actuation.wave_number":
+        turned *= -scene.beam.joint_fractions.reshape(-1, *[1] * (turned.ndim - 2))
+    return np.asarray(turned)

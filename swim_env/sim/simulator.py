@@ -411,8 +411,7 @@ class Simulator:
         steps = int(count)
         if self.scene.actuation is None:
             return np.zeros((steps, *self._bodies.joint_shape))
-        into = 0.5 if self.scene.integrator.scheme == "composed" else 0.0
-        times = (self.steps + np.arange(steps) + into) * self.time_step
+        times = torque_times(self.scene, self.steps, steps)
         return self.scene.actuation.torques(times, self.scene.beam)
 
     # ---- snapshots -----------------------------------------------------------------------------
@@ -441,3 +440,9 @@ class Simulator:
         self._state[:] = np.frombuffer(snapshot.state)
         self._reason = snapshot.reason
         self._bodies.begin_recording(0)
+
+
+def torque_times(scene: Scene, first: int, steps: int) -> Array:
+    """Return when the prescribed torques of steps from a number on are taken (s), (steps,)."""
+    into = 0.5 if scene.integrator.scheme == "composed" else 0.0
+    return np.asarray((first + np.arange(steps) + into) * scene.integrator.time_step)
