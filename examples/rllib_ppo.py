@@ -27,7 +27,12 @@ def main() -> None:
     batch = 128 * options.members
     config = (
         PPOConfig()
-        .environment(register(), env_config={"scene": options.scene})  # or overrides, task ...
+        .environment(
+            register(),
+            env_config={"scene": options.scene},  # or overrides, task ...
+            normalize_actions=False,  # shares of the limits, which the environment clips: a fifth
+            clip_actions=False,  # of RLlib's own time less
+        )
         .env_runners(
             num_env_runners=options.runners,
             num_envs_per_env_runner=options.members // max(1, options.runners),

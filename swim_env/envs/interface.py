@@ -123,6 +123,8 @@ class SharedInterface:
     metadata: dict[str, Any]
     render_mode: str | None
     _spec: EnvSpec | None = None
+    # None also where the constructor failed: gymnasium's batches close themselves when they are deleted.
+    _viewer: Any = None
 
     def _set_up_episodes(
         self,
@@ -143,7 +145,6 @@ class SharedInterface:
         if not 1 <= rate <= 240:
             rate = 50
         self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": rate}
-        self._viewer: Any = None
 
     @property
     def scene(self) -> Scene:
