@@ -123,7 +123,7 @@ class SharedInterface:
     metadata: dict[str, Any]
     render_mode: str | None
     _spec: EnvSpec | None = None
-    # None also where the constructor failed: gymnasium's batches close themselves when they are deleted.
+    # Also where the constructor failed: gymnasium closes a batch when it is deleted.
     _viewer: Any = None
 
     def _set_up_episodes(
