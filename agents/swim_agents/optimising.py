@@ -10,6 +10,7 @@ improved in a shorter episode, side by side; the best goes on in a whole one.
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -27,6 +28,7 @@ from swim_env.gradients.parameters import field_of
 from swim_env.gradients.tape import CutStepError, Tape
 from swim_env.physics.runtime.threads import usable_threads
 from swim_env.scene import Scene
+from swim_env.scene.fluid import FLUID_TABLE
 
 __all__ = ["Problem", "Result", "improve", "search_gait", "starts"]
 
@@ -44,8 +46,8 @@ _SHORT = 12
 _FREQUENCIES = ((0, 0.95), (0, 1.01), (1, 0.95))
 _WAVE_NUMBERS = (2.5, 1.5)
 _CYCLES = 3
-#: Fluids in which an efficient gait has to do well, as multiples of the scene's density.
-_DENSITIES = (1.0, 0.98)
+#: By how many more panels an efficient gait has to do as well.
+_MORE_PANELS = 1.5
 #: Share of the time that goes into the first search.
 _FIRST = 0.35
 #: Weight of a displacement that is missed, of the squared share: half a per cent of it is missed.
@@ -72,9 +74,9 @@ class Problem:
         Whether the stiffness of every joint varies as well.
     at_least : float
         Displacement (BL) that an efficient gait must reach.
-    densities : tuple of float
-        Fluids in which the gait is to do well, as multiples of the scene's density: what is best in
-        one alone is tuned to a resonance that the number of panels has shifted.
+    finer : int
+        Panels per element with which the gait has to do as well, none for 0: what is best with the
+        scene's own alone is tuned to a resonance that their number has shifted.
     """
 
     scene: Scene
@@ -83,7 +85,7 @@ class Problem:
     actions: int
     design: bool = False
     at_least: float = 0.0
-    densities: tuple[float, ...] = (1.0,)
+    finer: int = 0
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -124,21 +126,18 @@ class Problem:
         return held if scene.dimension == 2 else held.reshape(len(held), scene.joints, 3)
 
     def evaluate(self, unknowns: Array, objective: Objective) -> tuple[float, Array]:
-        """Return an objective and its gradient by the unknowns, the means over all fluids."""
-        if len(self.densities) == 1:
-            return self._evaluate(unknowns, objective, self.densities[0])
-        with ThreadPoolExecutor(min(len(self.densities), usable_threads())) as pool:
-            found = pool.map(partial(self._evaluate, unknowns, objective), self.densities)
+        """Return an objective and its gradient by the unknowns, their means if some are finer."""
+        scene = self.scene_of(unknowns)
+        scenes = [scene]
+        if self.finer:
+            scenes.append(scene.replace("fluid.panels_per_element", self.finer))
+        with ThreadPoolExecutor(min(len(scenes), usable_threads())) as pool:
+            found = pool.map(partial(self._evaluate, unknowns, objective), scenes)
             values, slopes = zip(*found, strict=True)
         return float(np.mean(values)), np.mean(slopes, axis=0)
 
-    def _evaluate(
-        self, unknowns: Array, objective: Objective, density: float
-    ) -> tuple[float, Array]:
-        """Return an objective and its gradient by the unknowns in one fluid."""
-        scene = self.scene_of(unknowns)
-        if density != 1.0 and scene.fluid is not None and scene.fluid.density is not None:
-            scene = scene.replace("fluid.density", density * scene.fluid.density)
+    def _evaluate(self, unknowns: Array, objective: Objective, scene: Scene) -> tuple[float, Array]:
+        """Return an objective and its gradient by the unknowns on one scene."""
         value, by = value_and_gradient(
             scene,
             self.torques(unknowns),
@@ -163,9 +162,9 @@ class Problem:
 
         def combine(sums: Array) -> tuple[float, list[float]]:
             moved, spent = sums
-            # The share that is missed of the least displacement, beside a work that counts in
-            # shares of itself.
-            missed = max(0.0, 1.0 - moved / self.at_least)
+            # The share of the displacement that is missed or too much, beside a work that counts in
+            # shares of itself. More would only cost work; and with finer panels it is to be as far.
+            missed = 1.0 - moved / self.at_least
             value = np.log(max(spent, 1e-300)) + 0.5 * _PENALTY * missed**2
             slope = -_PENALTY * missed / self.at_least
             return float(value), [slope, 1.0 / max(spent, 1e-300)]
@@ -345,8 +344,12 @@ def search_gait(
             raise SwimError(f"none of {len(guesses)} guesses swims on scene {scene.name}")
         found[-1] = period, Result(best.unknowns)
     period, given = found[-1]
-    fluids = _DENSITIES if goal == "efficiency" else (1.0,)
-    problem = Problem(scene, goal, period, whole, design, at_least, fluids)
+    fluid = scene.fluid
+    finer = 0
+    if goal == "efficiency" and scene.dimension == 2 and fluid is not None:
+        if FLUID_TABLE[fluid.model].panels:
+            finer = math.ceil(_MORE_PANELS * fluid.panels_per_element)
+    problem = Problem(scene, goal, period, whole, design, at_least, finer)
     rest = (1.0 - _FIRST) * seconds
 
     def keep_whole(result: Result) -> None:

@@ -259,6 +259,17 @@ def test_rllib(tasks, install, ray_settings):
         assert len(remote["iterations"]) == 4
 
 
+def test_ray_tune(install, ray_settings):
+    """It trains on a grid of bodies by the environment's name, and finds the best."""
+    rllib = install("rllib")
+    arguments = (HERE / "rllib" / "grid.py", f"swim_env:{FORWARD}")
+    *runs, best = results(rllib.run(*arguments, seconds=1200, **ray_settings))
+    assert [run["iterations"] for run in runs] == [2, 2]
+    assert {run["stiffness"] for run in runs} == {2.5, 10.0}
+    assert runs[0]["return"] != runs[1]["return"], "both trained on one body"
+    assert best == max(runs, key=lambda run: run["return"])
+
+
 def test_rllib_example(install, ray_settings, tmp_path):
     """The example trains, restores what it saved, evaluates it and exports it to be played."""
     rllib, folder = install("rllib"), tmp_path / "out"

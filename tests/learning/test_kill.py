@@ -78,8 +78,10 @@ def test_a_killed_run_continues_to_the_same_end(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("seed", [pytest.param(1, marks=pytest.mark.ci_slice), 2])
-@pytest.mark.parametrize("kind", ["ppo", "sac"])
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    [pytest.param("ppo", 1, marks=pytest.mark.ci_slice), ("ppo", 2), ("sac", 1), ("sac", 2)],
+)
 def test_a_run_that_was_killed_again_and_again_ends_like_one_that_was_not(kind, seed, tmp_path):
     steps, numbers = 16000, random.Random(seed)
     config = small_config(kind, steps=steps)
