@@ -121,8 +121,8 @@ def export(
     if not isinstance(algorithm, Algorithm):
         algorithm = Algorithm.from_checkpoint(os.path.abspath(algorithm))
     config = algorithm.config
-    if config._env_to_module_connector is not None or not config.normalize_actions:
-        raise AgentError("an agent with connectors of its own, or bare actions, cannot be exported")
+    if config._env_to_module_connector is not None:
+        raise AgentError("an agent with connectors of its own cannot be exported")
     env_config = dict(config.env_config)
     made: Any = gymnasium.make if config.env != NAME else lambda _, **given: make_env(given)
     with made(config.env, **env_config) as env:
