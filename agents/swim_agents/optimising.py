@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
+from threading import Event
 
 import numpy as np
 from numpy.typing import NDArray
@@ -210,10 +211,12 @@ def improve(
     seconds: float,
     keep: Callable[[Result], object] | None = None,
     progress: Callable[[float], object] | None = None,
+    stop: Event | None = None,
 ) -> Result:
     """Improve unknowns for so many seconds or until nothing is gained; returns the best.
 
-    A gait on which the run ends early counts as the worst there is.
+    A gait on which the run ends early counts as the worst there is. Another thread can end the
+    search by setting `stop`.
     """
     objective = problem.objective()
     best = Result(result.unknowns.copy(), evaluations=result.evaluations)
@@ -222,7 +225,7 @@ def improve(
 
     def cost(unknowns: Array) -> tuple[float, Array]:
         nonlocal last
-        if last > until:
+        if last > until or (stop is not None and stop.is_set()):
             raise _OutOfTime
         best.evaluations += 1
         try:
@@ -315,10 +318,11 @@ def search_gait(
     guesses = starts(Problem(scene, goal, 1, short, design), frequencies, seed)
     threads = min(usable_threads(), len(guesses))
     each = _FIRST * seconds / -(-len(guesses) // threads)
+    stop = Event()
 
     def first(number: int) -> None:
         period, unknowns = guesses[number]
-        if number in found and found[number][1].done:
+        if stop.is_set() or (number in found and found[number][1].done):
             return
         given = found[number][1] if number in found else Result(unknowns)
         share = at_least * short / whole
@@ -329,7 +333,10 @@ def search_gait(
             each,
             None if keep is None else lambda result: keep(number, period, result),
             None if progress is None else lambda passed: progress(passed / threads),
+            stop,
         )
+        if stop.is_set():
+            return
         one.done = True
         found[number] = period, one
         if keep is not None and np.isfinite(one.value):
@@ -337,7 +344,11 @@ def search_gait(
 
     if -1 not in found:
         with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(first, range(len(guesses))))
+            try:
+                list(pool.map(first, range(len(guesses))))
+            except BaseException:  # Ctrl-C as well: the guesses under way end, none is begun
+                stop.set()
+                raise
         number = min(range(len(guesses)), key=lambda one: found[one][1].value)
         period, best = found[number]
         if not np.isfinite(best.value):

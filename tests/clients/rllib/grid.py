@@ -9,7 +9,7 @@ from pathlib import Path
 
 import ray
 from ray import tune
-from ray.rllib.algorithms.ppo import PPOConfig
+from ray.rllib.algorithms.ppo import PPO, PPOConfig
 
 STIFFNESSES = (2.5, 10.0)
 
@@ -27,7 +27,7 @@ def main() -> None:
     )
     figure = "env_runners/episode_return_mean"
     results = tune.Tuner(
-        "PPO",
+        PPO,
         param_space=config,
         tune_config=tune.TuneConfig(metric=figure, mode="max"),
         run_config=tune.RunConfig(
