@@ -67,7 +67,7 @@ gallery: $(STAMP_TRAIN) ## set up, play policies and scenes, draw them into docs
 	$(BIN)/python scripts/gallery.py --output docs/gallery
 
 test: $(STAMP_DEV) ## set up and run the tests (under 6 minutes)
-	$(PYTEST) -n $(WORKERS) -m "not slow and not release"
+	$(PYTEST) -n $(WORKERS) --dist worksteal -m "not slow and not release"
 
 test-slow: $(STAMP_DEV) ## set up and run the tests that take longer
 	$(PYTEST) -n $(WORKERS) -m slow --timeout 3600
