@@ -191,13 +191,21 @@ def load_policy(
         wave.check(found, task)
         return wave
     if path.is_dir() or path.is_file() or path.suffix == ".zip":
-        inside = path / "agent"
-        return _load_agent(inside if inside.is_dir() else path, own, task, trust)
+        return _load_agent(_inside(path), own, task, trust)
     names = policy_names()
     raise OptionError(
         f"unknown policy {name!r}{nearest(name, names)}; policies: {', '.join(names)}, or the path "
         "of an agent"
     )
+
+
+def _inside(path: Path) -> Path:
+    """Return the agent's folder in that of a training run, or of several if it is the only one."""
+    runs = [one for one in (path, *sorted(path.glob("seed_*"))) if (one / "agent").is_dir()]
+    if len(runs) > 1:
+        names = ", ".join(map(str, runs))
+        raise OptionError(f"there are several agents in {path}; name one of {names}")
+    return runs[0] / "agent" if runs else path
 
 
 def _load_agent(path: Path, scene: Scene | None, task: str | None, trust: bool = False) -> Policy:

@@ -175,7 +175,15 @@ def _viewer() -> Iterator[Any]:
             raise
         except Exception as error:  # what a viewer that stops raises is not documented
             why = " ".join(str(error).split()) or type(error).__name__
-            raise SwimError(f"rerun's viewer {failure}: {why}") from None
+            driver = (
+                ""
+                if failure == "has failed"
+                else (
+                    "; it needs a graphics driver, for which Mesa's llvmpipe will do (on Debian, "
+                    "apt install mesa-vulkan-drivers)"
+                )
+            )
+            raise SwimError(f"rerun's viewer {failure}: {why}{driver}") from None
         finally:
             with contextlib.suppress(Exception):
                 if viewer is not None:

@@ -217,6 +217,22 @@ def test_every_subcommand_has_help(name, capsys):
         assert word in text
 
 
+def test_a_misspelt_option_is_named_with_its_nearest(capsys):
+    for given, message in (
+        (
+            ["replay", "--scene", "paper_i", "--polcy", "zero"],
+            "unknown option --polcy (nearest: --policy)",
+        ),
+        (
+            ["replay", "--scene", "paper_i", "--polic", "zero"],
+            "unknown option --polic (nearest: --policy)",
+        ),
+    ):
+        with pytest.raises(SystemExit) as caught:
+            console.main(given)
+        assert caught.value.code == 2 and message in capsys.readouterr().err
+
+
 def test_the_accuracy_command_chooses_settings(tmp_path, capsys):
     """The scene is printed, or written into a file, its description saying why."""
     brief = ["accuracy", "--scene", "swimmer", "--tolerance", "0.3", "--duration", "2"]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from swim_agents import load_policy
 from swim_agents.commands.main import command
+from swim_agents.commands.optimise import check_gait
 from swim_agents.optimal_gait import find_optimal_gait
 from swim_agents.optimising import Problem, improve, starts
 
@@ -87,6 +88,16 @@ def test_an_efficient_gait_reaches_what_it_must(body):
     assert reached > 0.97 * moved
     # The logarithm of the work has fallen by half.
     assert found.value < before - 0.7
+
+
+@pytest.mark.parametrize(
+    ("goal", "moved", "turned", "at_least"),
+    [("displacement", -1.1, 0.0, None), ("efficiency", 2.2, 0.0, 2.5), ("turn", 1.0, -0.1, None)],
+)
+def test_a_gait_that_fails_its_goal_is_refused(goal, moved, turned, at_least):
+    record = {"goal": goal, "net_displacement": moved, "heading_change": turned}
+    with pytest.raises(SwimError, match="too little time, or too much asked"):
+        check_gait({**record, "at_least": at_least}, 0.5)
 
 
 def test_a_design_is_a_body_with_its_gait(body, tmp_path):

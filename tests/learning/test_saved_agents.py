@@ -530,3 +530,14 @@ def test_the_training_script_ends_with_its_runs_as_a_table_or_as_json(tmp_path, 
         assert one["finished"] and one["last"]["steps"] == 64
         assert load_agent(Path(one["folder"]) / "agent").name == "small_ppo"
     call_script(capsys, "train", *arguments).assert_refused("the folder holds a run (finished)")
+
+
+def test_a_folder_of_runs_is_its_only_agent(tmp_path):
+    shutil.copytree(PRETRAINED_FOLDER / "ppo_forward", tmp_path / "seed_0" / "agent")
+    found = load_policy(tmp_path)
+    seen = np.zeros(21, dtype=np.float32)
+    expected = load_policy("ppo_forward").predict(seen, deterministic=True)[0]
+    np.testing.assert_array_equal(found.predict(seen, deterministic=True)[0], expected)
+    shutil.copytree(tmp_path / "seed_0", tmp_path / "seed_1")
+    with refuses(OptionError, "there are several agents in", str(tmp_path / "seed_1")):
+        load_policy(tmp_path)

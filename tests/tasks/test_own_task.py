@@ -21,7 +21,7 @@ from swim_agents.rollout import play_episode
 from swim_agents.vec_env import SwimVecEnv
 from swim_agents.verification import fine_scene, verify_rollout
 
-from swim_env import SwimEnv, SwimVectorEnv, load_scene
+from swim_env import OptionError, SwimEnv, SwimVectorEnv, Task, load_scene
 from swim_env.recording.reader import read_recording
 from tests.learning.small_runs import assert_same_run, small_config
 from tests.support import (
@@ -202,6 +202,18 @@ def test_options_of_a_task_are_given_to_the_commands(tmp_path):
         assert run_script("visualise", *task, *options, *more).code == 0
     # Recordings of unlike tasks have unlike names.
     assert len(list(tmp_path.glob("*.rrd"))) == 3
+
+
+class Wide(Task):
+    """Hands its options on to a class that takes none."""
+
+    def __init__(self, scene, **options):
+        super().__init__(scene, **options)
+
+
+def test_an_option_that_nothing_takes_is_refused():
+    with refuses(OptionError, "options turning_wieght", "unexpected keyword argument"):
+        SwimEnv(task=Wide, task_options={"turning_wieght": 1.0})
 
 
 @pytest.mark.parametrize(

@@ -228,8 +228,9 @@ def progress_bar(
 ) -> Iterator[Callable[..., None]]:
     """Show a progress bar on stderr, once a second has passed.
 
-    Yields a function of the steps since its last call, and of a text to show behind the bar. Parts
-    of a unit count once they are whole. `options` are those of `tqdm.tqdm`.
+    Yields a function of the steps since its last call, and of a text to show behind the bar, which
+    0 steps show at once. Parts of a unit count once they are whole. `options` are those of
+    `tqdm.tqdm`.
     """
     options = {"unit": unit, "desc": label, "delay": 1.0, "leave": False, **options}
     with tqdm(total=total, file=sys.stderr, **options) as bar:
@@ -240,6 +241,8 @@ def progress_bar(
             before, done = int(done + 1e-6), done + steps
             bar.set_postfix_str(text, refresh=False)
             bar.update(int(done + 1e-6) - before)
+            if not steps:  # the text alone is new
+                bar.refresh()
 
         yield update
 

@@ -38,13 +38,17 @@ def command(name: str, prog: str | None = None) -> Callable[[list[str] | None], 
 
     def run_command(arguments: list[str] | None = None) -> int:
         from swim_agents.commands.command_line import check_numbers
+        from swim_env.scene.checks import nearest
 
         module = importlib.import_module(f"swim_agents.commands.{name.replace('-', '_')}")
         given = sys.argv[1:] if arguments is None else list(arguments)
-        parser = argparse.ArgumentParser(prog=prog, description=module.__doc__)
+        parser = argparse.ArgumentParser(prog=prog, description=module.__doc__, allow_abbrev=False)
         module.add_arguments(parser)
         parser.set_defaults(command_line=["swim-env", name, *given])
-        options = parser.parse_args(given)
+        options, unknown = parser.parse_known_args(given)
+        if unknown:
+            hint = nearest(unknown[0], parser._option_string_actions)
+            parser.error(f"unknown option {unknown[0]}{hint}; --help lists all")
         check_numbers(options)
         return int(module.main(options))
 

@@ -23,6 +23,7 @@ from swim_agents.verification import fine_scene, finer_scenes, verify_rollout
 from swim_env import SwimEnv, SwimEnv3D, __version__, natural_frequencies
 from swim_env.errors import OptionError, SceneError, SwimError
 from swim_env.files.provenance import where_and_when
+from swim_env.physics.gradients.loading import load_planar_gradients, load_spatial_gradients
 from swim_env.scene import Scene, scene_names
 
 
@@ -96,6 +97,8 @@ def main(options: argparse.Namespace) -> int:
     log = Path(f"{output}.part")
     head = hashlib.sha256(json.dumps(sought).encode()).hexdigest()
     known = _read(log, head)
+    # Before the time counts, which compiling would take.
+    (load_planar_gradients if scene.dimension == 2 else load_spatial_gradients)()
     begin = time.perf_counter()
 
     def keep(number: int, period: int, result: Result) -> None:
@@ -126,6 +129,7 @@ def main(options: argparse.Namespace) -> int:
     gait = OptimalGait(own, problem.table(result.unknowns), own)
     record = _record(own, problem, gait, result, options)
     record["seconds"] = round(time.perf_counter() - begin, 1)
+    check_gait(record, options.minutes)
     if options.verify and not record["verification"]["verified"]:
         # What is there already stays.
         write_json(f"{output}.unverified", record)
@@ -193,6 +197,22 @@ def _seldom(keep: Any, every: float = 5.0) -> Any:
             keep(number, period, result)
 
     return call
+
+
+def check_gait(record: dict[str, Any], minutes: float) -> None:
+    """Refuse a gait that does not do what it is for (SwimError)."""
+    moved, at_least = record["net_displacement"], record["at_least"]
+    least = 0.0 if at_least is None else 0.95 * at_least
+    if record["goal"] == "turn":
+        wanted, done, unit = 0.0, record["heading_change"], "rad"
+    else:
+        wanted, done, unit = least, moved, "BL"
+    if not done > wanted:
+        raise SwimError(
+            f"after {minutes:g} minutes the best gait for {record['goal']} comes to {done:.3g} "
+            f"{unit}, and must come to more than {wanted:.3g}: too little time, or too much asked; "
+            "the same command with more --minutes goes on from there"
+        )
 
 
 def _episode(scene: Scene, gait: OptimalGait) -> Rollout:

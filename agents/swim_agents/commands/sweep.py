@@ -183,4 +183,5 @@ def _text(result: dict[str, Any]) -> str:
     counts = [f"{result[status]} {status}" for status in (FINISHED, ENDED, FAILED, WAITING)]
     shown = ", ".join(text for text in counts if not text.startswith("0 "))
     reasons = [text_table(result["reasons"].items(), left=True)] if result["reasons"] else []
-    return "\n".join([f"{result['name']}: {shown}; table in {result['table']}", *reasons])
+    more = "--plot FIELD FIGURE draws it"
+    return "\n".join([f"{result['name']}: {shown}; table in {result['table']}; {more}", *reasons])

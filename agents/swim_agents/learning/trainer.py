@@ -402,8 +402,14 @@ class _Run:
         config, model = self.config, self.model
         reported = 0
         begin = time.perf_counter() - self.seconds
-        if self.steps == 0:
+
+        def evaluate() -> None:
+            if progress is not None:
+                progress(0, "evaluating")
             self._evaluate()
+
+        if self.steps == 0:
+            evaluate()
         while self.steps < config.steps:
             before = self.steps
             rate = config.learning_rate_at(before)
@@ -416,7 +422,7 @@ class _Run:
                 self._log()
             if ends or _passed(before, now, config.evaluation.every):
                 earlier = self.last["steps"] if self.last else 0
-                self._evaluate()
+                evaluate()
                 self.seconds = time.perf_counter() - begin
                 if notice is not None and self._has_just_failed(earlier):
                     notice(self._why_nothing_is_learned())

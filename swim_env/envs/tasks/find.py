@@ -174,7 +174,13 @@ def make_task(task: TaskLike, scene: Scene, options: Mapping[str, Any] | None = 
         raise OptionError(f"task_options must be a mapping of arguments, got {got(options)}")
     given = dict(options or {})
     check_options(kind, given)
-    made = kind(scene, **given)
+    try:
+        made = kind(scene, **given)
+    except TypeError as error:
+        # A class that hands on **options to one that does not take them.
+        if "unexpected keyword argument" not in str(error):
+            raise
+        raise OptionError(f"task {kind.name}, options {', '.join(given)}: {error}") from error
     if getattr(made, "scene", None) is not scene:
         raise OptionError(f"task {kind.name}: its __init__ must call super().__init__(scene)")
     return made
