@@ -331,11 +331,11 @@ def test_without_noise_all_starts_are_the_same():
     assert zero["ratio_to_paper_wave"] == 0.0
     assert zero["verified"] == [True, True]
     json.dumps(record, allow_nan=False)
-    # Nothing is divided by a reference that stays where it is, as without a prescribed torque.
-    scene = short("actuation=null")
+    # Nothing is divided by a reference that stays where it is.
+    scene = short("actuation.amplitude=0")
     record = hold_contest(scene, entries_of([], scene), [0], noise=0.0, threads=1).record
     assert record["net_displacement"]["paper_wave"] == [0.0]
-    assert [record["ratios"][name]["paper_wave"] for name in record["policies"]] == [None]
+    assert [record["ratios"][name]["paper_wave"] for name in record["policies"]] == [None, None]
 
 
 def test_targets_are_the_same_for_all_and_the_share_of_those_reached_is_counted():
@@ -599,6 +599,15 @@ def test_a_policy_of_another_scene_is_refused_before_any_is_played():
     target = Entry("agent", "agent", load_policy("ppo_target", scene), {})
     with refuses(AgentError, "agent ppo_target was trained for task target, not for forward"):
         hold_contest(scene, [*entries, target][:3] + [target], SEEDS, threads=1)
+
+
+def test_a_scene_without_a_wave_is_compared_without_one(tmp_path):
+    scene = short("actuation=null").replace("beam.bending_stiffness", 2.0)
+    entries = entries_of(["zero", "random"], scene)
+    assert [entry.name for entry in entries] == ["zero", "random"]
+    contest = hold_contest(scene, entries, [0], threads=1)
+    write_contest(contest, tmp_path / "out")
+    assert plain(contest)["ratios"]["random"] == {"paper_wave": None, "tuned_wave": None}
 
 
 def test_on_another_body_the_tuned_wave_is_no_reference(tmp_path):

@@ -35,7 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=["ppo_forward", "sac_forward"],
         help=f"names ({', '.join(policy_names())}) or paths: an agent's folder, a training run, "
         "several runs (a folder with seed_0, seed_1 ...), a model file; ppo_forward sac_forward "
-        "unless given. paper_wave always takes part, and tuned_wave on the body it was tuned on",
+        "unless given. A scene's own wave, paper_wave, takes part, and tuned_wave on the body "
+        "it was tuned on",
     )
     cli.add_scene_arguments(parser, default="swimmer", adopted=True)
     cli.add_options(parser, "task", "task-option", "duration", "noise", "record")
@@ -81,8 +82,12 @@ def main(options: argparse.Namespace) -> int:
         require_matplotlib()
         check_folder(options.output, SPATIAL_CONTEST_FILES)
     entries = entries_of(options.policies, scene, options.task, options.trust)
+    why = {
+        "paper_wave": "as the scene prescribes no torque",
+        "tuned_wave": "which was tuned to another body or fluid; `swim-env tune` finds the scene's",
+    }
     for left_out in set(REFERENCES) - set(references_on(scene)):
-        print(f"without {left_out}, which was tuned to another body or fluid", file=sys.stderr)
+        print(f"without {left_out}, {why[left_out]}", file=sys.stderr)
     file = None
     if options.record is not None:
         labels = [policy_label(one) for one in dict.fromkeys(options.policies)]

@@ -128,12 +128,15 @@ class Contest:
 
 
 def references_on(scene: Scene) -> list[str]:
-    """Return the REFERENCES that can play a scene."""
+    """Return the REFERENCES that a scene has: a prescribed wave, and one tuned to its body."""
+    found = list(REFERENCES)
+    if scene.actuation is None:
+        found.remove("paper_wave")
     try:
         tuned_wave(scene).check(scene)
     except OptionError:
-        return [name for name in REFERENCES if name != "tuned_wave"]
-    return list(REFERENCES)
+        found.remove("tuned_wave")
+    return found
 
 
 def entries_of(
