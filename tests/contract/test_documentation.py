@@ -87,7 +87,9 @@ def anchors(page: Path) -> set[str]:
 
 def test_the_readme_quotes_the_stored_comparison():
     stored = json.loads((ROOT / "docs/comparison/comparison.json").read_text(encoding="utf-8"))
-    for name, policy in stored["policies"].items():
+    quoted = ("paper_wave", "tuned_wave", "ppo_forward", "sac_forward", "optimal_displacement")
+    for name in quoted:
+        policy = stored["policies"][name]
         (row,) = re.findall(rf"^\| `{name}`.*$", README, re.MULTILINE)
         figures = [median(policy["net_displacement"]), median(policy["closed_displacement"])]
         figures.append(stored["ratios"][name]["tuned_wave"])
