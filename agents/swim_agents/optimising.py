@@ -40,7 +40,8 @@ _TOLERANCE = 1e-8
 #: Stiffnesses that a design may vary, by the scene's dimension, and by what factor at most.
 _DESIGN = {2: ("beam.bending_stiffness",), 3: ("beam.lateral_stiffness",)}
 _LARGEST_FACTOR = 4.0
-#: Periods of the first mode in the episodes of the first search.
+#: Periods of the first mode in the episodes of the first search; twice as many where work counts,
+#: of which the start takes more than its share.
 _SHORT = 12
 #: Guesses: frequencies as shares of the first and the second mode's, wave numbers by pi. A table
 #: has some cycles, so that frequencies between whole numbers of actions are there.
@@ -74,7 +75,7 @@ class Problem:
     design : bool
         Whether the stiffness of every joint varies as well.
     at_least : float
-        Displacement (BL) that an efficient gait must reach.
+        Displacement (BL) that an efficient gait must reach, and no more.
     finer : int
         Panels per element with which the gait has to do as well, none for 0: what is best with the
         scene's own alone is tuned to a resonance that their number has shifted.
@@ -252,6 +253,14 @@ def improve(
     return best
 
 
+def _more_panels(scene: Scene) -> int:
+    """Return more panels per element than a scene in the plane has, 0 where it has none."""
+    fluid = scene.fluid
+    if scene.dimension == 3 or fluid is None or not FLUID_TABLE[fluid.model].panels:
+        return 0
+    return math.ceil(_MORE_PANELS * fluid.panels_per_element)
+
+
 class _OutOfTime(Exception):
     """The time for a search is over."""
 
@@ -313,7 +322,10 @@ def search_gait(
         if not isinstance(field_of(scene, name), (float, tuple)):
             raise SceneError(f"a design needs numbers, one or one per joint, as {name}")
     whole = scene.actions_per_episode
-    short = min(whole, round(_SHORT / (frequencies[0] * scene.episode.control_interval)))
+    periods, finer = _SHORT, 0
+    if goal == "efficiency":
+        periods, finer = 2 * _SHORT, _more_panels(scene)
+    short = min(whole, round(periods / (frequencies[0] * scene.episode.control_interval)))
     found = dict(known or {})
     guesses = starts(Problem(scene, goal, 1, short, design), frequencies, seed)
     threads = min(usable_threads(), len(guesses))
@@ -326,7 +338,7 @@ def search_gait(
             return
         given = found[number][1] if number in found else Result(unknowns)
         share = at_least * short / whole
-        problem = Problem(scene, goal, period, short, design, share)
+        problem = Problem(scene, goal, period, short, design, share, finer)
         one = improve(
             problem,
             given,
@@ -355,11 +367,6 @@ def search_gait(
             raise SwimError(f"none of {len(guesses)} guesses swims on scene {scene.name}")
         found[-1] = period, Result(best.unknowns)
     period, given = found[-1]
-    fluid = scene.fluid
-    finer = 0
-    if goal == "efficiency" and scene.dimension == 2 and fluid is not None:
-        if FLUID_TABLE[fluid.model].panels:
-            finer = math.ceil(_MORE_PANELS * fluid.panels_per_element)
     problem = Problem(scene, goal, period, whole, design, at_least, finer)
     rest = (1.0 - _FIRST) * seconds
 
