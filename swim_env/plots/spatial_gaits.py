@@ -133,6 +133,7 @@ def draw_spatial_gaits(
                 style.style_axes(axes, "", "", axis if first and not below else "", grid=False)
                 axes.tick_params(labelsize=style.SMALLER)
                 axes.set_yticks([1, run.scene.joints])
+                axes.locator_params(axis="x", nbins=2)
                 if last and below:
                     axes.set_xlabel("time (s)", fontsize=style.SMALL)
                 else:
