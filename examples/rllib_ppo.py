@@ -30,8 +30,10 @@ def main() -> None:
         .environment(
             register(),
             env_config={"scene": options.scene},  # or overrides, task ...
-            normalize_actions=False,  # shares of the limits, which the environment clips: a fifth
-            clip_actions=False,  # of RLlib's own time less
+            # Actions are shares of the limits, which the environment clips: this saves a fifth of
+            # RLlib's own time.
+            normalize_actions=False,
+            clip_actions=False,
         )
         .env_runners(
             num_env_runners=options.runners,

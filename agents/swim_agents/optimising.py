@@ -52,7 +52,7 @@ _CYCLES = 3
 _MORE_PANELS = 1.5
 #: Share of the time that goes into the first search.
 _FIRST = 0.35
-#: Weight of a displacement that is missed, of the squared share: half a per cent of it is missed.
+#: Weight of a displacement that is missed, of the squared share: about a per cent is missed.
 _PENALTY = 400.0
 #: Value of a gait on which a run ends early.
 _WORST = 1e6
@@ -75,10 +75,11 @@ class Problem:
     design : bool
         Whether the stiffness of every joint varies as well.
     at_least : float
-        Displacement (BL) that an efficient gait must reach, and no more.
+        Displacement (BL) that an efficient gait aims at; it stays about a per cent away from it.
     finer : int
         Panels per element with which the gait has to do as well, none for 0: what is best with the
         scene's own alone is tuned to a resonance that their number has shifted.
+        None without panels, and in space.
     """
 
     scene: Scene
@@ -130,9 +131,9 @@ class Problem:
     def evaluate(self, unknowns: Array, objective: Objective) -> tuple[float, Array]:
         """Return an objective and its gradient by the unknowns, their means if some are finer."""
         scene = self.scene_of(unknowns)
-        scenes = [scene]
-        if self.finer:
-            scenes.append(scene.replace("fluid.panels_per_element", self.finer))
+        if not self.finer:
+            return self._evaluate(unknowns, objective, scene)
+        scenes = (scene, scene.replace("fluid.panels_per_element", self.finer))
         with ThreadPoolExecutor(min(len(scenes), usable_threads())) as pool:
             found = pool.map(partial(self._evaluate, unknowns, objective), scenes)
             values, slopes = zip(*found, strict=True)
@@ -328,7 +329,8 @@ def search_gait(
     short = min(whole, round(periods / (frequencies[0] * scene.episode.control_interval)))
     found = dict(known or {})
     guesses = starts(Problem(scene, goal, 1, short, design), frequencies, seed)
-    threads = min(usable_threads(), len(guesses))
+    # Of a problem with two numbers of panels each guess takes two threads.
+    threads = min(max(1, usable_threads() // (2 if finer else 1)), len(guesses))
     each = _FIRST * seconds / -(-len(guesses) // threads)
     stop = Event()
 

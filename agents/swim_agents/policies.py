@@ -143,10 +143,10 @@ def load_policy(
         see `spatial_wave`; ``tuned_wave`` is a lateral one, and ``tuned_dorsoventral``,
         ``tuned_helical_right`` and ``tuned_helical_left`` are the others. ``optimal_displacement``,
         ``optimal_efficiency`` and ``optimal_turn`` are what `swim-env optimise` found for the
-        scene. A trained agent that
-        ships, see `pretrained_names`. Or a path: an agent's folder, the folder of a training run
-        (its best agent), a model file (.zip) of stable-baselines3, a tuned wave
-        (.tuned_wave.json) or an optimal gait (.optimal_gait.json).
+        scene. A trained agent that ships, see `pretrained_names`. Or a path: an agent's folder, the
+        folder of a training run (its best agent) or of several with a single agent among them, a
+        model file (.zip) of stable-baselines3, a tuned wave (.tuned_wave.json) or an optimal gait
+        (.optimal_gait.json).
     scene : Scene, str or os.PathLike, optional
         The scene to be played; unless given, ``swimmer`` for a baseline, and for an agent the one
         it was trained on.
@@ -162,8 +162,8 @@ def load_policy(
     Raises
     ------
     OptionError
-        If there is no such policy, the scene has not the axes of a wave, or the tuned wave was
-        tuned to another body.
+        If there is no such policy, or several in a folder of runs, the scene has not the axes of a
+        wave, or the tuned wave was tuned to another body.
     AgentError
         If a saved agent cannot be read, or was trained on another body or for another task.
     SceneError
@@ -201,7 +201,9 @@ def load_policy(
 
 def _inside(path: Path) -> Path:
     """Return the agent's folder in that of a training run, or of several if it is the only one."""
-    runs = [one for one in (path, *sorted(path.glob("seed_*"))) if (one / "agent").is_dir()]
+    if (path / "agent").is_dir():
+        return path / "agent"
+    runs = [one for one in sorted(path.glob("seed_*")) if (one / "agent").is_dir()]
     if len(runs) > 1:
         names = ", ".join(map(str, runs))
         raise OptionError(f"there are several agents in {path}; name one of {names}")

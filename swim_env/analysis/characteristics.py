@@ -33,10 +33,10 @@ _FEW_ELEMENTS = 13
 #: Fewer than so many in a period of a mode do not command, or resolve, it.
 _LEAST_ACTIONS, _LEAST_STEPS = 4, 8
 #: Bends of the whole body (rad) under the torque limit at every joint that are suspiciously little,
-#: Added mass across the body, as a multiple of its own, above which units may be mistaken.
-_MUCH_ADDED = 200.0
 #: and much, for swimming.
 _LITTLE_BEND, _MUCH_BEND = 0.02, 2.0
+#: Density of the body as a multiple of the fluid's, or the other way round, that is suspicious.
+_MUCH_DENSER = 20.0
 #: Panels of the sides of the whole body: with fewer, scores change by a tenth with more of them.
 _LEAST_PANELS = 36
 #: Periods of the first mode that are too few for an episode.
@@ -123,7 +123,7 @@ class Characteristics(_Figures):
                 f"{_seconds(self.period)}",
                 f"actions          held for {_seconds(self.control_interval)}, "
                 f"{self.actions_per_period:.3g} in T1; {self.commanded_modes} of "
-                f"{len(self.natural_frequencies)} modes can be commanded (the first swims)",
+                f"{len(self.natural_frequencies)} modes can be commanded",
                 f"time steps       {_seconds(self.time_step)}, {self.steps_per_period:.3g} in T1; "
                 f"{self.resolved_modes} modes are resolved",
                 f"static bend      {self.bend_per_torque:.4g} rad per N m; "
@@ -363,13 +363,14 @@ def _advice(scene: Scene, found: dict[str, Any]) -> tuple[str, ...]:
             "control_interval and time_step in seconds",
         )
     advice = []
-    across = found.get("added_mass_across", 0.0) / found["mass"]
-    if across > _MUCH_ADDED:
-        advice.append(
-            f"the fluid adds {across:.3g} times the body's mass across it: fluid.density and "
-            "beam.line_density are those of a layer one metre deep, in which a body as dense as "
-            "the fluid has a line density of fluid.density times the thickness"
-        )
+    if scene.dimension == 2 and scene.fluid is not None and scene.fluid.density is not None:
+        as_dense = 2.0 * scene.beam.half_thickness * scene.fluid.density
+        times = scene.beam.line_density / as_dense
+        if not 1.0 / _MUCH_DENSER <= times <= _MUCH_DENSER:
+            advice.append(
+                f"the body is {times:.2g} times as dense as the fluid, a layer one metre deep that "
+                f"it reaches through; as dense as that it has beam.line_density={as_dense:.3g}"
+            )
     control = period / _ACTIONS
     mode = f"first {MODE_NAMES[found['driven_axis']] if scene.dimension == 3 else 'bending'} mode"
     held = f"torques are held for {_seconds(found['control_interval'])}, the {mode} "

@@ -179,8 +179,8 @@ def _viewer() -> Iterator[Any]:
                 ""
                 if failure == "has failed"
                 else (
-                    "; it needs a graphics driver, for which Mesa's llvmpipe will do (on Debian, "
-                    "apt install mesa-vulkan-drivers)"
+                    "; it may lack a graphics driver, for which Mesa's llvmpipe will do (on "
+                    "Debian, apt install mesa-vulkan-drivers)"
                 )
             )
             raise SwimError(f"rerun's viewer {failure}: {why}{driver}") from None

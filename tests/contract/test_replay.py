@@ -227,6 +227,8 @@ def test_a_misspelt_option_is_named_with_its_nearest(capsys):
             ["replay", "--scene", "paper_i", "--polic", "zero"],
             "unknown option --polic (nearest: --policy)",
         ),
+        (["replay", "--scene", "paper_i", "--sede=3"], "unknown option --sede (nearest: --se"),
+        (["replay", "--scene", "paper_i", "extra"], "unexpected argument extra"),
     ):
         with pytest.raises(SystemExit) as caught:
             console.main(given)

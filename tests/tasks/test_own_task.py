@@ -212,8 +212,20 @@ class Wide(Task):
 
 
 def test_an_option_that_nothing_takes_is_refused():
-    with refuses(OptionError, "options turning_wieght", "unexpected keyword argument"):
+    with refuses(OptionError, "unknown option 'turning_wieght' of task", "Task.__init__()"):
         SwimEnv(task=Wide, task_options={"turning_wieght": 1.0})
+
+
+class Wrong(Task):
+    """Has a mistake of its own."""
+
+    def __init__(self, scene, weight=1.0):
+        super().__init__(scene, wieght=weight)
+
+
+def test_a_mistake_in_a_task_is_not_taken_for_an_option():
+    with pytest.raises(TypeError, match="'wieght'"):
+        SwimEnv(task=Wrong, task_options={"weight": 1.0})
 
 
 @pytest.mark.parametrize(

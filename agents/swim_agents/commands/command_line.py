@@ -9,6 +9,7 @@ import io
 import json
 import os
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TextIO, cast
@@ -241,7 +242,7 @@ def progress_bar(
             before, done = int(done + 1e-6), done + steps
             bar.set_postfix_str(text, refresh=False)
             bar.update(int(done + 1e-6) - before)
-            if not steps:  # the text alone is new
+            if not steps and time.time() >= bar.start_t + bar.delay:  # the text alone is new
                 bar.refresh()
 
         yield update

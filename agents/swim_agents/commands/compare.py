@@ -13,7 +13,6 @@ from swim_agents.comparison.contest import (
     checked_seeds,
     entries_of,
     hold_contest,
-    references_on,
     steps_to_play,
 )
 from swim_agents.comparison.report import SPATIAL_CONTEST_FILES, as_text, write_contest
@@ -86,7 +85,8 @@ def main(options: argparse.Namespace) -> int:
         "paper_wave": "as the scene prescribes no torque",
         "tuned_wave": "which was tuned to another body or fluid; `swim-env tune` finds the scene's",
     }
-    for left_out in set(REFERENCES) - set(references_on(scene)):
+    there = {entry.name for entry in entries}
+    for left_out in (name for name in REFERENCES if name not in there):
         print(f"without {left_out}, {why[left_out]}", file=sys.stderr)
     file = None
     if options.record is not None:

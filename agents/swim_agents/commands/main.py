@@ -47,8 +47,11 @@ def command(name: str, prog: str | None = None) -> Callable[[list[str] | None], 
         parser.set_defaults(command_line=["swim-env", name, *given])
         options, unknown = parser.parse_known_args(given)
         if unknown:
-            hint = nearest(unknown[0], parser._option_string_actions)
-            parser.error(f"unknown option {unknown[0]}{hint}; --help lists all")
+            first = unknown[0].partition("=")[0]
+            if not first.startswith("-"):
+                parser.error(f"unexpected argument {first}; --help lists what there is")
+            known = [one for action in parser._actions for one in action.option_strings]
+            parser.error(f"unknown option {first}{nearest(first, known)}; --help lists all")
         check_numbers(options)
         return int(module.main(options))
 

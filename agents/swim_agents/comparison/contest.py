@@ -42,7 +42,7 @@ from swim_env.scene import AXIS_NAMES, Scene
 from swim_env.scene.checks import checked_option
 from swim_env.sim.trajectory import Trajectory
 
-#: The policies that every score is compared with; the tuned wave on the body it was tuned on.
+#: The policies that every score is compared with, where a scene has them, see `references_on`.
 REFERENCES = ("paper_wave", "tuned_wave")
 
 #: Scores are taken from starts with this seed and those after it: trainings draw theirs from below
@@ -262,6 +262,8 @@ def hold_contest(
     for entry in entries:
         check_policy(entry.policy, made)
     names = [entry.name for entry in entries]
+    if not names:
+        raise OptionError("a contest needs at least one policy")
     if len(set(names)) < len(names):
         raise OptionError(f"entries must have different names, got {', '.join(names)}")
     needed = references_on(scene)

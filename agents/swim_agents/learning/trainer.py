@@ -160,7 +160,7 @@ def train(
         runs go together; the training does not depend on it.
     progress : callable, optional
         Called with the number of environment steps since the last call (or since the start, after
-        a resume) and a short text on the latest evaluation.
+        a resume) and a short text on the latest evaluation; with 0 and "evaluating" before one.
     notice : callable, optional
         Called with a line of text once, if evaluations show that nothing is being learned: what
         was found, and what to look at.

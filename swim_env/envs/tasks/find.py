@@ -7,6 +7,7 @@ import importlib
 import importlib.util
 import inspect
 import os
+import re
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -178,9 +179,10 @@ def make_task(task: TaskLike, scene: Scene, options: Mapping[str, Any] | None = 
         made = kind(scene, **given)
     except TypeError as error:
         # A class that hands on **options to one that does not take them.
-        if "unexpected keyword argument" not in str(error):
+        refused = re.search(r"unexpected keyword argument '(\w+)'", str(error))
+        if refused is None or refused[1] not in given:
             raise
-        raise OptionError(f"task {kind.name}, options {', '.join(given)}: {error}") from error
+        raise OptionError(f"unknown option {refused[1]!r} of task {kind.name}: {error}") from error
     if getattr(made, "scene", None) is not scene:
         raise OptionError(f"task {kind.name}: its __init__ must call super().__init__(scene)")
     return made
