@@ -593,7 +593,7 @@ def test_a_scene_of_ones_own_has_its_own_tuned_wave(tmp_path, capsys):
     kept.write_text(json.dumps({**record, "wave": None}))
     with pytest.raises(OptionError, match="found no wave that swims"):
         load_policy("tuned_wave", scene)
-    assert references_on(scene) == ["paper_wave"]
+    assert references_on(scene) == []
     kept.write_text(json.dumps(record))
     # Of the body as it was tuned.
     with pytest.raises(OptionError, match=r"beam.length is 0.6, it was 0.5 in tuning"):

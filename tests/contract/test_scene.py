@@ -912,6 +912,15 @@ def test_advice_says_what_would_help_and_following_it_helps():
     assert characterise(taken).advice == ()
 
 
+def test_a_body_of_suspicious_density_is_told_that_the_fluid_is_a_metre_deep():
+    water = {"fluid.density": 1000.0, "beam.half_thickness": 0.012, "beam.line_density": 0.6}
+    (advice,) = [one for one in characterise(load_scene("swimmer", water)).advice if "dense" in one]
+    assert "0.025 times as dense" in advice and advice.endswith("beam.line_density=24")
+    # However slender, a body as dense as the fluid is not suspicious.
+    thin = {"beam.half_thickness": 0.0005, "beam.line_density": 0.01}
+    assert not [one for one in characterise(load_scene("swimmer", thin)).advice if "dense" in one]
+
+
 def test_a_body_without_stiffness_has_no_period():
     found = characterise(load_scene("swimmer", {"beam.bending_stiffness": LIMP}))
     assert found.period is None and found.natural_frequencies == ()
