@@ -117,6 +117,7 @@ def main(options: argparse.Namespace) -> int:
             except KeyboardInterrupt:
                 print("interrupted; start again to continue", file=sys.stderr)
                 code = INTERRUPTED
+                records = _records(sweep, folder)  # runs may have ended after the last was seen
     rows = rows_of(sweep.runs, records)
     write_table(table, rows)
     if options.plot is not None:

@@ -262,14 +262,14 @@ def hold_contest(
     for entry in entries:
         check_policy(entry.policy, made)
     names = [entry.name for entry in entries]
-    if not names:
-        raise OptionError("a contest needs at least one policy")
     if len(set(names)) < len(names):
         raise OptionError(f"entries must have different names, got {', '.join(names)}")
     needed = references_on(scene)
     missing = [name for name in needed if name not in names]
     if missing and _is_a_race(made):
         raise OptionError(f"every contest needs {' and '.join(needed)}, {missing[0]} is missing")
+    if not names:
+        raise OptionError("a contest needs at least one policy")
     workers = threads or usable_threads()
     performances: dict[str, list[Performance]] = {}
     kept: dict[str, list[Rollout]] = {}
