@@ -66,7 +66,7 @@ paper: $(STAMP_DEV) ## set up and compare the paper's statements with our figure
 gallery: $(STAMP_TRAIN) ## set up, play policies and scenes, draw them into docs/gallery (some minutes)
 	$(BIN)/python scripts/gallery.py --output docs/gallery
 
-test: $(STAMP_DEV) ## set up and run the tests (under 6 minutes)
+test: $(STAMP_DEV) ## set up and run the tests (a quarter of an hour)
 	$(PYTEST) -n $(WORKERS) --dist worksteal -m "not slow and not release"
 
 test-slow: $(STAMP_DEV) ## set up and run the tests that take longer

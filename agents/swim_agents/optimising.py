@@ -26,7 +26,7 @@ from swim_agents.optimal_gait import GOALS
 from swim_env.errors import OptionError, SceneError, SimulationEndedError, SwimError
 from swim_env.gradients import OBJECTIVES, Objective, value_and_gradient
 from swim_env.gradients.parameters import field_of
-from swim_env.gradients.tape import CutStepError, Tape
+from swim_env.gradients.tape import CutStepError
 from swim_env.physics.runtime.threads import usable_threads
 from swim_env.scene import Scene
 from swim_env.scene.fluid import FLUID_TABLE
@@ -318,7 +318,6 @@ def search_gait(
         raise OptionError("an efficient gait needs the displacement that it must reach (BL)")
     if goal == "turn" and scene.dimension == 3:
         raise SceneError("the turn that is optimised is one in the plane")
-    Tape.of(scene)  # refuses a scene that has no gradient
     for name in _DESIGN[scene.dimension] if design else ():
         if not isinstance(field_of(scene, name), (float, tuple)):
             raise SceneError(f"a design needs numbers, one or one per joint, as {name}")

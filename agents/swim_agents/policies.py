@@ -113,7 +113,7 @@ def trained_for(policies: Iterable[str]) -> tuple[Scene | str, str] | None:
 
     for policy in policies:
         path = Path(policy)
-        runs = sorted(path.glob("seed_*/agent"))
+        runs = [run / "agent" for run in runs_in(path)]
         for folder in (PRETRAINED_FOLDER / policy, path, path / "agent", *runs):
             if (folder / "agent.json").is_file():
                 agent = load_agent(folder)
@@ -199,11 +199,17 @@ def load_policy(
     )
 
 
+def runs_in(folder: str | os.PathLike[str]) -> list[Path]:
+    """Return the training runs ``seed_N`` in a folder that have an agent, by their number."""
+    runs = [path for path in Path(folder).glob("seed_*") if (path / "agent").is_dir()]
+    return sorted(runs, key=lambda path: (len(str(path)), str(path)))
+
+
 def _inside(path: Path) -> Path:
     """Return the agent's folder in that of a training run, or of several if it is the only one."""
     if (path / "agent").is_dir():
         return path / "agent"
-    runs = [one for one in sorted(path.glob("seed_*")) if (one / "agent").is_dir()]
+    runs = runs_in(path)
     if len(runs) > 1:
         names = ", ".join(map(str, runs))
         raise OptionError(f"there are several agents in {path}; name one of {names}")

@@ -156,6 +156,10 @@ def _viewer() -> Iterator[Any]:
     # Otherwise the viewer writes what it does to stderr.
     os.environ.setdefault("RUST_LOG", "error")
     viewer, failure = None, "cannot be started without a window"
+    hint = (
+        "; it may lack a graphics driver, for which Mesa's llvmpipe will do (on Debian, apt "
+        "install mesa-vulkan-drivers)"
+    )
     # The viewer's sockets need a folder, which not every system names.
     named = os.environ.get("XDG_RUNTIME_DIR")
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
@@ -169,21 +173,13 @@ def _viewer() -> Iterator[Any]:
             )
             # It answers before it has found a driver that draws, and ends where there is none.
             viewer.take_screenshot()
-            failure = "has failed"
+            failure, hint = "has failed", ""
             yield viewer
         except SwimError:
             raise
         except Exception as error:  # what a viewer that stops raises is not documented
             why = " ".join(str(error).split()) or type(error).__name__
-            driver = (
-                ""
-                if failure == "has failed"
-                else (
-                    "; it may lack a graphics driver, for which Mesa's llvmpipe will do (on "
-                    "Debian, apt install mesa-vulkan-drivers)"
-                )
-            )
-            raise SwimError(f"rerun's viewer {failure}: {why}{driver}") from None
+            raise SwimError(f"rerun's viewer {failure}: {why}{hint}") from None
         finally:
             with contextlib.suppress(Exception):
                 if viewer is not None:

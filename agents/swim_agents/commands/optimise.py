@@ -23,7 +23,7 @@ from swim_agents.verification import fine_scene, finer_scenes, verify_rollout
 from swim_env import SwimEnv, SwimEnv3D, __version__, natural_frequencies
 from swim_env.errors import OptionError, SceneError, SwimError
 from swim_env.files.provenance import where_and_when
-from swim_env.physics.gradients.loading import load_planar_gradients, load_spatial_gradients
+from swim_env.gradients.tape import Tape
 from swim_env.scene import Scene, scene_names
 
 #: Changes with what a search minimises: an interrupted one of another kind is not continued.
@@ -105,8 +105,7 @@ def main(options: argparse.Namespace) -> int:
     log = Path(f"{output}.part")
     head = hashlib.sha256(json.dumps(sought).encode()).hexdigest()
     known = _read(log, head)
-    # Before the time counts, which compiling would take.
-    (load_planar_gradients if scene.dimension == 2 else load_spatial_gradients)()
+    Tape.of(scene)  # refuses a scene, and compiles before the time counts
     begin = time.perf_counter()
 
     def keep(number: int, period: int, result: Result) -> None:

@@ -19,7 +19,7 @@ from swim_agents.baselines import Policy, tuned_wave
 from swim_agents.comparison.gait import Gait
 from swim_agents.comparison.performance import Performance, measure_performance
 from swim_agents.comparison.spatial_gait import Ellipse, SpatialGait, plane_angle
-from swim_agents.policies import load_policy, policy_names
+from swim_agents.policies import load_policy, policy_names, runs_in
 from swim_agents.rollout import Rollout, check_policy, play_episodes, ratio
 from swim_agents.tuned_wave import find_tuned_wave
 from swim_agents.verification import (
@@ -151,8 +151,7 @@ def entries_of(
     for name in dict.fromkeys([*references_on(scene), *names]):
         runs: list[Path | None] = []
         if name not in policy_names():
-            runs += [path for path in Path(name).glob("seed_*") if (path / "agent").is_dir()]
-            runs.sort(key=lambda path: (len(str(path)), str(path)))
+            runs += runs_in(name)
         for path in runs or [None]:
             policy = load_policy(name if path is None else path, scene, 0, task, trust)
             about = dict(getattr(policy, "description", {}))

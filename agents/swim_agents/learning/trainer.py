@@ -402,14 +402,8 @@ class _Run:
         config, model = self.config, self.model
         reported = 0
         begin = time.perf_counter() - self.seconds
-
-        def evaluate() -> None:
-            if progress is not None:
-                progress(0, "evaluating")
-            self._evaluate()
-
         if self.steps == 0:
-            evaluate()
+            self._evaluate(progress)
         while self.steps < config.steps:
             before = self.steps
             rate = config.learning_rate_at(before)
@@ -422,7 +416,7 @@ class _Run:
                 self._log()
             if ends or _passed(before, now, config.evaluation.every):
                 earlier = self.last["steps"] if self.last else 0
-                evaluate()
+                self._evaluate(progress)
                 self.seconds = time.perf_counter() - begin
                 if notice is not None and self._has_just_failed(earlier):
                     notice(self._why_nothing_is_learned())
@@ -452,8 +446,10 @@ class _Run:
         self.board.add("train", values, self.steps)
         self.progress_log.add({"steps": self.steps, "seconds": round(self.seconds, 3), **values})
 
-    def _evaluate(self) -> None:
+    def _evaluate(self, progress: Callable[[int, str], object] | None) -> None:
         """Play the fixed starts without exploration; keep the agent if it is the best so far."""
+        if progress is not None:
+            progress(0, "evaluating")
         config, first = self.config, self.config.evaluation.seed
         # Training draws the same random numbers as it would without evaluations.
         numbers, others = torch.get_rng_state(), np.random.get_state()
