@@ -35,10 +35,16 @@ from swim_env.physics.fluid.outline import (
     X,
     Y,
 )
-from swim_env.physics.fluid.panel_mass import differentiate_panels, invert_influence, sum_added_mass
+from swim_env.physics.fluid.panel_mass import (
+    differentiate_panels,
+    invert_influence,
+    solve_adjoints,
+    symmetric_mass,
+)
 from swim_env.physics.fluid.panels import panel_costs
 from swim_env.physics.fluid.sources import POTENTIAL, influence
 from swim_env.physics.runtime.compile import inlined, kernel, shared
+from swim_env.physics.runtime.dense import add_multiple
 from swim_env.physics.runtime.linking import linked_kernel
 from swim_env.physics.status import FINE, UNDER_RESOLVED_GAP
 from swim_env.scene import Fluid
@@ -186,27 +192,36 @@ def _chain_gradient(
 
 
 @inlined
-def _collect_chain_motions(fluid: FluidConstants, work: FluidWork) -> None:
-    """Sum the panels of the centre line into unit motions."""
+def _load_chain_motions(fluid: FluidConstants, work: FluidWork) -> None:
+    """Sum the potentials at panels of the centre line into loads."""
     elements = fluid.geometry.elements
     side = fluid.geometry.side_panels
     panels = work.outline.panels
     work.loads[:] = 0.0
     for k in range(elements):
         first = (elements - 1 - k) * side
-        for i in range(elements * side):
+        for p in range(first, first + side):
+            potential, length = work.layers[POTENTIAL, p], panels[LENGTH, p]
+            add_multiple(work.loads[k], potential, length * panels[LATERAL, p])
+            add_multiple(work.loads[elements + k], potential, length * panels[ROTARY, p])
+
+
+@inlined
+def _sum_chain_motions(fluid: FluidConstants, work: FluidWork) -> None:
+    """Multiply the adjoint strengths by B."""
+    elements = fluid.geometry.elements
+    side = fluid.geometry.side_panels
+    panels = work.outline.panels
+    for a in range(2 * elements):
+        for k in range(elements):
             lateral = 0.0
             rotary = 0.0
+            first = (elements - 1 - k) * side
             for p in range(first, first + side):
-                lateral += work.inverse[i, p] * panels[LATERAL, p]
-                rotary += work.inverse[i, p] * panels[ROTARY, p]
-            work.strengths[i, k] = lateral
-            work.strengths[i, elements + k] = rotary
-        for p in range(first, first + side):
-            for i in range(elements * side):
-                potential = panels[LENGTH, p] * work.layers[POTENTIAL, p, i]
-                work.loads[k, i] += panels[LATERAL, p] * potential
-                work.loads[elements + k, i] += panels[ROTARY, p] * potential
+                lateral += work.adjoints[a, p] * panels[LATERAL, p]
+                rotary += work.adjoints[a, p] * panels[ROTARY, p]
+            work.product[a, k] = lateral
+            work.product[a, elements + k] = rotary
 
 
 @linked_kernel
@@ -223,8 +238,10 @@ def _added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out
     status = invert_influence(count, True, fluid, work)
     if status != FINE:
         return status
-    _collect_chain_motions(fluid, work)
-    sum_added_mass(fluid, work, out)
+    _load_chain_motions(fluid, work)
+    solve_adjoints(fluid, work)
+    _sum_chain_motions(fluid, work)
+    symmetric_mass(fluid, work, out)
     return FINE
 
 

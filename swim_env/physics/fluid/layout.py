@@ -107,10 +107,10 @@ class FluidWork(NamedTuple):
         Influence matrices, see `swim_env.physics.fluid.sources`.
     inverse : (M, M) array
         Inverse of the normal influence, filled up with the identity.
-    strengths : (M, K) array
-        Source strengths per unit motion, G^-1 B.
     loads : (K, M) array
         B^T diag(L) P.
+    adjoints : (K, M) array
+        Adjoint strengths per unit motion, B^T diag(L) P G^-1.
     product : (K, K) array
         B^T diag(L) P G^-1 B.
     velocity, sigma, mu, phi, weight, load : (M,) arrays
@@ -133,8 +133,8 @@ class FluidWork(NamedTuple):
     outline: OutlineArrays
     layers: Array
     inverse: Array
-    strengths: Array
     loads: Array
+    adjoints: Array
     product: Array
     velocity: Array
     sigma: Array
@@ -162,8 +162,8 @@ def fluid_views(buffers: FluidBuffers, fluid: FluidConstants) -> tuple[FluidWork
     k = padded(motion_count(fluid))
     layers, end = vector(floats, 0, LAYERS * m * m)
     inverse, end = matrix(floats, end, m, m)
-    strengths, end = matrix(floats, end, m, k)
     loads, end = matrix(floats, end, k, m)
+    adjoints, end = matrix(floats, end, k, m)
     product, end = matrix(floats, end, k, k)
     panels, end = matrix(floats, end, PANEL_ROWS, m)
     rows, end = matrix(floats, end, 11 + SHAPE_SCRATCH, m)
@@ -175,8 +175,8 @@ def fluid_views(buffers: FluidBuffers, fluid: FluidConstants) -> tuple[FluidWork
         OutlineArrays(panels, nodes, integers[:m]),
         layers.reshape((LAYERS, m, m)),
         inverse,
-        strengths,
         loads,
+        adjoints,
         product,
         rows[0],
         rows[1],

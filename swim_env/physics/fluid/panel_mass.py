@@ -57,6 +57,12 @@ def _part_end_of_chain(last: int, inverse: Array, layers: Array) -> None:
 
 
 @kernel
+def padded_motions(fluid: FluidConstants) -> int:
+    """Return the number of motions, filled up with ones of zeros to a multiple of four."""
+    return (motion_count(fluid) + 3) // 4 * 4
+
+
+@kernel
 def largest_column_sum(count: int, matrix: Array) -> float:
     """Return the 1-norm of the first rows and columns, as many as count."""
     largest = 0.0
@@ -92,12 +98,17 @@ def invert_influence(count: int, chained: bool, fluid: FluidConstants, work: Flu
 
 
 @kernel
-def sum_added_mass(fluid: FluidConstants, work: FluidWork, out: Array) -> None:
-    """Write A = -rho sym(loads strengths)."""
-    motions = motion_count(fluid)
-    multiply(work.loads, work.strengths, work.product[:motions])
+def solve_adjoints(fluid: FluidConstants, work: FluidWork) -> None:
+    """Write the adjoint strengths, loads G^-1: what every source adds to the motions' impulses."""
+    rows = padded_motions(fluid)
+    multiply(work.loads, work.inverse, work.adjoints[:rows])
+
+
+@kernel
+def symmetric_mass(fluid: FluidConstants, work: FluidWork, out: Array) -> None:
+    """Write A = -rho sym(product)."""
     half = -0.5 * fluid.density
-    for a in range(motions):
+    for a in range(motion_count(fluid)):
         for b in range(a + 1):
             value = half * (work.product[a, b] + work.product[b, a])
             out[a, b] = value
@@ -126,8 +137,9 @@ def differentiate_panels(motion: Array, count: int, fluid: FluidConstants, work:
         weight[i] = normal * panels[LENGTH, i]
     mat_vec(work.inverse, velocity, sigma)
     mat_vec(work.layers[POTENTIAL], sigma, phi)
-    mat_vec_transposed(work.layers[POTENTIAL], weight, load)
-    mat_vec_transposed(work.inverse, load, mu)
+    rows = padded_motions(fluid)
+    mat_vec_transposed(work.loads[:rows], motion[:rows], load)
+    mat_vec_transposed(work.adjoints[:rows], motion[:rows], mu)
     for i in range(count):
         # The length of a panel as the weight of its potential; on a side, the arm of the
         # collocation point in the boundary value v + w arm.

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.layout import FluidConstants, FluidWork, unit_motion
+from swim_env.physics.fluid.layout import FluidConstants, FluidWork, motion_count, unit_motion
 from swim_env.physics.fluid.model import Costs, Model
 from swim_env.physics.fluid.outline import (
+    ABOVE,
     AXIAL,
+    BELOW,
     HEAD,
     LATERAL,
     LENGTH,
@@ -20,7 +22,12 @@ from swim_env.physics.fluid.outline import (
     outline_status,
     panel_count,
 )
-from swim_env.physics.fluid.panel_mass import differentiate_panels, invert_influence, sum_added_mass
+from swim_env.physics.fluid.panel_mass import (
+    differentiate_panels,
+    invert_influence,
+    solve_adjoints,
+    symmetric_mass,
+)
 from swim_env.physics.fluid.sources import POTENTIAL, influence
 from swim_env.physics.runtime.compile import inlined
 from swim_env.physics.runtime.dense import add_multiple
@@ -31,34 +38,13 @@ Array = NDArray[np.float64]
 
 
 @inlined
-def _collect_motions(fluid: FluidConstants, work: FluidWork) -> None:
-    """Sum panels into unit motions: B is zero but for two or three entries a panel."""
+def _load_motions(fluid: FluidConstants, work: FluidWork) -> None:
+    """Sum the potentials at panels into loads: B is zero but for two or three entries a panel."""
     elements = fluid.geometry.elements
     outline = work.outline
     panels = outline.panels
-    count = panel_count(fluid.geometry)
-    for i in range(count):
-        for k in range(elements):
-            lateral = 0.0
-            rotary = 0.0
-            for side in range(2):
-                first = first_panel(fluid.geometry, k, side)
-                for p in range(first, first + fluid.geometry.side_panels):
-                    lateral += work.inverse[i, p] * panels[LATERAL, p]
-                    rotary += work.inverse[i, p] * panels[ROTARY, p]
-            work.strengths[i, k] = lateral
-            work.strengths[i, elements + k] = rotary
-        for end in range(2):
-            k = 0 if end == HEAD else elements - 1
-            first = first_end_panel(fluid.geometry, end)
-            axial = 0.0
-            for p in range(first, first + fluid.geometry.cap_panels):
-                work.strengths[i, elements + k] += work.inverse[i, p] * panels[ROTARY, p]
-                axial += work.inverse[i, p] * panels[AXIAL, p]
-            if fluid.axial:
-                work.strengths[i, unit_motion(k, AXIAL, fluid)] = axial
     work.loads[:] = 0.0
-    for p in range(count):
+    for p in range(panel_count(fluid.geometry)):
         k = outline.element[p]
         length = panels[LENGTH, p]
         potential = work.layers[POTENTIAL, p]
@@ -68,6 +54,41 @@ def _collect_motions(fluid: FluidConstants, work: FluidWork) -> None:
         if fluid.axial and panels[AXIAL, p] != 0.0:
             row = work.loads[unit_motion(k, AXIAL, fluid)]
             add_multiple(row, potential, length * panels[AXIAL, p])
+
+
+@inlined
+def _sum_motions(fluid: FluidConstants, work: FluidWork) -> None:
+    """Multiply the adjoint strengths by B: sum them over the panels of every motion."""
+    geometry = fluid.geometry
+    elements = geometry.elements
+    sides = geometry.side_panels
+    lateral_of, rotary_of = work.outline.panels[LATERAL], work.outline.panels[ROTARY]
+    axial_of = work.outline.panels[AXIAL]
+    for a in range(motion_count(fluid)):
+        row = work.adjoints[a]
+        product = work.product[a]
+        for k in range(elements):
+            below = first_panel(geometry, k, BELOW)
+            above = first_panel(geometry, k, ABOVE)
+            lateral = 0.0
+            rotary = 0.0
+            for p in range(below, below + sides):
+                lateral += row[p] * lateral_of[p]
+                rotary += row[p] * rotary_of[p]
+            for p in range(above, above + sides):
+                lateral += row[p] * lateral_of[p]
+                rotary += row[p] * rotary_of[p]
+            product[k] = lateral
+            product[elements + k] = rotary
+        for end in range(2):
+            k = 0 if end == HEAD else elements - 1
+            first = first_end_panel(geometry, end)
+            axial = 0.0
+            for p in range(first, first + geometry.cap_panels):
+                product[elements + k] += row[p] * rotary_of[p]
+                axial += row[p] * axial_of[p]
+            if fluid.axial:
+                product[unit_motion(k, AXIAL, fluid)] = axial
 
 
 @linked_kernel
@@ -85,8 +106,10 @@ def _added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out
     status = invert_influence(count, False, fluid, work)
     if status != FINE:
         return status
-    _collect_motions(fluid, work)
-    sum_added_mass(fluid, work, out)
+    _load_motions(fluid, work)
+    solve_adjoints(fluid, work)
+    _sum_motions(fluid, work)
+    symmetric_mass(fluid, work, out)
     return FINE
 
 

@@ -21,7 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.physics.fluid.outline import CT, CX, CY, LENGTH, ST, X, Y
-from swim_env.physics.runtime.compile import entry_kernel, kernel, vector_kernel
+from swim_env.physics.runtime.compile import (
+    entry_kernel,
+    kernel,
+    row_kernel,
+    use_widest_registers,
+    vector_kernel,
+)
 from swim_env.physics.runtime.dense import multiply
 from swim_env.physics.runtime.elementary import atan2, log
 
@@ -35,6 +41,55 @@ INVERSE_Z_X, INVERSE_Z_Y, VELOCITY_X, VELOCITY_Y, POTENTIAL = range(5)
 LAYERS = 5
 #: Rows of scratch space of `shape_gradient`.
 SHAPE_SCRATCH = 20
+
+
+@row_kernel
+def _write_row(
+    cx: float,
+    cy: float,
+    x: Array,
+    y: Array,
+    tangent_x: Array,
+    tangent_y: Array,
+    lengths: Array,
+    inverse_square: float,
+    half_log: Array,
+    inverse_z_x: Array,
+    inverse_z_y: Array,
+    velocity_x: Array,
+    velocity_y: Array,
+    potential: Array,
+) -> None:
+    """Write what every panel does at the point (cx, cy), as if it were on none of them."""
+    use_widest_registers()
+    # The compiler sees a multiple of the vector registers' width: no loop over a rest follows.
+    count = (x.size >> 3) << 3
+    for j in range(count):
+        dx = cx - x[j]
+        dy = cy - y[j]
+        square = dx * dx + dy * dy
+        reciprocal = 1.0 / square
+        inverse_z_x[j] = dx * reciprocal
+        inverse_z_y[j] = -dy * reciprocal
+        half_log[j] = 0.5 * log(square * inverse_square)
+    half_log[count] = half_log[0]
+    for j in range(count):
+        ct = tangent_x[j]
+        st = tangent_y[j]
+        length = lengths[j]
+        dx = cx - x[j]
+        dy = cy - y[j]
+        along = dx * ct + dy * st
+        across = dy * ct - dx * st
+        # atan2 of the whole fraction: a plain arc tangent is wrong inside the circle that has
+        # the panel as its diameter, where the subtended angle exceeds 90 degrees.
+        angle = atan2(across * length, across * across + along * (along - length))
+        ratio = half_log[j] - half_log[j + 1]
+        velocity_x[j] = ratio * ct - angle * st
+        velocity_y[j] = ratio * st + angle * ct
+        potential[j] = (
+            along * half_log[j] - (along - length) * half_log[j + 1] - length + across * angle
+        )
 
 
 @kernel
@@ -52,36 +107,22 @@ def influence_row(
     panels, half_log, layers
         As for `influence`; of the layers row i is overwritten.
     """
-    # The compiler sees a multiple of the vector registers' width: no loop over a rest follows.
-    count = (panels.shape[1] >> 3) << 3
-    cx = panels[CX, i]
-    cy = panels[CY, i]
-    for j in range(count):
-        dx = cx - panels[X, j]
-        dy = cy - panels[Y, j]
-        square = dx * dx + dy * dy
-        reciprocal = 1.0 / square
-        layers[INVERSE_Z_X, i, j] = dx * reciprocal
-        layers[INVERSE_Z_Y, i, j] = -dy * reciprocal
-        half_log[j] = 0.5 * log(square * inverse_square)
-    half_log[count] = half_log[0]
-    for j in range(count):
-        ct = panels[CT, j]
-        st = panels[ST, j]
-        length = panels[LENGTH, j]
-        dx = cx - panels[X, j]
-        dy = cy - panels[Y, j]
-        along = dx * ct + dy * st
-        across = dy * ct - dx * st
-        # atan2 of the whole fraction: a plain arc tangent is wrong inside the circle that has
-        # the panel as its diameter, where the subtended angle exceeds 90 degrees.
-        angle = atan2(across * length, across * across + along * (along - length))
-        ratio = half_log[j] - half_log[j + 1]
-        layers[VELOCITY_X, i, j] = ratio * ct - angle * st
-        layers[VELOCITY_Y, i, j] = ratio * st + angle * ct
-        layers[POTENTIAL, i, j] = (
-            along * half_log[j] - (along - length) * half_log[j + 1] - length + across * angle
-        )
+    _write_row(
+        panels[CX, i],
+        panels[CY, i],
+        panels[X],
+        panels[Y],
+        panels[CT],
+        panels[ST],
+        panels[LENGTH],
+        inverse_square,
+        half_log,
+        layers[INVERSE_Z_X, i],
+        layers[INVERSE_Z_Y, i],
+        layers[VELOCITY_X, i],
+        layers[VELOCITY_Y, i],
+        layers[POTENTIAL, i],
+    )
     # On the panel itself, approached from the fluid: the angle is -pi, G_ii = 1/2.
     layers[VELOCITY_X, i, i] = np.pi * panels[ST, i]
     layers[VELOCITY_Y, i, i] = -np.pi * panels[CT, i]
@@ -116,6 +157,13 @@ def influence(
         influence_row(i, panels, inverse_square, half_log, layers)
 
 
+@row_kernel
+def _sum_of(a: float, first: Array, b: float, second: Array, out: Array) -> None:
+    """Write a first + b second, of padded rows."""
+    for j in range((out.size >> 3) << 3):
+        out[j] = a * first[j] + b * second[j]
+
+
 @entry_kernel
 def normal_influence(panels: Array, count: int, layers: Array, out: Array) -> None:
     """Write the normal influence G, times 2 pi, from the velocities.
@@ -128,10 +176,7 @@ def normal_influence(panels: Array, count: int, layers: Array, out: Array) -> No
         Overwritten with G, filled up with rows of the identity.
     """
     for i in range(count):
-        nx = panels[ST, i]
-        ny = -panels[CT, i]
-        for j in range(out.shape[1]):
-            out[i, j] = nx * layers[VELOCITY_X, i, j] + ny * layers[VELOCITY_Y, i, j]
+        _sum_of(panels[ST, i], layers[VELOCITY_X, i], -panels[CT, i], layers[VELOCITY_Y, i], out[i])
     for i in range(count, out.shape[0]):
         out[i] = 0.0
         out[i, i] = 1.0

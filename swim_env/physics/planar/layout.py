@@ -212,6 +212,10 @@ def body_views(
     return Body(pose, inc, balance, drag, mass), end
 
 
+#: Corrections of a step from which Newton's matrix learns.
+MOST_LEARNT = 8
+
+
 class Newton(NamedTuple):
     """Newton's method: increments, corrections and matrices.
 
@@ -234,6 +238,8 @@ class Newton(NamedTuple):
         The correction of `increment`, and that of `trial` with the same matrix.
     shape : (N + 2,) array
         Scratch: N components of the shape force of `moved`.
+    steps, answers : (MOST_LEARNT + 1, N + 2) arrays
+        Corrections that were made, and what the residual after each asked for next.
     permutation : (N + 2,) int array
         Row exchanges of the factors.
     """
@@ -252,6 +258,8 @@ class Newton(NamedTuple):
     correction: Array
     next_correction: Array
     shape: Array
+    steps: Array
+    answers: Array
     permutation: Integers
 
 
@@ -265,6 +273,8 @@ def newton_views(
     impulses_of, end = matrix(buffer, end, n, padded(motions))
     squares, end = matrix(buffer, end, 2 * n, n)
     u, end = matrix(buffer, end, 9, n)
+    steps, end = matrix(buffer, end, MOST_LEARNT + 1, n)
+    answers, end = matrix(buffer, end, MOST_LEARNT + 1, n)
     motions_of, moved = columns[:n], columns[n]
     jacobian, transposed = squares[:n], squares[n:]
     views = Newton(
@@ -282,6 +292,8 @@ def newton_views(
         u[6],
         u[7],
         u[8],
+        steps,
+        answers,
         permutation,
     )
     return views, end

@@ -6,12 +6,26 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numba
+from numba import types
 from numba.core import config as numba_config
-from numba.extending import register_jitable
+from numba.core.compiler import Compiler
+from numba.extending import intrinsic, register_jitable
 
 from swim_env.physics.runtime.cache import ForgivingCache, cache_folder
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+class _SeparateArrays(Compiler):  # type: ignore[misc]
+    """Tells the compiler that the arrays which a kernel is given do not overlap.
+
+    Otherwise a loop over rows is preceded by comparisons of all their addresses, which take as long
+    as the loop.
+    """
+
+    def define_pipelines(self) -> Any:
+        self.state.flags.noalias = True
+        return super().define_pipelines()
 
 
 def _compile(function: Function, **options: Any) -> Function:
@@ -77,11 +91,44 @@ def shared(function: Function) -> Function:
     return wrapped
 
 
+@intrinsic
+def use_widest_registers(typingctx):  # type: ignore[no-untyped-def]
+    """Let the loops of a kernel run on the widest vector registers of the processor.
+
+    By default the compiler uses half of them where their use once slowed processors down. Loops
+    with much arithmetic a number take a quarter less with all of them; others gain nothing.
+    """
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        # llvmlite knows no attributes with a value, but writes what is in the set.
+        set.add(builder.function.attributes, '"prefer-vector-width"="512"')
+        return context.get_dummy_value()
+
+    return types.none(), codegen
+
+
+if numba_config.DISABLE_JIT:
+
+    def use_widest_registers() -> None:  # noqa: F811
+        """Do nothing: the kernel runs as Python."""
+
+
+def row_kernel(function: Function) -> Function:
+    """Compile a kernel, strict like `kernel`, whose array arguments do not overlap."""
+    return _compile(
+        function,
+        fastmath={"contract"},
+        no_cpython_wrapper=True,
+        forceinline=True,
+        pipeline_class=_SeparateArrays,
+    )
+
+
 def vector_kernel(function: Function) -> Function:
     """Compile a kernel whose sums may be reordered so that they run on vector registers.
 
     NaN and infinity keep their meaning: only contraction, reassociation, reciprocals and the
-    sign of zero are given up.
+    sign of zero are given up. Its array arguments do not overlap.
     """
     # A call, and looking into the arrays that it hands over, would take as long as a short row.
     return _compile(
@@ -89,4 +136,5 @@ def vector_kernel(function: Function) -> Function:
         fastmath={"contract", "reassoc", "arcp", "nsz"},
         no_cpython_wrapper=True,
         forceinline=True,
+        pipeline_class=_SeparateArrays,
     )

@@ -10,9 +10,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.runtime.compile import entry_kernel, kernel, vector_kernel
+from swim_env.physics.runtime.compile import embedded, entry_kernel, kernel, vector_kernel
 
 Array = NDArray[np.float64]
+Four = tuple[float, float, float, float]
+#: Four rows of a matrix, four columns of each.
+Block = tuple[Four, Four, Four, Four]
 
 
 @kernel
@@ -44,22 +47,44 @@ def dot(a: Array, b: Array) -> float:
     return total
 
 
+@vector_kernel
+def _dot_four(a: Array, b: Array, c: Array, d: Array, vector: Array) -> Four:
+    total_a = 0.0
+    total_b = 0.0
+    total_c = 0.0
+    total_d = 0.0
+    for j in range(vector.size):
+        factor = vector[j]
+        total_a += a[j] * factor
+        total_b += b[j] * factor
+        total_c += c[j] * factor
+        total_d += d[j] * factor
+    return total_a, total_b, total_c, total_d
+
+
 @kernel
 def mat_vec(matrix: Array, vector: Array, out: Array) -> None:
     """Write matrix (m, n) times vector (n,) into out (m,)."""
-    for i in range(matrix.shape[0]):
+    rows = matrix.shape[0]
+    first = rows % 4
+    for i in range(first):
         out[i] = dot(matrix[i], vector)
+    for i in range(first, rows, 4):
+        out[i], out[i + 1], out[i + 2], out[i + 3] = _dot_four(
+            matrix[i], matrix[i + 1], matrix[i + 2], matrix[i + 3], vector
+        )
 
 
-@vector_kernel
+@kernel
 def mat_vec_transposed(matrix: Array, vector: Array, out: Array) -> None:
     """Write the transpose of matrix (m, n) times vector (m,) into out (n,)."""
-    for j in range(matrix.shape[1]):
-        out[j] = 0.0
-    for i in range(matrix.shape[0]):
-        factor = vector[i]
-        for j in range(matrix.shape[1]):
-            out[j] += matrix[i, j] * factor
+    rows = matrix.shape[0]
+    first = rows % 4
+    out[:] = 0.0
+    for i in range(first):
+        _subtract_multiple(out, matrix[i], -vector[i])
+    for i in range(first, rows, 4):
+        _add_four(vector[i : i + 4], matrix[i], matrix[i + 1], matrix[i + 2], matrix[i + 3], out)
 
 
 @kernel
@@ -124,58 +149,78 @@ def invert(matrix: Array, permutation: NDArray[np.int64]) -> bool:
 
 
 @vector_kernel
-def _add_four_rows(factors: Array, source: Array, k: int, out: Array) -> None:
-    """Add factors[k : k + 4] times four source rows to a row."""
-    a, b, c, d = factors[k], factors[k + 1], factors[k + 2], factors[k + 3]
-    s0 = source[k]
-    s1 = source[k + 1]
-    s2 = source[k + 2]
-    s3 = source[k + 3]
-    for j in range((out.size >> 3) << 3):
+def _add_four(factors: Array, s0: Array, s1: Array, s2: Array, s3: Array, out: Array) -> None:
+    """Add four factors times four rows to a row."""
+    a, b, c, d = factors[0], factors[1], factors[2], factors[3]
+    for j in range(out.size):
         out[j] += a * s0[j] + b * s1[j] + c * s2[j] + d * s3[j]
 
 
-@vector_kernel
-def _add_four_rows_to_two(factors: Array, source: Array, i: int, k: int, out: Array) -> None:
-    """Add factors[i : i + 2, k : k + 4] times four source rows to two rows."""
-    a0, b0, c0, d0 = factors[i, k], factors[i, k + 1], factors[i, k + 2], factors[i, k + 3]
-    last = i + 1
-    a1, b1, c1, d1 = (
-        factors[last, k],
-        factors[last, k + 1],
-        factors[last, k + 2],
-        factors[last, k + 3],
+@embedded
+def _block_of(matrix: Array, row: int, column: int, factor: float) -> Block:
+    """Return a factor times four rows and columns of a matrix, as numbers of their own."""
+    r0, r1, r2, r3 = matrix[row], matrix[row + 1], matrix[row + 2], matrix[row + 3]
+    a, b, c, d = column, column + 1, column + 2, column + 3
+    return (
+        (factor * r0[a], factor * r0[b], factor * r0[c], factor * r0[d]),
+        (factor * r1[a], factor * r1[b], factor * r1[c], factor * r1[d]),
+        (factor * r2[a], factor * r2[b], factor * r2[c], factor * r2[d]),
+        (factor * r3[a], factor * r3[b], factor * r3[c], factor * r3[d]),
     )
-    s0 = source[k]
-    s1 = source[k + 1]
-    s2 = source[k + 2]
-    s3 = source[k + 3]
-    r0 = out[i]
-    r1 = out[i + 1]
-    for j in range((out.shape[1] >> 3) << 3):
-        a = s0[j]
-        b = s1[j]
-        c = s2[j]
-        d = s3[j]
+
+
+@vector_kernel
+def _add_block_times_rows(
+    block: Block,
+    s0: Array,
+    s1: Array,
+    s2: Array,
+    s3: Array,
+    r0: Array,
+    r1: Array,
+    r2: Array,
+    r3: Array,
+) -> None:
+    """Add a block times four padded rows to four others."""
+    (a0, b0, c0, d0), (a1, b1, c1, d1), (a2, b2, c2, d2), (a3, b3, c3, d3) = block
+    for j in range((s0.size >> 3) << 3):
+        a, b, c, d = s0[j], s1[j], s2[j], s3[j]
         r0[j] += a0 * a + b0 * b + c0 * c + d0 * d
         r1[j] += a1 * a + b1 * b + c1 * c + d1 * d
+        r2[j] += a2 * a + b2 * b + c2 * c + d2 * d
+        r3[j] += a3 * a + b3 * b + c3 * c + d3 * d
+
+
+@vector_kernel
+def _multiply_rows(block: Block, p0: Array, p1: Array, p2: Array, p3: Array) -> None:
+    """Replace four padded rows by a block times them."""
+    (a0, b0, c0, d0), (a1, b1, c1, d1), (a2, b2, c2, d2), (a3, b3, c3, d3) = block
+    for j in range((p0.size >> 3) << 3):
+        a, b, c, d = p0[j], p1[j], p2[j], p3[j]
+        p0[j] = a0 * a + b0 * b + c0 * c + d0 * d
+        p1[j] = a1 * a + b1 * b + c1 * c + d1 * d
+        p2[j] = a2 * a + b2 * b + c2 * c + d2 * d
+        p3[j] = a3 * a + b3 * b + c3 * c + d3 * d
 
 
 @kernel
 def multiply(factors: Array, source: Array, out: Array) -> None:
     """Write the product of factors (m, n or more) and source (n, k) into out (m, k).
 
-    n is a multiple of 4, k of 8. Two rows and four factors at a time, numbers that are loaded serve
-    several products.
+    n is a multiple of 4, k of 8. Four rows and four factors at a time: numbers that are loaded
+    serve several products.
     """
     rows = out.shape[0]
+    whole = rows // 4 * 4
     out[:] = 0.0
-    for i in range(0, rows // 2 * 2, 2):
-        for k in range(0, source.shape[0], 4):
-            _add_four_rows_to_two(factors, source, i, k, out)
-    if rows % 2 == 1:
-        for k in range(0, source.shape[0], 4):
-            _add_four_rows(factors[rows - 1], source, k, out[rows - 1])
+    for k in range(0, source.shape[0], 4):
+        s0, s1, s2, s3 = source[k], source[k + 1], source[k + 2], source[k + 3]
+        for i in range(0, whole, 4):
+            block = _block_of(factors, i, k, 1.0)
+            r0, r1, r2, r3 = out[i], out[i + 1], out[i + 2], out[i + 3]
+            _add_block_times_rows(block, s0, s1, s2, s3, r0, r1, r2, r3)
+        for i in range(whole, rows):
+            _add_four(factors[i, k : k + 4], s0, s1, s2, s3, out[i])
 
 
 @kernel
@@ -196,63 +241,6 @@ def _invert_block(matrix: Array, first: int, smallest_pivot: float) -> bool:
                 for j in range(first, first + 4):
                     matrix[i, j] -= factor * matrix[k, j]
     return True
-
-
-@vector_kernel
-def _apply_block(pivots: Array, column: int) -> None:
-    """Multiply four rows by the block in their columns column ... column + 3."""
-    p0 = pivots[0]
-    p1 = pivots[1]
-    p2 = pivots[2]
-    p3 = pivots[3]
-    a0, b0, c0, d0 = p0[column], p0[column + 1], p0[column + 2], p0[column + 3]
-    a1, b1, c1, d1 = p1[column], p1[column + 1], p1[column + 2], p1[column + 3]
-    a2, b2, c2, d2 = p2[column], p2[column + 1], p2[column + 2], p2[column + 3]
-    a3, b3, c3, d3 = p3[column], p3[column + 1], p3[column + 2], p3[column + 3]
-    for j in range((pivots.shape[1] >> 3) << 3):
-        a = p0[j]
-        b = p1[j]
-        c = p2[j]
-        d = p3[j]
-        p0[j] = a0 * a + b0 * b + c0 * c + d0 * d
-        p1[j] = a1 * a + b1 * b + c1 * c + d1 * d
-        p2[j] = a2 * a + b2 * b + c2 * c + d2 * d
-        p3[j] = a3 * a + b3 * b + c3 * c + d3 * d
-    p0[column], p0[column + 1], p0[column + 2], p0[column + 3] = a0, b0, c0, d0
-    p1[column], p1[column + 1], p1[column + 2], p1[column + 3] = a1, b1, c1, d1
-    p2[column], p2[column + 1], p2[column + 2], p2[column + 3] = a2, b2, c2, d2
-    p3[column], p3[column + 1], p3[column + 2], p3[column + 3] = a3, b3, c3, d3
-
-
-@vector_kernel
-def _subtract_four_from_four(matrix: Array, row: int, pivots: Array, column: int) -> None:
-    """Subtract multiples of four pivot rows from four rows, the factors read from the matrix."""
-    p0 = pivots[0]
-    p1 = pivots[1]
-    p2 = pivots[2]
-    p3 = pivots[3]
-    r0 = matrix[row]
-    r1 = matrix[row + 1]
-    r2 = matrix[row + 2]
-    r3 = matrix[row + 3]
-    a0, b0, c0, d0 = r0[column], r0[column + 1], r0[column + 2], r0[column + 3]
-    a1, b1, c1, d1 = r1[column], r1[column + 1], r1[column + 2], r1[column + 3]
-    a2, b2, c2, d2 = r2[column], r2[column + 1], r2[column + 2], r2[column + 3]
-    a3, b3, c3, d3 = r3[column], r3[column + 1], r3[column + 2], r3[column + 3]
-    for j in range(column, column + 4):
-        r0[j] = 0.0
-        r1[j] = 0.0
-        r2[j] = 0.0
-        r3[j] = 0.0
-    for j in range((matrix.shape[1] >> 3) << 3):
-        a = p0[j]
-        b = p1[j]
-        c = p2[j]
-        d = p3[j]
-        r0[j] -= a0 * a + b0 * b + c0 * c + d0 * d
-        r1[j] -= a1 * a + b1 * b + c1 * c + d1 * d
-        r2[j] -= a2 * a + b2 * b + c2 * c + d2 * d
-        r3[j] -= a3 * a + b3 * b + c3 * c + d3 * d
 
 
 @entry_kernel
@@ -278,11 +266,24 @@ def invert_in_order(matrix: Array, smallest_pivot: float) -> bool:
     for first in range(0, n, 4):
         if not _invert_block(matrix, first, smallest_pivot):
             return False
-        pivots = matrix[first : first + 4]
-        _apply_block(pivots, first)
+        block = _block_of(matrix, first, first, 1.0)
+        p0, p1, p2, p3 = matrix[first], matrix[first + 1], matrix[first + 2], matrix[first + 3]
+        _multiply_rows(block, p0, p1, p2, p3)
+        for k in range(4):
+            column = first + k
+            p0[column], p1[column], p2[column], p3[column] = (
+                block[0][k],
+                block[1][k],
+                block[2][k],
+                block[3][k],
+            )
         for row in range(0, n, 4):
             if row != first:
-                _subtract_four_from_four(matrix, row, pivots, first)
+                block = _block_of(matrix, row, first, -1.0)
+                r0, r1, r2, r3 = matrix[row], matrix[row + 1], matrix[row + 2], matrix[row + 3]
+                for j in range(first, first + 4):
+                    r0[j], r1[j], r2[j], r3[j] = 0.0, 0.0, 0.0, 0.0
+                _add_block_times_rows(block, p0, p1, p2, p3, r0, r1, r2, r3)
     return True
 
 

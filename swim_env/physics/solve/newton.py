@@ -18,7 +18,7 @@ from swim_env.physics.planar.equations import (
     evaluate_step,
     round_off_floor,
 )
-from swim_env.physics.planar.layout import Body, Newton
+from swim_env.physics.planar.layout import MOST_LEARNT, Body, Newton
 from swim_env.physics.planar.matrix import (
     SHAPE_DIFFERENCE,
     adjoint_jacobian,
@@ -26,7 +26,7 @@ from swim_env.physics.planar.matrix import (
     step_jacobian,
 )
 from swim_env.physics.runtime.compile import inlined, kernel
-from swim_env.physics.runtime.dense import copy, lu_factor, lu_solve
+from swim_env.physics.runtime.dense import copy, dot, lu_factor, lu_solve
 from swim_env.physics.runtime.linking import linked_kernel
 from swim_env.physics.solve.constants import SolverConstants
 from swim_env.physics.solve.prepare import find_added_mass
@@ -45,8 +45,9 @@ ROUND_OFF_MARGIN = 32.0
 LARGEST_ROUND_OFF = 1e-6
 
 # Passes of corrections with one matrix and the shape force held, and corrections in one of them.
-# Each at least halves the correction. The first pass ends where the residual has fallen by this
-# factor, later ones at this part of the tolerance.
+# Each is smaller than the one before. The first pass ends where the residual has fallen by this
+# factor, or at the first part of the tolerance, that of a guessed added mass at the tolerance: what
+# was guessed is off by more. Later ones end at the second part.
 _MOST_PASSES = 4
 _MOST_IN_PASS = 8
 _MOST_LAST = 3
@@ -54,7 +55,7 @@ _MOST_LAST = 3
 #: the guess; else that of the pose serves, which costs a tenth.
 _SMALL_TURN = 0.1
 _FIRST_PASS = 1e-4
-_PASS_TOLERANCE = 0.1
+_FIRST_TOLERANCE, _PASS_TOLERANCE = 0.3, 0.1
 # Estimated change of the residual per radian of turn, or per element length of shift, since what is
 # held was evaluated. Measured were at most 0.1.
 _CHANGE_WITH_SHAPE = 0.25
@@ -119,9 +120,63 @@ def _evaluate(
     return evaluate_step(p, torques, z, h, adjoint, adjoint, beam, fluid, body, fluid_buffers)
 
 
+@kernel
+def _inner(a: Array, b: Array, dl: float) -> float:
+    """Return the scalar product of two increments, shifts measured in element lengths."""
+    shifts = (a[0] * b[0] + a[1] * b[1]) / (dl * dl)
+    return shifts + dot(a[2:], b[2:])
+
+
+@kernel
+def _correct(residual: Array, dl: float, chained: bool, learnt: int, newton: Newton) -> int:
+    """Write the correction that a residual asks for to `newton.correction`.
+
+    The matrix is off by some percent, and every correction shows where: Broyden's good update, by
+    the products of Kelley, Solving Nonlinear Equations with Newton's Method (2003), sect. 4.2.
+
+    Parameters
+    ----------
+    residual : (N + 2,) array
+        What is to become zero.
+    dl : float
+        Length of an element (m).
+    chained : bool
+        Whether this residual is what the last correction left of the same equations.
+    learnt : int
+        Number of corrections that the matrix has learnt from since it was factorised.
+    newton : Newton
+        Corrections are kept in `steps` and `answers`.
+
+    Returns
+    -------
+    int
+        The number of them now.
+    """
+    correction = newton.correction
+    copy(residual, correction)
+    lu_solve(newton.jacobian, newton.permutation, correction)
+    for j in range(learnt):
+        step = newton.steps[j]
+        share = _inner(step, correction, dl) / _inner(step, step, dl)
+        for i in range(correction.size):
+            correction[i] += share * newton.answers[j, i]
+    if chained and learnt < MOST_LEARNT:
+        step = newton.steps[learnt]
+        share = _inner(step, correction, dl) / _inner(step, step, dl)
+        # Not where the last correction did not help at all, or was zero.
+        if abs(share) < 0.5:
+            for i in range(correction.size):
+                correction[i] /= 1.0 - share
+            copy(correction, newton.answers[learnt])
+            learnt += 1
+    copy(correction, newton.steps[learnt])
+    return learnt
+
+
 @inlined
 def _correct_once_more(
     met: float,
+    learnt: int,
     p: Array,
     torques: Array,
     h: float,
@@ -139,9 +194,8 @@ def _correct_once_more(
     z = newton.increment
     balance = body.balance
     copy(z, newton.trial)
-    for _ in range(_MOST_LAST):
-        copy(balance.residual, newton.correction)
-        lu_solve(newton.jacobian, newton.permutation, newton.correction)
+    for number in range(_MOST_LAST):
+        learnt = _correct(balance.residual, beam.element_length, number > 0, learnt, newton)
         for i in range(z.size):
             z[i] += newton.correction[i]
         norm = evaluate_step(p, torques, z, h, False, True, beam, fluid, body, fluid_buffers)
@@ -221,16 +275,18 @@ def newton_in_passes(
     # The first pass works with a guess of what is held and need not go far; where nothing is held,
     # it goes all the way.
     held = fluid.varies
-    enough = _FIRST_PASS * norm if held else 0.0
+    enough = _PASS_TOLERANCE * solver.tolerance
+    if held:
+        part = 1.0 if adjoint and guessed else _FIRST_TOLERANCE
+        enough = max(_FIRST_PASS * norm, part * solver.tolerance)
     accepted = False
+    learnt = 0
     for number in range(_MOST_PASSES):
-        enough = max(enough, _PASS_TOLERANCE * solver.tolerance)
         size = np.inf
-        for _ in range(_MOST_IN_PASS):
-            copy(balance.residual, newton.correction)
-            lu_solve(newton.jacobian, newton.permutation, newton.correction)
+        for place in range(_MOST_IN_PASS):
+            learnt = _correct(balance.residual, beam.element_length, place > 0, learnt, newton)
             new_size = _correction_size(newton.correction, beam.element_length)
-            if not new_size <= 0.5 * size:
+            if not new_size <= size:
                 break
             size = new_size
             for i in range(z.size):
@@ -261,10 +317,12 @@ def newton_in_passes(
             # The adjoint's added mass is to stay that of the increment.
             accepted = norm <= solver.tolerance
             if accepted and not adjoint:
-                _correct_once_more(norm, p, torques, h, beam, fluid, body, fluid_buffers, newton)
+                _correct_once_more(
+                    norm, learnt, p, torques, h, beam, fluid, body, fluid_buffers, newton
+                )
         elif not held:
             accepted = norm <= solver.tolerance
-        enough = 0.0
+        enough = _PASS_TOLERANCE * solver.tolerance
         if accepted:
             if held and adjoint and guessed:
                 for i in range(z.size):
