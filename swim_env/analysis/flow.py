@@ -29,7 +29,17 @@ from numpy.typing import NDArray
 from swim_env.errors import OptionError
 from swim_env.physics.fluid.layout import fluid_buffers, fluid_views, motion_count
 from swim_env.physics.fluid.models import added_mass, fluid_constants
-from swim_env.physics.fluid.outline import CT, CX, CY, X, Y, panel_count
+from swim_env.physics.fluid.outline import (
+    AXIAL,
+    CT,
+    CX,
+    CY,
+    LATERAL,
+    ROTARY,
+    X,
+    Y,
+    panel_count,
+)
 from swim_env.physics.fluid.sources import (
     LAYERS,
     POTENTIAL,
@@ -255,8 +265,7 @@ class BodyFlow:
             != FINE
         ):
             return None
-        motion = self._motion(angles, velocities, turning)
-        strengths = self._work.strengths[:, : len(motion)] @ motion
+        strengths = self._work.inverse @ self._pushed(self._motion(angles, velocities, turning))
         # The outline is laid out from the first node, along the first element.
         cosine, sine = np.cos(angles[0]), np.sin(angles[0])
         turn = np.array([[cosine, -sine], [sine, cosine]])
@@ -268,6 +277,15 @@ class BodyFlow:
             self._length,
         )
         return Flow(flow.potential, flow.velocity @ turn.T, flow.inside)
+
+    def _pushed(self, motion: Array) -> Array:
+        """Return the normal velocity B V of every panel (m/s), (M',)."""
+        n = self.scene.beam.elements
+        panels, element = self._work.outline.panels, self._work.outline.element
+        pushed: Array = panels[LATERAL] * motion[element] + panels[ROTARY] * motion[n + element]
+        if self._fluid.axial:
+            pushed += panels[AXIAL] * motion[np.where(element == 0, 2 * n, 2 * n + 1)]
+        return pushed
 
     def during(self, trajectory: Trajectory, instant: int, points: Array) -> tuple[Flow, Array]:
         """Return velocity and pressure at one of a trajectory's instants.

@@ -59,10 +59,7 @@ def _fluid_probe(
         shape_force(motion, fluid, buffers, out.gradient)
         for a in range(out.raw.shape[0]):
             for b in range(out.raw.shape[0]):
-                total = 0.0
-                for i in range(work.loads.shape[1]):
-                    total += work.loads[a, i] * work.strengths[i, b]
-                out.raw[a, b] = -fluid.density * total
+                out.raw[a, b] = -fluid.density * work.product[a, b]
     return status
 
 

@@ -91,14 +91,11 @@ def shared(function: Function) -> Function:
     return wrapped
 
 
+_COMPILED = not numba_config.DISABLE_JIT  # debuggers and coverage run kernels as Python
+
+
 @intrinsic
-def use_widest_registers(typingctx):  # type: ignore[no-untyped-def]
-    """Let the loops of a kernel run on the widest vector registers of the processor.
-
-    By default the compiler uses half of them where their use once slowed processors down. Loops
-    with much arithmetic a number take a quarter less with all of them; others gain nothing.
-    """
-
+def _use_widest_registers(typingctx):  # type: ignore[no-untyped-def]
     def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
         # llvmlite knows no attributes with a value, but writes what is in the set.
         set.add(builder.function.attributes, '"prefer-vector-width"="512"')
@@ -107,10 +104,15 @@ def use_widest_registers(typingctx):  # type: ignore[no-untyped-def]
     return types.none(), codegen
 
 
-if numba_config.DISABLE_JIT:
+@register_jitable(inline="always")
+def use_widest_registers() -> None:
+    """Let the loops of a kernel run on the widest vector registers of the processor.
 
-    def use_widest_registers() -> None:  # noqa: F811
-        """Do nothing: the kernel runs as Python."""
+    By default the compiler uses half of them where their use once slowed processors down. Loops
+    with much arithmetic a number take a quarter less with all of them; others gain nothing.
+    """
+    if _COMPILED:
+        _use_widest_registers()
 
 
 def row_kernel(function: Function) -> Function:

@@ -30,7 +30,14 @@ from swim_env.physics.runtime.dense import copy, dot, lu_factor, lu_solve
 from swim_env.physics.runtime.linking import linked_kernel
 from swim_env.physics.solve.constants import SolverConstants
 from swim_env.physics.solve.prepare import find_added_mass
-from swim_env.physics.solve.state import CORRECTIONS, EVALUATED, SHAPE_FAILURE, Member, OuterStep
+from swim_env.physics.solve.state import (
+    CORRECTIONS,
+    EVALUATED,
+    LEARNT,
+    SHAPE_FAILURE,
+    Member,
+    OuterStep,
+)
 from swim_env.physics.status import FINE
 
 Array = NDArray[np.float64]
@@ -123,8 +130,8 @@ def _evaluate(
 @kernel
 def _inner(a: Array, b: Array, dl: float) -> float:
     """Return the scalar product of two increments, shifts measured in element lengths."""
-    shifts = (a[0] * b[0] + a[1] * b[1]) / (dl * dl)
-    return shifts + dot(a[2:], b[2:])
+    product: float = (a[0] * b[0] + a[1] * b[1]) / (dl * dl) + dot(a[2:], b[2:])
+    return product
 
 
 @kernel
@@ -250,6 +257,8 @@ def newton_in_passes(
     q, p = state.q, state.p
     balance = body.balance
     z = newton.increment
+    if not adjoint:
+        step.tally[LEARNT] = -1
     if guessed:
         norm = evaluate_step(p, torques, z, h, adjoint, True, beam, fluid, body, fluid_buffers)
     else:
@@ -262,16 +271,21 @@ def newton_in_passes(
     if norm <= solver.tolerance and not guessed:
         return True, norm
     # The matrix of the pose has no drag in it.
-    if fluid.drag > 0.0 or turns_beyond(z, _SMALL_TURN):
-        step.effort[0] += solver.matrix_cost
-        if adjoint:
-            adjoint_jacobian(h, beam, fluid, body, newton)
+    own_matrix = fluid.drag > 0.0 or turns_beyond(z, _SMALL_TURN)
+    learnt = step.tally[LEARNT]
+    # The second half of a step goes on with the first one's, which is that of nearly its own pose.
+    if own_matrix or learnt < 0:
+        learnt = 0
+        if not own_matrix:
+            pose_jacobian(h, beam, body.pose, body.mass, newton.jacobian)
         else:
-            step_jacobian(h, 0.0, beam, fluid, body, fluid_buffers, newton)
-    else:
-        pose_jacobian(h, beam, body.pose, body.mass, newton.jacobian)
-    if not lu_factor(newton.jacobian, newton.permutation):
-        return False, norm
+            step.effort[0] += solver.matrix_cost
+            if adjoint:
+                adjoint_jacobian(h, beam, fluid, body, newton)
+            else:
+                step_jacobian(h, 0.0, beam, fluid, body, fluid_buffers, newton)
+        if not lu_factor(newton.jacobian, newton.permutation):
+            return False, norm
     # The first pass works with a guess of what is held and need not go far; where nothing is held,
     # it goes all the way.
     held = fluid.varies
@@ -280,7 +294,6 @@ def newton_in_passes(
         part = 1.0 if adjoint and guessed else _FIRST_TOLERANCE
         enough = max(_FIRST_PASS * norm, part * solver.tolerance)
     accepted = False
-    learnt = 0
     for number in range(_MOST_PASSES):
         size = np.inf
         for place in range(_MOST_IN_PASS):
@@ -324,6 +337,7 @@ def newton_in_passes(
             accepted = norm <= solver.tolerance
         enough = _PASS_TOLERANCE * solver.tolerance
         if accepted:
+            step.tally[LEARNT] = learnt
             if held and adjoint and guessed:
                 for i in range(z.size):
                     newton.lag[i] = z[i] - newton.held[i]
@@ -366,6 +380,7 @@ def newton_with_shortening(
         return False, norm, False
     if norm <= solver.tolerance:
         return True, norm, False
+    step.tally[LEARNT] = -1
     difference = 0.0
     fresh = False
     renew = True

@@ -126,7 +126,8 @@ def steps_column(size: int) -> int:
 
 
 #: Entries of `OuterStep.tally`.
-CORRECTIONS, EVALUATED, SHAPE_FAILURE = range(3)
+CORRECTIONS, EVALUATED, SHAPE_FAILURE, LEARNT = range(4)
+TALLIES = 4
 
 
 class OuterStep(NamedTuple):
@@ -147,9 +148,10 @@ class OuterStep(NamedTuple):
         much the second is larger, and the velocity at its beginning.
     effort : (1,) array
         Share that was spent of the effort that an outer step may take.
-    tally : (3,) int array
-        Newton's corrections (CORRECTIONS) and whole evaluations (EVALUATED) so far, and the code of
-        why the last shape at the end of a part had no added mass (SHAPE_FAILURE), 0 where it had.
+    tally : (4,) int array
+        Newton's corrections (CORRECTIONS) and whole evaluations (EVALUATED) so far; the code of why
+        the last shape at the end of a part had no added mass (SHAPE_FAILURE), 0 where it had; and
+        what the matrix of a part's first half learnt (LEARNT), -1 where there is none.
     """
 
     total: Array
@@ -209,7 +211,9 @@ def member_views(
     elements = beam.elements
     motions = motion_count(fluid)
     n = elements + 2
-    known, tally, permutation = integers[:2], integers[2:5], integers[5 : n + 5]
+    end = 2 + TALLIES
+    known, tally, permutation = integers[:2], integers[2:end], integers[end : end + n]
+    panel_integers = integers[end + n :]
     body, end = body_views(floats, 0, known, elements, motions)
     newton, end = newton_views(floats, end, permutation, elements, motions)
     rows, end = matrix(floats, end, 12, n)
@@ -227,7 +231,7 @@ def member_views(
     sums, end = matrix(floats, end, 10, elements)
     forces = ForceWork(sums[0:2], sums[2:4], sums[4:6], sums[6:8], sums[8:10])
     # At a cache line.
-    fluid_buffers = FluidBuffers(floats[padded(end) :], integers[n + 5 :])
+    fluid_buffers = FluidBuffers(floats[padded(end) :], panel_integers)
     return Member(state_views(state, elements)[0], body, fluid_buffers, newton, step, forces), end
 
 
@@ -236,4 +240,4 @@ def work_sizes(beam: BeamConstants, fluid: FluidConstants) -> tuple[int, int]:
     _, end = member_views(MEASURE, beam, fluid, MEASURE, MEASURE)
     floats, integers = fluid_work_sizes(fluid)
     # A multiple of a cache line, so that rows begin at one in every member's part.
-    return int(padded(padded(end) + floats)), integers + beam.elements + 7
+    return int(padded(padded(end) + floats)), integers + 2 + TALLIES + beam.elements + 2
