@@ -74,6 +74,12 @@ def motion_count(fluid: FluidConstants) -> int:
 
 
 @shared
+def padded_motions(fluid: FluidConstants) -> int:
+    """Return the number of motions, filled up with ones of zeros to a multiple of four."""
+    return (motion_count(fluid) + 3) // 4 * 4
+
+
+@shared
 def unit_motion(element: int, axis: int, fluid: FluidConstants) -> int:
     """Return the place in V of an element's motion: LATERAL, along d1; ROTARY; or AXIAL, along d3.
 

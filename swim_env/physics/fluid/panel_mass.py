@@ -16,7 +16,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.layout import FluidConstants, FluidWork, motion_count, unit_motion
+from swim_env.physics.fluid.layout import (
+    FluidConstants,
+    FluidWork,
+    motion_count,
+    padded_motions,
+    unit_motion,
+)
 from swim_env.physics.fluid.outline import AXIAL, LATERAL, LENGTH, ROTARY
 from swim_env.physics.fluid.sources import POTENTIAL, normal_influence, shape_gradient
 from swim_env.physics.runtime.compile import kernel
@@ -54,12 +60,6 @@ def _part_end_of_chain(last: int, inverse: Array, layers: Array) -> None:
     for i in range(last):
         layers[POTENTIAL, i, last] = 0.0
     inverse[last, last] = 1.0
-
-
-@kernel
-def padded_motions(fluid: FluidConstants) -> int:
-    """Return the number of motions, filled up with ones of zeros to a multiple of four."""
-    return (motion_count(fluid) + 3) // 4 * 4
 
 
 @kernel

@@ -119,31 +119,35 @@ def sum_to_centres(change: Array, shift_x: float, shift_y: float, dl: float, out
         Overwritten: changes of the centres (m).
     """
     elements = change.shape[1]
+    front_x = 0.0
+    front_y = 0.0
     mean_x = 0.0
     mean_y = 0.0
-    for j in range(elements):
-        weight = chain_weight(j, elements)
-        mean_x += weight * change[0, j]
-        mean_y += weight * change[1, j]
-    front_x = -mean_x
-    front_y = -mean_y
     for k in range(elements):
-        out[0, k] = shift_x + dl * (front_x + 0.5 * change[0, k])
-        out[1, k] = shift_y + dl * (front_y + 0.5 * change[1, k])
+        out[0, k] = front_x + 0.5 * change[0, k]
+        out[1, k] = front_y + 0.5 * change[1, k]
+        mean_x += out[0, k]
+        mean_y += out[1, k]
         front_x += change[0, k]
         front_y += change[1, k]
+    mean_x /= elements
+    mean_y /= elements
+    for k in range(elements):
+        out[0, k] = shift_x + dl * (out[0, k] - mean_x)
+        out[1, k] = shift_y + dl * (out[1, k] - mean_y)
 
 
 @kernel
 def sum_from_centres(push: Array, total_x: float, total_y: float, dl: float, out: Array) -> None:
     """Apply the transpose of E: out_j = sum_k E_kj push_k; both (2, N), total the sum of push."""
     elements = push.shape[1]
+    share_x = total_x / elements
+    share_y = total_y / elements
     behind_x = 0.0
     behind_y = 0.0
     for back in range(elements):
         j = elements - 1 - back
-        weight = chain_weight(j, elements)
-        out[0, j] = dl * (behind_x + 0.5 * push[0, j] - weight * total_x)
-        out[1, j] = dl * (behind_y + 0.5 * push[1, j] - weight * total_y)
+        out[0, j] = dl * (behind_x + 0.5 * push[0, j] - (back + 0.5) * share_x)
+        out[1, j] = dl * (behind_y + 0.5 * push[1, j] - (back + 0.5) * share_y)
         behind_x += push[0, j]
         behind_y += push[1, j]

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.physics.planar.chain import BeamConstants
-from swim_env.physics.planar.layout import Balance, Increment, Pose
-from swim_env.physics.runtime.compile import inlined, kernel
+from swim_env.physics.planar.layout import Increment, Pose
+from swim_env.physics.runtime.compile import inlined, kernel, row_kernel
 
 Array = NDArray[np.float64]
 
@@ -58,44 +58,37 @@ def _shortening(j: int, beam: BeamConstants, inc: Increment) -> tuple[float, flo
     return inc.half_cosine[j], inc.half_cosine[j + 1], inc.half_sine[j], inc.half_sine[j + 1]
 
 
-@inlined
-def elastic_terms(h: float, beam: BeamConstants, inc: Increment, balance: Balance) -> None:
-    """Differentiate h W(K(q_{n+1/2})) with respect to q_n, and sum that with that to q_{n+1}."""
-    b = balance
-    b.elastic[:] = 0.0
-    b.elastic_sum[:] = 0.0
-    b.elastic_size[:] = 0.0
-    if not beam.elastic:
-        return
-    for j in range(beam.joint_stiffness.size):
+@row_kernel
+def joint_terms(
+    h: float,
+    torques: Array,
+    z: Array,
+    beam: BeamConstants,
+    inc: Increment,
+    front: Array,
+    back: Array,
+    both: Array,
+    bending: Array,
+    torque: Array,
+    effort: Array,
+) -> None:
+    """Write what elasticity, held torques and Kelvin-Voigt damping do in a step.
+
+    It is differentiated h W(K(q_{n+1/2})), and the impulses of the others. The last six are the
+    rows of `Balance.joints`, from the first joint on.
+    """
+    for j in range(torques.size):
         sine = inc.mean_sine[j]
         cosine = inc.mean_cosine[j]
-        front, back, front_sine, back_sine = _shortening(j, beam, inc)
-        moment = h * beam.joint_stiffness[j] * front * back * sine
-        straight = 0.5 * front * back * cosine
-        b.elastic[j] += moment * (-straight + 0.5 * front_sine * back * sine)
-        b.elastic[j + 1] += moment * (straight + 0.5 * back_sine * front * sine)
-        b.elastic_sum[j] -= 2.0 * moment * straight
-        b.elastic_sum[j + 1] += 2.0 * moment * straight
-        b.elastic_size[j] += abs(moment)
-        b.elastic_size[j + 1] += abs(moment)
-
-
-@inlined
-def impulses_of_torques(
-    torques: Array, z: Array, h: float, beam: BeamConstants, balance: Balance
-) -> None:
-    """Collect the impulses of held joint torques and of Kelvin-Voigt damping over the step."""
-    b = balance
-    b.torque[:] = 0.0
-    b.torque_size[:] = 0.0
-    for j in range(torques.size):
-        impulse = h * torques[j] - beam.joint_damping[j] * z[3 + j]
-        b.torque[j] -= impulse
-        b.torque[j + 1] += impulse
-        size = h * abs(torques[j]) + beam.joint_damping[j] * abs(z[3 + j])
-        b.torque_size[j] += size
-        b.torque_size[j + 1] += size
+        front_cosine, back_cosine, front_sine, back_sine = _shortening(j, beam, inc)
+        moment = h * beam.joint_stiffness[j] * front_cosine * back_cosine * sine
+        straight = 0.5 * front_cosine * back_cosine * cosine
+        front[j] = moment * (-straight + 0.5 * front_sine * back_cosine * sine)
+        back[j] = moment * (straight + 0.5 * back_sine * front_cosine * sine)
+        both[j] = 2.0 * moment * straight
+        bending[j] = abs(moment)
+        torque[j] = h * torques[j] - beam.joint_damping[j] * z[3 + j]
+        effort[j] = h * abs(torques[j]) + beam.joint_damping[j] * abs(z[3 + j])
 
 
 @inlined

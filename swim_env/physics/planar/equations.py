@@ -32,20 +32,33 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.layout import FluidBuffers, FluidConstants, motion_count, unit_motion
+from swim_env.physics.fluid.layout import (
+    FluidBuffers,
+    FluidConstants,
+    motion_count,
+    padded_motions,
+    unit_motion,
+)
 from swim_env.physics.fluid.models import shape_force
-from swim_env.physics.fluid.outline import AXIAL, LATERAL, ROTARY
+from swim_env.physics.fluid.outline import AXIAL
 from swim_env.physics.planar.chain import BeamConstants, sum_from_centres, sum_to_centres
 from swim_env.physics.planar.drag import add_drag
-from swim_env.physics.planar.elastic import (
-    elastic_terms,
-    impulses_of_torques,
-    linearise_joints,
-    linearise_mean_joints,
+from swim_env.physics.planar.elastic import joint_terms, linearise_joints, linearise_mean_joints
+from swim_env.physics.planar.layout import (
+    BACK,
+    BENDING,
+    BOTH,
+    EFFORT,
+    FRONT,
+    TORQUE,
+    Balance,
+    Body,
+    Drag,
+    Increment,
+    Pose,
 )
-from swim_env.physics.planar.layout import Balance, Body, Drag, Increment, Pose
-from swim_env.physics.runtime.compile import inlined, kernel
-from swim_env.physics.runtime.dense import mat_vec
+from swim_env.physics.runtime.compile import inlined, kernel, row_kernel
+from swim_env.physics.runtime.dense import mat_vec_transposed
 from swim_env.physics.runtime.elementary import SMALL_ANGLE, cos_small, sin_small
 from swim_env.physics.runtime.linking import linked_kernel
 
@@ -69,85 +82,130 @@ def set_pose(q: Array, beam: BeamConstants, pose: Pose) -> None:
         linearise_joints(q, pose)
 
 
+@row_kernel
+def _turn_little(pose: Pose, inc: Increment) -> None:
+    """Replace the halves of small turns by their sines and cosines, and find those of mean joints.
+
+    The series are cheaper than the library's functions, and loops over them run on vector
+    registers.
+    """
+    for k in range(inc.half_sine.size):
+        half = inc.half_sine[k]
+        inc.half_cosine[k] = cos_small(half)
+        inc.half_sine[k] = sin_small(half)
+    for j in range(inc.half_sine.size - 1):
+        half = inc.mean_sine[j]
+        s = sin_small(half)
+        c = cos_small(half)
+        inc.mean_sine[j] = pose.joint_sine[j] * c + pose.joint_cosine[j] * s
+        inc.mean_cosine[j] = pose.joint_cosine[j] * c - pose.joint_sine[j] * s
+
+
+@kernel
+def _turn_far(pose: Pose, inc: Increment) -> None:
+    """Do the same for turns of any size."""
+    for k in range(inc.half_sine.size):
+        half = inc.half_sine[k]
+        inc.half_cosine[k] = np.cos(half)
+        inc.half_sine[k] = np.sin(half)
+    for j in range(inc.half_sine.size - 1):
+        half = inc.mean_sine[j]
+        s = np.sin(half)
+        c = np.cos(half)
+        inc.mean_sine[j] = pose.joint_sine[j] * c + pose.joint_cosine[j] * s
+        inc.mean_cosine[j] = pose.joint_cosine[j] * c - pose.joint_sine[j] * s
+
+
+@row_kernel
+def _turn_directors(
+    pose: Pose,
+    half_sine: Array,
+    half_cosine: Array,
+    turn_sine: Array,
+    turn_cosine: Array,
+    new_x: Array,
+    new_y: Array,
+    change_x: Array,
+    change_y: Array,
+) -> None:
+    """Write the elements' turns, their new d1, and the change of d3 without cancellation."""
+    for k in range(half_sine.size):
+        sine = 2.0 * half_sine[k] * half_cosine[k]
+        versine = -2.0 * half_sine[k] * half_sine[k]
+        cosine = 1.0 + versine
+        turn_sine[k] = sine
+        turn_cosine[k] = cosine
+        new_x[k] = pose.d1[0, k] * cosine - pose.d3[0, k] * sine
+        new_y[k] = pose.d1[1, k] * cosine - pose.d3[1, k] * sine
+        change_x[k] = versine * pose.d3[0, k] + sine * pose.d1[0, k]
+        change_y[k] = versine * pose.d3[1, k] + sine * pose.d1[1, k]
+
+
 @inlined
-def _set_increment(z: Array, pose: Pose, inc: Increment) -> None:
-    """Compute turns, first directors and mean joints from the increment z (N + 2,)."""
-    elements = inc.turn_sine.size
+def _move(z: Array, beam: BeamConstants, pose: Pose, inc: Increment, change: Array) -> None:
+    """Compute turns, directors, mean joints and centres from the increment z (N + 2,).
+
+    `change` (2, N) is scratch.
+    """
     half = 0.0
     small = True
-    for k in range(elements):
+    for k in range(beam.elements):
         half += 0.5 * z[2 + k]
         inc.half_sine[k] = half
         small = small and abs(half) <= SMALL_ANGLE
         if k > 0:
             inc.mean_sine[k - 1] = 0.5 * z[2 + k]
             small = small and abs(z[2 + k]) <= 2.0 * SMALL_ANGLE
-    # Newton's iterates stay small; the library's functions serve the rest.
     if small:
-        for k in range(elements):
-            inc.half_cosine[k] = cos_small(inc.half_sine[k])
-            inc.half_sine[k] = sin_small(inc.half_sine[k])
-        for j in range(elements - 1):
-            s = sin_small(inc.mean_sine[j])
-            c = cos_small(inc.mean_sine[j])
-            inc.mean_sine[j] = pose.joint_sine[j] * c + pose.joint_cosine[j] * s
-            inc.mean_cosine[j] = pose.joint_cosine[j] * c - pose.joint_sine[j] * s
+        _turn_little(pose, inc)
     else:
-        for k in range(elements):
-            inc.half_cosine[k] = np.cos(inc.half_sine[k])
-            inc.half_sine[k] = np.sin(inc.half_sine[k])
-        for j in range(elements - 1):
-            s = np.sin(inc.mean_sine[j])
-            c = np.cos(inc.mean_sine[j])
-            inc.mean_sine[j] = pose.joint_sine[j] * c + pose.joint_cosine[j] * s
-            inc.mean_cosine[j] = pose.joint_cosine[j] * c - pose.joint_sine[j] * s
-    for k in range(elements):
-        s = inc.half_sine[k]
-        inc.turn_sine[k] = 2.0 * s * inc.half_cosine[k]
-        inc.turn_cosine[k] = 1.0 - 2.0 * s * s
-        inc.new_d1[0, k] = pose.d1[0, k] * inc.turn_cosine[k] - pose.d3[0, k] * inc.turn_sine[k]
-        inc.new_d1[1, k] = pose.d1[1, k] * inc.turn_cosine[k] - pose.d3[1, k] * inc.turn_sine[k]
-
-
-@inlined
-def _move(
-    z: Array,
-    h: float,
-    beam: BeamConstants,
-    fluid: FluidConstants,
-    normal: Array,
-    added: Array,
-    pose: Pose,
-    inc: Increment,
-    change: Array,
-) -> None:
-    """Compute how elements and centres move in an increment z, and the fluid's impulse A V/h.
-
-    V is measured with the normals (2, N); `change` (2, N) is scratch.
-    """
-    elements = beam.elements
-    _set_increment(z, pose, inc)
+        _turn_far(pose, inc)
     if beam.linear_strain:
         linearise_mean_joints(z, pose, inc)
-    for k in range(elements):
-        # d3(n+1) - d3(n) without cancellation.
-        versine = -2.0 * inc.half_sine[k] * inc.half_sine[k]
-        change[0, k] = versine * pose.d3[0, k] + inc.turn_sine[k] * pose.d1[0, k]
-        change[1, k] = versine * pose.d3[1, k] + inc.turn_sine[k] * pose.d1[1, k]
+    _turn_directors(
+        pose,
+        inc.half_sine,
+        inc.half_cosine,
+        inc.turn_sine,
+        inc.turn_cosine,
+        inc.new_d1[0],
+        inc.new_d1[1],
+        change[0],
+        change[1],
+    )
     sum_to_centres(change, z[0], z[1], beam.element_length, inc.shift)
-    if fluid.present:
-        for k in range(elements):
-            across = normal[0, k] * inc.shift[0, k] + normal[1, k] * inc.shift[1, k]
+
+
+@row_kernel
+def _unit_motions(
+    normal: Array, shift: Array, turn_sine: Array, lateral: Array, rotary: Array
+) -> None:
+    for k in range(turn_sine.size):
+        lateral[k] = normal[0, k] * shift[0, k] + normal[1, k] * shift[1, k]
+        rotary[k] = turn_sine[k]
+
+
+@kernel
+def _move_fluid(
+    inverse_h: float, normal: Array, added: Array, fluid: FluidConstants, inc: Increment
+) -> None:
+    """Compute V, measured with the normals (2, N), and the fluid's impulse A V/h."""
+    elements = fluid.geometry.elements
+    motion, shift = inc.motion, inc.shift
+    lateral, rotary = motion[:elements], motion[elements : 2 * elements]
+    _unit_motions(normal, shift, inc.turn_sine, lateral, rotary)
+    if fluid.axial:
+        for k in (0, elements - 1):
             # d3 = (d1_y, -d1_x).
-            along = normal[1, k] * inc.shift[0, k] - normal[0, k] * inc.shift[1, k]
-            inc.motion[unit_motion(k, LATERAL, fluid)] = across
-            inc.motion[unit_motion(k, ROTARY, fluid)] = inc.turn_sine[k]
-            inc.motion[unit_motion(k, AXIAL, fluid)] = along
-        motions = motion_count(fluid)
-        inc.motion[motions] = 0.0
-        mat_vec(added[:motions], inc.motion[: added.shape[1]], inc.impulse)
-        for i in range(inc.impulse.size):
-            inc.impulse[i] /= h
+            along = normal[1, k] * shift[0, k] - normal[0, k] * shift[1, k]
+            motion[unit_motion(k, AXIAL, fluid)] = along
+    motion[motion_count(fluid)] = 0.0
+    # A is symmetric, and its rows beyond K are zero.
+    rows = padded_motions(fluid)
+    impulse = inc.impulse[: added.shape[1]]
+    mat_vec_transposed(added[:rows], motion[:rows], impulse)
+    for i in range(impulse.size):
+        impulse[i] *= inverse_h
 
 
 @linked_kernel
@@ -197,28 +255,90 @@ def evaluate_step(
     normal, early = pose.d1, balance.pose_forces
     if adjoint:
         normal, early = inc.new_d1, balance.no_forces
-    _move(z, h, beam, fluid, normal, mass.added, pose, inc, balance.sums)
-    if fluid.present and not held:
-        shape_force(inc.motion, fluid, fluid_buffers, balance.shape)
-    _pose_forces(h, normal, fluid, inc, balance)
+    _move(z, beam, pose, inc, balance.sums)
+    if fluid.present:
+        _move_fluid(1.0 / h, normal, mass.added, fluid, inc)
+        if not held:
+            shape_force(inc.motion, fluid, fluid_buffers, balance.shape)
+        _pose_forces(1.0 / h, normal, fluid, inc, balance)
     return _balance(p, torques, z, h, normal, early, beam, fluid, pose, inc, balance, drag)
 
 
-@inlined
+@row_kernel
+def _pose_force_rows(
+    inverse_h: float,
+    normal: Array,
+    shift: Array,
+    lateral: Array,
+    shape: Array,
+    munk: Array,
+    shaping: Array,
+) -> None:
+    for j in range(shape.size):
+        along = normal[1, j] * shift[0, j] - normal[0, j] * shift[1, j]
+        munk[j] = -lateral[j] * along
+        shaping[j] = inverse_h * shape[j]
+
+
+@kernel
 def _pose_forces(
-    h: float, normal: Array, fluid: FluidConstants, inc: Increment, balance: Balance
+    inverse_h: float, normal: Array, fluid: FluidConstants, inc: Increment, balance: Balance
 ) -> None:
     """Collect what the inertia does to the pose that it is taken at, with these normals (2, N)."""
-    if not fluid.present:
-        return
-    inverse_h = 1.0 / h
-    for j in range(normal.shape[1]):
-        across = normal[0, j] * inc.shift[0, j] + normal[1, j] * inc.shift[1, j]
-        along = normal[1, j] * inc.shift[0, j] - normal[0, j] * inc.shift[1, j]
-        lateral = inc.impulse[unit_motion(j, LATERAL, fluid)]
-        axial = inc.impulse[unit_motion(j, AXIAL, fluid)]
-        balance.pose_forces[0, j] = axial * across - lateral * along
-        balance.pose_forces[1, j] = inverse_h * balance.shape[j]
+    forces, shift = balance.pose_forces, inc.shift
+    lateral = inc.impulse[: fluid.geometry.elements]
+    _pose_force_rows(inverse_h, normal, shift, lateral, balance.shape, forces[0], forces[1])
+    if fluid.axial:
+        for j in (0, fluid.geometry.elements - 1):
+            across = normal[0, j] * shift[0, j] + normal[1, j] * shift[1, j]
+            forces[0, j] += inc.impulse[unit_motion(j, AXIAL, fluid)] * across
+
+
+@row_kernel
+def _momenta(
+    mass_rate: float, normal: Array, shift: Array, lateral: Array, x: Array, y: Array
+) -> None:
+    """Write the momenta of the elements with the fluid's impulse along their normals."""
+    for k in range(x.size):
+        x[k] = mass_rate * shift[0, k] + lateral[k] * normal[0, k]
+        y[k] = mass_rate * shift[1, k] + lateral[k] * normal[1, k]
+
+
+@row_kernel
+def _turning_balance(
+    inertia_rate: float,
+    smallest: float,
+    shift_size: float,
+    p: Array,
+    rotary: Array,
+    early: Array,
+    pose: Pose,
+    inc: Increment,
+    balance: Balance,
+) -> None:
+    """Write the parts of residual, scale and change that belong to the elements' turns."""
+    b = balance
+    for j in range(inc.turn_sine.size):
+        turning = inertia_rate * inc.turn_sine[j] + rotary[j] * inc.turn_cosine[j]
+        arm = pose.d1[0, j] * b.lever[0, j] + pose.d1[1, j] * b.lever[1, j]
+        new_arm = inc.new_d1[0, j] * b.lever[0, j] + inc.new_d1[1, j] * b.lever[1, j]
+        elastic = b.joints[FRONT, j + 1] + b.joints[BACK, j]
+        elastic_sum = b.joints[BOTH, j] - b.joints[BOTH, j + 1]
+        torque = b.joints[TORQUE, j] - b.joints[TORQUE, j + 1]
+        forces = (
+            b.joints[BENDING, j]
+            + b.joints[BENDING, j + 1]
+            + abs(early[0, j])
+            + abs(early[1, j])
+            + (b.joints[EFFORT, j] + b.joints[EFFORT, j + 1])
+        )
+        munk, shape = b.pose_forces[0, j], b.pose_forces[1, j]
+        b.change[2 + j] = munk + (new_arm - arm) - elastic_sum + shape + torque
+        munk, shape = early[0, j], early[1, j]
+        b.residual[2 + j] = p[2 + j] - turning + munk - arm - elastic + shape + 0.5 * torque
+        impulses = abs(turning) + abs(arm) + forces
+        b.scale[2 + j] = max(smallest, max(abs(p[2 + j]), impulses))
+        b.size[2 + j] = abs(p[2 + j]) + impulses + shift_size
 
 
 @inlined
@@ -244,29 +364,28 @@ def _balance(
     b = balance
     elements = beam.elements
     dl = beam.element_length
-    mass_rate = beam.element_mass / h
-    inertia_rate = beam.element_inertia / h
-    with_fluid = fluid.present
+    # Without a fluid there are no impulses.
+    lateral, rotary = inc.impulse[:elements], inc.impulse[elements : 2 * elements]
+    x, y = b.momentum[0], b.momentum[1]
+    _momenta(beam.element_mass / h, normal, inc.shift, lateral, x, y)
+    if fluid.axial:
+        for k in (0, elements - 1):
+            axial = inc.impulse[unit_motion(k, AXIAL, fluid)]
+            x[k] += axial * normal[1, k]
+            y[k] -= axial * normal[0, k]
     total_x = 0.0
     total_y = 0.0
     size = 0.0
     for k in range(elements):
-        b.momentum[0, k] = mass_rate * inc.shift[0, k]
-        b.momentum[1, k] = mass_rate * inc.shift[1, k]
-        if with_fluid:
-            lateral = inc.impulse[unit_motion(k, LATERAL, fluid)]
-            axial = inc.impulse[unit_motion(k, AXIAL, fluid)]
-            b.momentum[0, k] += lateral * normal[0, k]
-            b.momentum[1, k] += lateral * normal[1, k]
-            b.momentum[0, k] += axial * normal[1, k]
-            b.momentum[1, k] -= axial * normal[0, k]
-        total_x += b.momentum[0, k]
-        total_y += b.momentum[1, k]
-        size += abs(b.momentum[0, k]) + abs(b.momentum[1, k])
+        total_x += x[k]
+        total_y += y[k]
+        size += abs(x[k]) + abs(y[k])
     sum_from_centres(b.momentum, total_x, total_y, dl, b.lever)
-    elastic_terms(h, beam, inc, b)
-    impulses_of_torques(torques, z, h, beam, b)
-
+    rows = b.joints[:, 1:elements]
+    joint_terms(
+        *(h, torques, z, beam, inc),
+        *(rows[FRONT], rows[BACK], rows[BOTH], rows[BENDING], rows[TORQUE], rows[EFFORT]),
+    )
     b.residual[0] = p[0] - total_x
     b.residual[1] = p[1] - total_y
     b.change[0] = 0.0
@@ -274,22 +393,10 @@ def _balance(
     for i in range(2):
         b.scale[i] = max(beam.smallest_momentum, max(size, abs(p[i])))
         b.size[i] = size + abs(p[i])
-    for j in range(elements):
-        turning = inertia_rate * inc.turn_sine[j]
-        if with_fluid:
-            turning += inc.impulse[unit_motion(j, ROTARY, fluid)] * inc.turn_cosine[j]
-        arm = pose.d1[0, j] * b.lever[0, j] + pose.d1[1, j] * b.lever[1, j]
-        new_arm = inc.new_d1[0, j] * b.lever[0, j] + inc.new_d1[1, j] * b.lever[1, j]
-        munk, shape = b.pose_forces[0, j], b.pose_forces[1, j]
-        b.change[2 + j] = munk + (new_arm - arm) - b.elastic_sum[j] + shape + b.torque[j]
-        munk, shape = early[0, j], early[1, j]
-        b.residual[2 + j] = (
-            p[2 + j] - turning + munk - arm - b.elastic[j] + shape + 0.5 * b.torque[j]
-        )
-        forces = b.elastic_size[j] + abs(shape) + abs(munk) + b.torque_size[j]
-        impulses = abs(turning) + abs(arm) + forces
-        b.scale[2 + j] = max(beam.smallest_spin, max(abs(p[2 + j]), impulses))
-        b.size[2 + j] = abs(p[2 + j]) + impulses + dl * size
+    inertia_rate = beam.element_inertia / h
+    _turning_balance(
+        inertia_rate, beam.smallest_spin, dl * size, p, rotary, early, pose, inc, balance
+    )
     if fluid.drag > 0.0:
         add_drag(z, h, beam, fluid.drag, pose, inc, b, drag)
     return residual_norm(b.residual, b.scale)

@@ -61,6 +61,13 @@ class Increment(NamedTuple):
     impulse: Array
 
 
+#: Rows of `Balance.joints`: h dW/dtheta at q_n of the element in front and of that behind; the
+#: latter's sum with that at q_{n+1}, the former's is the negative; the magnitude of these terms;
+#: the impulse h F of torque and damping on the element behind, and the magnitude of its terms.
+FRONT, BACK, BOTH, BENDING, TORQUE, EFFORT = range(6)
+JOINT_ROWS = 6
+
+
 class Balance(NamedTuple):
     """Momentum balance of a step: its residual, and what it is made of.
 
@@ -79,10 +86,9 @@ class Balance(NamedTuple):
         velocity across them, and that of the shape force.
     no_forces : (2, N) array
         Zeros.
-    elastic, elastic_sum, elastic_size : (N,) arrays
-        h dW/dtheta at q_n, its sum with that at q_{n+1}, and the magnitude of the terms.
-    torque, torque_size : (N,) arrays
-        Impulse h F of torques and damping, and the magnitude of its terms.
+    joints : (JOINT_ROWS, N + 1) array
+        What the joints do to the elements beside them, see the names of its rows. Joint j is at
+        j + 1; zeros at both ends stand for the ends of the body.
     residual, scale, size : (N + 2,) arrays
         p_n + D1 L_d + h F/2, the scale it is measured with, and the magnitude of its terms.
     change : (N + 2,) array
@@ -95,11 +101,7 @@ class Balance(NamedTuple):
     shape: Array
     pose_forces: Array
     no_forces: Array
-    elastic: Array
-    elastic_sum: Array
-    elastic_size: Array
-    torque: Array
-    torque_size: Array
+    joints: Array
     residual: Array
     scale: Array
     size: Array
@@ -185,7 +187,8 @@ def body_views(
     k = padded(motions)
     added, end = matrix(buffer, padded(start), k, k)
     motion, end = matrix(buffer, end, 2, padded(motions + 1))
-    e, end = matrix(buffer, end, 40, elements)
+    e, end = matrix(buffer, end, 35, elements)
+    joints, end = matrix(buffer, end, JOINT_ROWS, elements + 1)
     pose = Pose(e[0:2], e[2:4], e[4], e[5])
     inc = Increment(e[6], e[7], e[8], e[9], e[10], e[11], e[12:14], e[14:16], motion[0], motion[1])
     drag = Drag(e[16:18], e[18:20], e[20], e[21], e[22], e[23])
@@ -195,13 +198,9 @@ def body_views(
         e[26:28],
         e[28:30],
         e[30],
-        e[36:38],
-        e[38:40],
-        e[31],
-        e[32],
-        e[33],
-        e[34],
-        e[35],
+        e[31:33],
+        e[33:35],
+        joints,
         u[0],
         u[1],
         u[2],

@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.layout import FluidBuffers, FluidConstants, motion_count, unit_motion
+from swim_env.physics.fluid.layout import (
+    FluidBuffers,
+    FluidConstants,
+    motion_count,
+    padded_motions,
+    unit_motion,
+)
 from swim_env.physics.fluid.models import shape_force
 from swim_env.physics.fluid.outline import AXIAL, LATERAL, ROTARY
 from swim_env.physics.planar.chain import BeamConstants, chain_weight, sum_from_centres
@@ -68,7 +74,7 @@ def _fluid_columns(
         if column >= 2:
             motion[unit_motion(column - 2, ROTARY, fluid)] = inc.turn_cosine[column - 2]
     # A is symmetric, and its rows beyond K are zero.
-    multiply(newton.motions, added[: (motions + 3) // 4 * 4], newton.impulses)
+    multiply(newton.motions, added[: padded_motions(fluid)], newton.impulses)
 
 
 @inlined
