@@ -35,7 +35,6 @@ def _kernels() -> tuple[Loads, Loads]:
     of_a_state = (row, row, *constants, row, numbers)
     first = [
         linked(evaluate_step, row, row, row, 0.01, True, True, *scene, m.fluid_buffers),
-        linked(prepare, m.state, *whole, m.body, m.fluid_buffers, m.newton, m.step.effort),
         linked(step_jacobian, 0.01, 0.0, *scene, m.fluid_buffers, m.newton),
         linked(adjoint_jacobian, 0.01, *scene, m.newton),
         entry(
@@ -47,6 +46,7 @@ def _kernels() -> tuple[Loads, Loads]:
         entry(momentum_of_velocity, *of_a_state),
     ]
     second = [
+        linked(prepare, m.state, *whole, m.body, m.fluid_buffers, m.newton, m.step.effort),
         linked(newton_in_passes, m, row, 0.01, True, *whole, True),
         linked(newton_with_shortening, m, row, 0.01, True, *whole),
         linked(added_mass, row, fluid, m.fluid_buffers, mass),
