@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from swim_env.physics.runtime.compile import entry_kernel
-from swim_env.physics.runtime.dense import multiply
+from swim_env.physics.runtime.dense import mat_vec, mat_vec_transposed, multiply
 from swim_env.physics.runtime.elementary import (
     SMALL_ANGLE,
     atan2,
@@ -45,6 +45,12 @@ def _small(x: Array, sines: Array, cosines: Array) -> None:
 @entry_kernel
 def _product(factors: Array, source: Array, out: Array) -> None:
     multiply(factors, source, out)
+
+
+@entry_kernel
+def _vector_products(matrix: Array, right: Array, left: Array, out: Array, across: Array) -> None:
+    mat_vec(matrix, right, out)
+    mat_vec_transposed(matrix, left, across)
 
 
 def units_off(found: Array, exact: list[mpmath.mpf]) -> float:
@@ -126,3 +132,15 @@ def test_product_of_even_and_odd_numbers_of_rows(rows: int, inner: int, columns:
     out = np.full((rows, columns), np.nan)
     _product(factors, source, out)
     np.testing.assert_allclose(out, factors[:, :inner] @ source, rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize("rows", range(1, 10))
+@pytest.mark.parametrize("columns", [3, 8, 24])
+def test_products_with_vectors_of_any_number_of_rows(rows: int, columns: int):
+    random = np.random.default_rng(rows)
+    matrix = random.normal(size=(rows, columns))
+    right, left = random.normal(size=columns), random.normal(size=rows)
+    out, across = np.full(rows, np.nan), np.full(columns, np.nan)
+    _vector_products(matrix, right, left, out, across)
+    np.testing.assert_allclose(out, matrix @ right, rtol=1e-13, atol=1e-13)
+    np.testing.assert_allclose(across, matrix.T @ left, rtol=1e-13, atol=1e-13)
