@@ -92,7 +92,11 @@ def test_how_curling_ends(strain):
         if model == "panels":
             # A strain that does not soften holds the joint where the others snap over.
             lasts = holds and shape == "held beyond 90 degrees"
-            assert verdict.reason == ("" if lasts else CURLED[shape]), run.label
+            wanted = "" if lasts else CURLED[shape]
+            if holds and shape == "folding rule":
+                # Its step fails 0.6 of a step before the shape whose mass is not positive.
+                wanted = "mass_not_positive"
+            assert verdict.reason == wanted, run.label
         else:
             # Without an outline only the watch for contact ends a run ...
             watched = shape.endswith("watched")
