@@ -18,8 +18,20 @@ from numpy.typing import NDArray
 
 from swim_env.errors import SceneError
 from swim_env.physics.fluid import outline
-from swim_env.physics.runtime.compile import entry_kernel, kernel, vector_kernel
-from swim_env.physics.runtime.dense import add_multiple, copy, invert_in_order, multiply
+from swim_env.physics.runtime.compile import (
+    entry_kernel,
+    kernel,
+    row_kernel,
+    use_widest_registers,
+)
+from swim_env.physics.runtime.dense import (
+    add_block_times_rows,
+    add_multiple,
+    block_of,
+    copy,
+    invert_in_order,
+    multiply,
+)
 from swim_env.physics.runtime.elementary import atan2, log
 from swim_env.physics.runtime.views import LANES, padded
 from swim_env.scene import Scene
@@ -63,32 +75,63 @@ class FloorArrays(NamedTuple):
     potential: Array
 
 
-@kernel
-def _assemble_row(i: int, a: FloorArrays, normal: Array) -> None:
-    x, y = a.panels[outline.X], a.panels[outline.Y]
-    tangent_x, tangent_y = a.panels[outline.CT], a.panels[outline.ST]
+@row_kernel
+def _assemble_row(
+    cx: float,
+    cy: float,
+    nx: float,
+    ny: float,
+    x: Array,
+    y: Array,
+    tangent_x: Array,
+    tangent_y: Array,
+    lengths: Array,
+    half_log: Array,
+    normal: Array,
+    potential: Array,
+) -> None:
+    use_widest_registers()
     count = (x.size >> 3) << 3
-    cx, cy, half_log = a.panels[outline.CX, i], a.panels[outline.CY, i], a.half_log
-    nx, ny = tangent_y[i], -tangent_x[i]
     for j in range(count):
         dx = cx - x[j]
         dy = cy - y[j]
         half_log[j] = 0.5 * log(dx * dx + dy * dy)
     half_log[count] = half_log[0]
     for j in range(count):
-        ct, st, length = tangent_x[j], tangent_y[j], a.length[j]
+        ct, st, length = tangent_x[j], tangent_y[j], lengths[j]
         dx = cx - x[j]
         dy = cy - y[j]
         along = dx * ct + dy * st
         across = dy * ct - dx * st
         angle = atan2(across * length, across * across + along * (along - length))
         ratio = half_log[j] - half_log[j + 1]
-        normal[i, j] = nx * (ratio * ct - angle * st) + ny * (ratio * st + angle * ct)
-        a.potential[i, j] = (
+        normal[j] = nx * (ratio * ct - angle * st) + ny * (ratio * st + angle * ct)
+        potential[j] = (
             along * half_log[j] - (along - length) * half_log[j + 1] - length + across * angle
         )
-    normal[i, i] = np.pi
-    a.potential[i, i] = a.length[i] * (half_log[i] - 1.0)
+
+
+@kernel
+def _assemble(count: int, a: FloorArrays, matrix: Array) -> None:
+    """Write the normal influence, filled up with rows of the identity, and the potentials."""
+    panels, size = a.panels, a.length.size
+    x, y, tangent_x, tangent_y = (
+        panels[outline.X],
+        panels[outline.Y],
+        panels[outline.CT],
+        panels[outline.ST],
+    )
+    for i in range(count):
+        normal, potential = matrix[i, :size], a.potential[i]
+        _assemble_row(
+            *(panels[outline.CX, i], panels[outline.CY, i], tangent_y[i], -tangent_x[i]),
+            *(x, y, tangent_x, tangent_y, a.length, a.half_log, normal, potential),
+        )
+        normal[i] = np.pi
+        potential[i] = a.length[i] * (a.half_log[i] - 1.0)
+    for i in range(count, size):
+        matrix[i] = 0.0
+        matrix[i, i] = 1.0
 
 
 @kernel
@@ -114,24 +157,13 @@ def _solve(matrix: Array, size: int) -> None:
             _subtract_four(matrix, row, first, size)
 
 
-@vector_kernel
+@kernel
 def _subtract_four(matrix: Array, row: int, first: int, start: int) -> None:
     """Subtract multiples of rows first ... first + 3 from four others, from a column on."""
+    block = block_of(matrix, row, first, -1.0)
     # Slices that begin at 0: an index that might be negative keeps a loop from being vectorised.
-    pivots, rows = matrix[first : first + 4, start:], matrix[row : row + 4, start:]
-    p0, p1, p2, p3 = pivots[0], pivots[1], pivots[2], pivots[3]
-    r0, r1, r2, r3 = rows[0], rows[1], rows[2], rows[3]
-    f = matrix[row : row + 4, first : first + 4]
-    a0, b0, c0, d0 = f[0, 0], f[0, 1], f[0, 2], f[0, 3]
-    a1, b1, c1, d1 = f[1, 0], f[1, 1], f[1, 2], f[1, 3]
-    a2, b2, c2, d2 = f[2, 0], f[2, 1], f[2, 2], f[2, 3]
-    a3, b3, c3, d3 = f[3, 0], f[3, 1], f[3, 2], f[3, 3]
-    for j in range((p0.size >> 3) << 3):
-        a, b, c, d = p0[j], p1[j], p2[j], p3[j]
-        r0[j] -= a0 * a + b0 * b + c0 * c + d0 * d
-        r1[j] -= a1 * a + b1 * b + c1 * c + d1 * d
-        r2[j] -= a2 * a + b2 * b + c2 * c + d2 * d
-        r3[j] -= a3 * a + b3 * b + c3 * c + d3 * d
+    s, r = matrix[first : first + 4, start:], matrix[row : row + 4, start:]
+    add_block_times_rows(block, s[0], s[1], s[2], s[3], r[0], r[1], r[2], r[3])
 
 
 @kernel
@@ -165,11 +197,7 @@ def potentials_of_motions(times: int, way: int, a: FloorArrays) -> None:
     matrix = a.augmented if way == _ELIMINATION else a.inverse
     count = a.element.size - 1
     for _ in range(times):
-        for i in range(count):
-            _assemble_row(i, a, matrix)
-        for i in range(count, len(matrix)):
-            matrix[i] = 0.0
-            matrix[i, i] = 1.0
+        _assemble(count, a, matrix)
         if way == _ELIMINATION:
             _by_elimination(a)
         else:

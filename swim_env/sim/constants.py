@@ -46,7 +46,6 @@ def scene_constants(scene: Scene) -> tuple[BeamConstants, FluidConstants, Solver
             dl * beam.rotary_inertia,
             stiffness,
             stiffness * retardation,
-            bool(stiffness.any()),
             scene.integrator.strain != "averaged_directors",
             scene.integrator.strain == "joint_angle",
             beam.half_thickness if scene.self_contact else 0.0,

@@ -94,7 +94,7 @@ def test_how_curling_ends(strain):
             lasts = holds and shape == "held beyond 90 degrees"
             wanted = "" if lasts else CURLED[shape]
             if holds and shape == "folding rule":
-                # Its step fails 0.6 of a step before the shape whose mass is not positive.
+                # Within its last step the body comes to a shape whose mass is not positive.
                 wanted = "mass_not_positive"
             assert verdict.reason == wanted, run.label
         else:

@@ -75,7 +75,7 @@ def motion_count(fluid: FluidConstants) -> int:
 
 @shared
 def padded_motions(fluid: FluidConstants) -> int:
-    """Return the number of motions, filled up with ones of zeros to a multiple of four."""
+    """Return the number of motions with those that fill it up to a multiple of four, all zero."""
     return (motion_count(fluid) + 3) // 4 * 4
 
 

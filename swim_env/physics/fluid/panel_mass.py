@@ -137,9 +137,9 @@ def differentiate_panels(motion: Array, count: int, fluid: FluidConstants, work:
         weight[i] = normal * panels[LENGTH, i]
     mat_vec(work.inverse, velocity, sigma)
     mat_vec(work.layers[POTENTIAL], sigma, phi)
-    rows = padded_motions(fluid)
-    mat_vec_transposed(work.loads[:rows], motion[:rows], load)
-    mat_vec_transposed(work.adjoints[:rows], motion[:rows], mu)
+    motions = motion_count(fluid)
+    mat_vec_transposed(work.loads[:motions], motion[:motions], load)
+    mat_vec_transposed(work.adjoints[:motions], motion[:motions], mu)
     for i in range(count):
         # The length of a panel as the weight of its potential; on a side, the arm of the
         # collocation point in the boundary value v + w arm.

@@ -36,8 +36,6 @@ class BeamConstants(NamedTuple):
         EI/dl (N m).
     joint_damping : (N - 1,) array
         EI t_kv/dl (N m s).
-    elastic : bool
-        Whether any joint has a stiffness.
     strain_of_angles : bool
         Whether the strain of a step is that of the mean joint angles, sin(a)/dl at
         a_{n+1/2} = (a_n + a_{n+1})/2, instead of that of the averaged directors (16).
@@ -55,7 +53,6 @@ class BeamConstants(NamedTuple):
     element_inertia: float
     joint_stiffness: Array
     joint_damping: Array
-    elastic: bool = True
     strain_of_angles: bool = False
     linear_strain: bool = False
     contact_radius: float = 0.0

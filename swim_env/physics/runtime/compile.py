@@ -17,7 +17,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 class _SeparateArrays(Compiler):  # type: ignore[misc]
-    """Tells the compiler that the arrays which a kernel is given do not overlap.
+    """Tells the compiler that no array which a kernel writes overlaps another of its arguments.
 
     Otherwise a loop over rows is preceded by comparisons of all their addresses, which take as long
     as the loop.
@@ -116,7 +116,7 @@ def use_widest_registers() -> None:
 
 
 def row_kernel(function: Function) -> Function:
-    """Compile a kernel, strict like `kernel`, whose array arguments do not overlap."""
+    """Compile a kernel, strict like `kernel`, that writes no array which overlaps another."""
     return _compile(
         function,
         fastmath={"contract"},
@@ -130,7 +130,7 @@ def vector_kernel(function: Function) -> Function:
     """Compile a kernel whose sums may be reordered so that they run on vector registers.
 
     NaN and infinity keep their meaning: only contraction, reassociation, reciprocals and the
-    sign of zero are given up. Its array arguments do not overlap.
+    sign of zero are given up. It writes no array that overlaps another of its arguments.
     """
     # A call, and looking into the arrays that it hands over, would take as long as a short row.
     return _compile(

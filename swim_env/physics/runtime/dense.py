@@ -157,7 +157,7 @@ def _add_four(factors: Array, s0: Array, s1: Array, s2: Array, s3: Array, out: A
 
 
 @embedded
-def _block_of(matrix: Array, row: int, column: int, factor: float) -> Block:
+def block_of(matrix: Array, row: int, column: int, factor: float) -> Block:
     """Return a factor times four rows and columns of a matrix, as numbers of their own."""
     r0, r1, r2, r3 = matrix[row], matrix[row + 1], matrix[row + 2], matrix[row + 3]
     a, b, c, d = column, column + 1, column + 2, column + 3
@@ -170,7 +170,7 @@ def _block_of(matrix: Array, row: int, column: int, factor: float) -> Block:
 
 
 @vector_kernel
-def _add_block_times_rows(
+def add_block_times_rows(
     block: Block,
     s0: Array,
     s1: Array,
@@ -216,9 +216,9 @@ def multiply(factors: Array, source: Array, out: Array) -> None:
     for k in range(0, source.shape[0], 4):
         s0, s1, s2, s3 = source[k], source[k + 1], source[k + 2], source[k + 3]
         for i in range(0, whole, 4):
-            block = _block_of(factors, i, k, 1.0)
+            block = block_of(factors, i, k, 1.0)
             r0, r1, r2, r3 = out[i], out[i + 1], out[i + 2], out[i + 3]
-            _add_block_times_rows(block, s0, s1, s2, s3, r0, r1, r2, r3)
+            add_block_times_rows(block, s0, s1, s2, s3, r0, r1, r2, r3)
         for i in range(whole, rows):
             _add_four(factors[i, k : k + 4], s0, s1, s2, s3, out[i])
 
@@ -266,7 +266,7 @@ def invert_in_order(matrix: Array, smallest_pivot: float) -> bool:
     for first in range(0, n, 4):
         if not _invert_block(matrix, first, smallest_pivot):
             return False
-        block = _block_of(matrix, first, first, 1.0)
+        block = block_of(matrix, first, first, 1.0)
         p0, p1, p2, p3 = matrix[first], matrix[first + 1], matrix[first + 2], matrix[first + 3]
         _multiply_rows(block, p0, p1, p2, p3)
         for k in range(4):
@@ -279,11 +279,11 @@ def invert_in_order(matrix: Array, smallest_pivot: float) -> bool:
             )
         for row in range(0, n, 4):
             if row != first:
-                block = _block_of(matrix, row, first, -1.0)
+                block = block_of(matrix, row, first, -1.0)
                 r0, r1, r2, r3 = matrix[row], matrix[row + 1], matrix[row + 2], matrix[row + 3]
                 for j in range(first, first + 4):
                     r0[j], r1[j], r2[j], r3[j] = 0.0, 0.0, 0.0, 0.0
-                _add_block_times_rows(block, p0, p1, p2, p3, r0, r1, r2, r3)
+                add_block_times_rows(block, p0, p1, p2, p3, r0, r1, r2, r3)
     return True
 
 

@@ -15,6 +15,7 @@ import gc
 import os
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -27,6 +28,9 @@ from numba.core import config as numba_config
 from swim_env.physics.runtime.cache import ForgivingCache, cache_folder, say, why_temporary
 
 Loads = list[Callable[[], None]]
+
+# Held while kernels are loaded: threads that came first together would restore each other's limits.
+_loading = threading.RLock()
 
 
 def linked(kernel: Any, *arguments: object) -> Callable[[], None]:
@@ -46,12 +50,13 @@ def _rarely_collected() -> Iterator[None]:
 
     It takes a tenth of the time otherwise.
     """
-    before = gc.get_threshold()
-    gc.set_threshold(max(before[0], 100_000) if before[0] else 0, *before[1:])
-    try:
-        yield
-    finally:
-        gc.set_threshold(*before)
+    with _loading:
+        before = gc.get_threshold()
+        gc.set_threshold(max(before[0], 100_000) if before[0] else 0, *before[1:])
+        try:
+            yield
+        finally:
+            gc.set_threshold(*before)
 
 
 class KernelGroup:

@@ -91,7 +91,6 @@ def unpack_constants(
         s["element_inertia"],
         vectors[:joints],
         vectors[joints : 2 * joints],
-        s["elastic"],
         s["strain_of_angles"],
         s["linear_strain"],
         s["contact_radius"],

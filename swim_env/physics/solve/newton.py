@@ -1,8 +1,8 @@
 """Newton's method for the increment of a step.
 
-It works in passes: corrections with one matrix while the shape force, the costly part of the
-residual, is held, then one evaluation of the whole. Where passes fail, every correction is followed
-by a whole evaluation and shortened where need be.
+It works in passes: corrections with a matrix that learns from them while the shape force, the
+costly part of the residual, is held, then one evaluation of the whole. Where passes fail, every
+correction is followed by a whole evaluation and shortened where need be.
 """
 
 from __future__ import annotations
@@ -51,18 +51,21 @@ ROUND_OFF_MARGIN = 32.0
 #: But not one that is larger than this and than the tolerance.
 LARGEST_ROUND_OFF = 1e-6
 
-# Passes of corrections with one matrix and the shape force held, and corrections in one of them.
-# Each is smaller than the one before. The first pass ends where the residual has fallen by this
-# factor, or at the first part of the tolerance, that of a guessed added mass at the tolerance: what
-# was guessed is off by more. Later ones end at the second part.
+# Passes of corrections with the shape force held, and corrections in one of them, each of which has
+# to be smaller than the one before.
 _MOST_PASSES = 4
 _MOST_IN_PASS = 8
 _MOST_LAST = 3
 #: Where an element turns by more than this in the guess of a step (rad), Newton's matrix is that of
 #: the guess; else that of the pose serves, which costs a tenth.
 _SMALL_TURN = 0.1
+# A pass ends where the residual is below this part of the tolerance.
+_PASS_TOLERANCE = 0.1
+# The first one works with a guess, and may end earlier: where the residual has fallen by this
+# factor, or is below this part of the tolerance; with a guess of the added mass, which is off by
+# more, below the tolerance itself.
 _FIRST_PASS = 1e-4
-_FIRST_TOLERANCE, _PASS_TOLERANCE = 0.3, 0.1
+_FIRST_TOLERANCE = 0.3
 # Estimated change of the residual per radian of turn, or per element length of shift, since what is
 # held was evaluated. Measured were at most 0.1.
 _CHANGE_WITH_SHAPE = 0.25
@@ -170,7 +173,7 @@ def _correct(residual: Array, dl: float, chained: bool, learnt: int, newton: New
     if chained and learnt < MOST_LEARNT:
         step = newton.steps[learnt]
         share = _inner(step, correction, dl) / _inner(step, step, dl)
-        # Not where the last correction did not help at all, or was zero.
+        # Not where half of it or more is left or was too much, and not where it was zero.
         if abs(share) < 0.5:
             for i in range(correction.size):
                 correction[i] /= 1.0 - share
@@ -249,7 +252,7 @@ def newton_in_passes(
     Returns
     -------
     solved, norm : bool, float
-        False where corrections do not shrink fast enough or there is no matrix or added mass, and
+        False where corrections grow or there is no matrix or added mass, and
         the residual's norm; where what is held was not evaluated once more, with an estimate of
         what that would add. `newton.lag` is the next `state.lag` of an adjoint.
     """

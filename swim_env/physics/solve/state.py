@@ -151,7 +151,8 @@ class OuterStep(NamedTuple):
     tally : (4,) int array
         Newton's corrections (CORRECTIONS) and whole evaluations (EVALUATED) so far; the code of why
         the last shape at the end of a part had no added mass (SHAPE_FAILURE), 0 where it had; and
-        what the matrix of a part's first half learnt (LEARNT), -1 where there is none.
+        from how many corrections the factors in `newton.jacobian` have learnt (LEARNT), -1 where a
+        new matrix has to be made.
     """
 
     total: Array
