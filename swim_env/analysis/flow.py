@@ -28,18 +28,8 @@ from numpy.typing import NDArray
 
 from swim_env.errors import OptionError
 from swim_env.physics.fluid.layout import fluid_buffers, fluid_views, motion_count
-from swim_env.physics.fluid.models import added_mass, fluid_constants
-from swim_env.physics.fluid.outline import (
-    AXIAL,
-    CT,
-    CX,
-    CY,
-    LATERAL,
-    ROTARY,
-    X,
-    Y,
-    panel_count,
-)
+from swim_env.physics.fluid.models import added_mass, fluid_constants, shape_force
+from swim_env.physics.fluid.outline import CT, CX, CY, X, Y, panel_count
 from swim_env.physics.fluid.sources import (
     LAYERS,
     POTENTIAL,
@@ -265,27 +255,20 @@ class BodyFlow:
             != FINE
         ):
             return None
-        strengths = self._work.inverse @ self._pushed(self._motion(angles, velocities, turning))
+        # The shape force itself is not wanted, but the source strengths that it finds.
+        motion = self._motion(angles, velocities, turning)
+        shape_force(motion, self._fluid, self._buffers, np.empty(n))
         # The outline is laid out from the first node, along the first element.
         cosine, sine = np.cos(angles[0]), np.sin(angles[0])
         turn = np.array([[cosine, -sine], [sine, cosine]])
         flow = flow_of_sources(
             self._work.outline.panels,
             panel_count(self._fluid.geometry),
-            strengths,
+            self._work.sigma,
             (points - self._first_node(centre, angles)) @ turn,
             self._length,
         )
         return Flow(flow.potential, flow.velocity @ turn.T, flow.inside)
-
-    def _pushed(self, motion: Array) -> Array:
-        """Return the normal velocity B V of every panel (m/s), (M',)."""
-        n = self.scene.beam.elements
-        panels, element = self._work.outline.panels, self._work.outline.element
-        pushed: Array = panels[LATERAL] * motion[element] + panels[ROTARY] * motion[n + element]
-        if self._fluid.axial:
-            pushed += panels[AXIAL] * motion[np.where(element == 0, 2 * n, 2 * n + 1)]
-        return pushed
 
     def during(self, trajectory: Trajectory, instant: int, points: Array) -> tuple[Flow, Array]:
         """Return velocity and pressure at one of a trajectory's instants.
