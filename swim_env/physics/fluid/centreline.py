@@ -38,13 +38,13 @@ from swim_env.physics.fluid.outline import (
 from swim_env.physics.fluid.panel_mass import (
     differentiate_panels,
     invert_influence,
+    load_motions,
     solve_adjoints,
     symmetric_mass,
 )
 from swim_env.physics.fluid.panels import panel_costs
-from swim_env.physics.fluid.sources import POTENTIAL, influence
+from swim_env.physics.fluid.sources import influence
 from swim_env.physics.runtime.compile import inlined, kernel, shared
-from swim_env.physics.runtime.dense import add_multiple
 from swim_env.physics.runtime.linking import linked_kernel
 from swim_env.physics.status import FINE, UNDER_RESOLVED_GAP
 from swim_env.scene import Fluid
@@ -192,21 +192,6 @@ def _chain_gradient(
 
 
 @inlined
-def _load_chain_motions(fluid: FluidConstants, work: FluidWork) -> None:
-    """Sum the potentials at panels of the centre line into loads."""
-    elements = fluid.geometry.elements
-    side = fluid.geometry.side_panels
-    panels = work.outline.panels
-    work.loads[:] = 0.0
-    for k in range(elements):
-        first = (elements - 1 - k) * side
-        for p in range(first, first + side):
-            potential, length = work.layers[POTENTIAL, p], panels[LENGTH, p]
-            add_multiple(work.loads[k], potential, length * panels[LATERAL, p])
-            add_multiple(work.loads[elements + k], potential, length * panels[ROTARY, p])
-
-
-@inlined
 def _sum_chain_motions(fluid: FluidConstants, work: FluidWork) -> None:
     """Multiply the adjoint strengths by B."""
     elements = fluid.geometry.elements
@@ -238,7 +223,7 @@ def _added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out
     status = invert_influence(count, True, fluid, work)
     if status != FINE:
         return status
-    _load_chain_motions(fluid, work)
+    load_motions(count, fluid, work)
     solve_adjoints(fluid, work)
     _sum_chain_motions(fluid, work)
     symmetric_mass(fluid, work, out)

@@ -27,6 +27,7 @@ from swim_env.physics.fluid.outline import AXIAL, LATERAL, LENGTH, ROTARY
 from swim_env.physics.fluid.sources import POTENTIAL, normal_influence, shape_gradient
 from swim_env.physics.runtime.compile import kernel
 from swim_env.physics.runtime.dense import (
+    add_multiple,
     invert,
     invert_in_order,
     mat_vec,
@@ -95,6 +96,28 @@ def invert_influence(count: int, chained: bool, fluid: FluidConstants, work: Flu
             if not condition <= LARGEST_CONDITION:
                 return INFLUENCE_SINGULAR
     return FINE
+
+
+@kernel
+def load_motions(count: int, fluid: FluidConstants, work: FluidWork) -> None:
+    """Sum the potentials at the first panels, as many as count, into loads.
+
+    B is zero but for two or three entries a panel.
+    """
+    elements = fluid.geometry.elements
+    outline = work.outline
+    panels = outline.panels
+    work.loads[:] = 0.0
+    for p in range(count):
+        k = outline.element[p]
+        length = panels[LENGTH, p]
+        potential = work.layers[POTENTIAL, p]
+        if panels[LATERAL, p] != 0.0:
+            add_multiple(work.loads[k], potential, length * panels[LATERAL, p])
+        add_multiple(work.loads[elements + k], potential, length * panels[ROTARY, p])
+        if fluid.axial and panels[AXIAL, p] != 0.0:
+            row = work.loads[unit_motion(k, AXIAL, fluid)]
+            add_multiple(row, potential, length * panels[AXIAL, p])
 
 
 @kernel

@@ -13,7 +13,6 @@ from swim_env.physics.fluid.outline import (
     BELOW,
     HEAD,
     LATERAL,
-    LENGTH,
     ROTARY,
     build_outline,
     first_end_panel,
@@ -25,35 +24,16 @@ from swim_env.physics.fluid.outline import (
 from swim_env.physics.fluid.panel_mass import (
     differentiate_panels,
     invert_influence,
+    load_motions,
     solve_adjoints,
     symmetric_mass,
 )
-from swim_env.physics.fluid.sources import POTENTIAL, influence
+from swim_env.physics.fluid.sources import influence
 from swim_env.physics.runtime.compile import inlined
-from swim_env.physics.runtime.dense import add_multiple
 from swim_env.physics.runtime.linking import linked_kernel
 from swim_env.physics.status import FINE
 
 Array = NDArray[np.float64]
-
-
-@inlined
-def _load_motions(fluid: FluidConstants, work: FluidWork) -> None:
-    """Sum the potentials at panels into loads: B is zero but for two or three entries a panel."""
-    elements = fluid.geometry.elements
-    outline = work.outline
-    panels = outline.panels
-    work.loads[:] = 0.0
-    for p in range(panel_count(fluid.geometry)):
-        k = outline.element[p]
-        length = panels[LENGTH, p]
-        potential = work.layers[POTENTIAL, p]
-        if panels[LATERAL, p] != 0.0:
-            add_multiple(work.loads[k], potential, length * panels[LATERAL, p])
-        add_multiple(work.loads[elements + k], potential, length * panels[ROTARY, p])
-        if fluid.axial and panels[AXIAL, p] != 0.0:
-            row = work.loads[unit_motion(k, AXIAL, fluid)]
-            add_multiple(row, potential, length * panels[AXIAL, p])
 
 
 @inlined
@@ -106,7 +86,7 @@ def _added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out
     status = invert_influence(count, False, fluid, work)
     if status != FINE:
         return status
-    _load_motions(fluid, work)
+    load_motions(count, fluid, work)
     solve_adjoints(fluid, work)
     _sum_motions(fluid, work)
     symmetric_mass(fluid, work, out)
