@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from studies.benchmark.floor import FLOOR_WAYS, floor_calls
 from studies.benchmark.timing import Spread, ratio, spread_of, time_in_turn
-from swim_env.physics.fluid.layout import fluid_views
 from swim_env.physics.fluid.models import added_mass, shape_force
 from swim_env.physics.fluid.outline import build_outline, outline_status, panel_count
 from swim_env.physics.fluid.panel_mass import SMALLEST_PIVOT
@@ -22,9 +21,9 @@ from swim_env.physics.planar.layout import ADDED, TOTAL
 from swim_env.physics.planar.matrix import step_jacobian
 from swim_env.physics.runtime.compile import entry_kernel
 from swim_env.physics.runtime.dense import copy, invert_in_order, lu_factor, lu_solve
-from swim_env.physics.solve.constants import unpack_constants
+from swim_env.physics.solve.constants import constants_at
 from swim_env.physics.solve.prepare import prepare
-from swim_env.physics.solve.state import RECORD_NAMES, member_views
+from swim_env.physics.solve.state import RECORD_NAMES, member_at
 from swim_env.scene import Scene
 from swim_env.sim.batch import Bodies, minimal_start
 from swim_env.sim.simulator import Simulator
@@ -60,18 +59,14 @@ _STEPS_BEFORE = 40
 def _repeat(
     part: int,
     times: int,
-    state_vector: Array,
     torques: Array,
-    scalars: NDArray[np.void],
-    vectors: Array,
-    floats: Array,
-    integers: NDArray[np.int64],
+    constants: NDArray[np.int64],
+    place: NDArray[np.int64],
 ) -> None:
     """Evaluate one part of a step a number of times, at the pose of a state."""
-    beam, fluid, solver = unpack_constants(scalars, vectors)
-    m, _ = member_views(state_vector, beam, fluid, floats, integers)
-    state, body, buffers, newton, step, _ = m
-    work, _ = fluid_views(buffers, fluid)
+    scene, m = constants_at(constants), member_at(place)
+    beam, fluid, solver = scene.beam, scene.fluid, scene.solver
+    state, body, work, newton, step = m.state, m.body, m.fluid_work, m.newton, m.step
     q, p, z = state.q, state.p, state.history[0]
     panels = work.outline.panels
     count = panel_count(fluid.geometry)
@@ -81,14 +76,14 @@ def _repeat(
             # It remembers its pose and the joint angles of its added mass.
             body.mass.known[TOTAL] = 0
             body.mass.known[ADDED] = 0
-            prepare(state, beam, fluid, solver, body, buffers, newton, step.effort)
+            prepare(state, beam, fluid, solver, body, work, newton, step.effort)
         elif part == _WHOLE_STEP:
-            evaluate_step(p, torques, z, h, False, False, beam, fluid, body, buffers)
+            evaluate_step(p, torques, z, h, False, False, beam, fluid, body, work)
         elif part == _JACOBIAN:
-            step_jacobian(h, 0.0, beam, fluid, body, buffers, newton)
+            step_jacobian(h, 0.0, beam, fluid, body, work, newton)
             lu_factor(newton.jacobian, newton.permutation)
         elif part == _HELD_STEP:
-            evaluate_step(p, torques, z, h, False, True, beam, fluid, body, buffers)
+            evaluate_step(p, torques, z, h, False, True, beam, fluid, body, work)
             copy(body.balance.residual, newton.correction)
             lu_solve(newton.jacobian, newton.permutation, newton.correction)
         elif part == _OUTLINE:
@@ -100,9 +95,9 @@ def _repeat(
             normal_influence(panels, count, work.layers, work.inverse)
             invert_in_order(work.inverse, SMALLEST_PIVOT)
         elif part == _ADDED_MASS:
-            added_mass(q[3:], fluid, buffers, body.mass.added)
+            added_mass(q[3:], fluid, work, body.mass.added)
         elif part == _SHAPE_FORCE:
-            shape_force(body.inc.motion, fluid, buffers, body.balance.shape)
+            shape_force(body.inc.motion, fluid, work, body.balance.shape)
 
 
 def _calibrated(call: Callable[[int], object]) -> tuple[Callable[[], object], int]:
@@ -156,7 +151,7 @@ def measure_parts(scene: Scene, rounds: int) -> dict[str, Any]:
 
     alone = Bodies(scene)
     alone.states[:] = begin
-    given = (alone.states[0], torques[0, 0], *alone.member(0))
+    given = (torques[0, 0], *alone.member(0))
 
     def repeat(part: int, times: int) -> None:
         _repeat(part, times, *given)

@@ -66,9 +66,9 @@ def with_halved_turning(scene: Scene) -> Simulator:
     n = scene.beam.elements
     factors = np.concatenate([np.ones(n), np.full(n, 0.5)])
     scaled = np.outer(factors, factors)[np.tril_indices(2 * n)]
-    # The kernels' constants end with the lower triangle of A, row by row.
+    # The model's constants are the lower triangle of A, row by row.
     bodies = simulator._bodies
-    bodies._constants[1][-scaled.size :] *= scaled
+    bodies._constants.fluid.terms[-scaled.size :] *= scaled
     # The work space keeps the mass, which does not depend on the shape here: clear it.
     bodies._integers[:] = 0
     simulator.reset()

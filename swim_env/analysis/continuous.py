@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from swim_env.errors import SimulationEndedError, SwimError
 from swim_env.physics.fluid.layout import motion_count
 from swim_env.physics.fluid.models import shape_force
+from swim_env.physics.runtime.references import Referenced
 from swim_env.scene import Scene
 from swim_env.sim.batch import Bodies, minimal_start
 from swim_env.sim.constants import momentum_units, scene_constants
@@ -84,6 +85,7 @@ class _Equations:
         self._beam, self._fluid, _ = scene_constants(scene)
         self._levers = _levers(self._beam.elements, self._beam.element_length)
         self._views = self.bodies.views(0)
+        self._given = Referenced(self._fluid), Referenced(self._views.fluid_work)
         self._motions = int(motion_count(self._fluid))
         self._drag_places = np.array([-1.0, 1.0]) * self._beam.element_length / np.sqrt(12.0)
 
@@ -135,7 +137,7 @@ class _Equations:
                 motion[2 * elements : 2 * elements + 2] = along[[0, -1]]
             impulse = self._views.body.mass.added[: self._motions] @ motion
             shape = np.empty(elements)
-            shape_force(motion, fluid, self._views.fluid_buffers, shape)
+            shape_force(motion, *self._given, shape)
             rates[2:] += shape - impulse[:elements] * along
             push += impulse[:elements, None] * normal
             if fluid.axial:

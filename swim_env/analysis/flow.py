@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import OptionError
-from swim_env.physics.fluid.layout import fluid_buffers, fluid_views, motion_count
+from swim_env.physics.fluid.layout import motion_count, new_fluid_work
 from swim_env.physics.fluid.models import added_mass, fluid_constants, shape_force
 from swim_env.physics.fluid.outline import CT, CX, CY, X, Y, panel_count
 from swim_env.physics.fluid.sources import (
@@ -40,6 +40,7 @@ from swim_env.physics.fluid.sources import (
 from swim_env.physics.loading import load_kernels
 from swim_env.physics.runtime.compile import entry_kernel, kernel
 from swim_env.physics.runtime.dense import dot
+from swim_env.physics.runtime.references import Referenced
 from swim_env.physics.runtime.views import LANES, padded
 from swim_env.physics.status import FINE
 from swim_env.scene import Scene, require_planar
@@ -201,10 +202,9 @@ class BodyFlow:
         self.density = fluid.density
         beam, constants, _ = scene_constants(scene)
         geometry = constants.geometry._replace(side_panels=max(1, fluid.panels_per_element // 2))
-        self._fluid = fluid_constants("panels", geometry, self.density, axial=constants.axial)
-        self._buffers = fluid_buffers(self._fluid)
-        self._work, _ = fluid_views(self._buffers, self._fluid)
-        size = padded(motion_count(self._fluid))
+        given = fluid_constants("panels", geometry, self.density, axial=constants.axial)
+        self._fluid, self._work = Referenced(given), Referenced(new_fluid_work(given))
+        size = padded(motion_count(given))
         self._mass = np.zeros((size, size))
         self._length = scene.beam.length
         self._element = beam.element_length
@@ -249,7 +249,7 @@ class BodyFlow:
             added_mass(
                 np.diff(np.asarray(angles, dtype=np.float64)),
                 self._fluid,
-                self._buffers,
+                self._work,
                 self._mass,
             )
             != FINE
@@ -257,7 +257,7 @@ class BodyFlow:
             return None
         # The shape force itself is not wanted, but the source strengths that it finds.
         motion = self._motion(angles, velocities, turning)
-        shape_force(motion, self._fluid, self._buffers, np.empty(n))
+        shape_force(motion, self._fluid, self._work, np.empty(n))
         # The outline is laid out from the first node, along the first element.
         cosine, sine = np.cos(angles[0]), np.sin(angles[0])
         turn = np.array([[cosine, -sine], [sine, cosine]])

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import OptionError
+from swim_env.physics.runtime.references import Referenced
 from swim_env.physics.spatial.loading import load_panel_kernels
 from swim_env.physics.spatial.panels.influence import KEPT, NORMAL, POINT_ROWS, influence
-from swim_env.physics.spatial.panels.mass import MOTIONS, panel_buffers, panel_mass, panel_views
+from swim_env.physics.spatial.panels.mass import MOTIONS, new_panel_work, panel_mass
 from swim_env.physics.status import FINE
 from swim_env.scene.checks import whole
 from swim_env.scene.spatial.fluid import SPATIAL_FLUID_TABLE
@@ -61,9 +62,8 @@ class SpatialBodyFlow:
         load_panel_kernels()
         self.scene = scene
         self._stream = np.array(scene.stream.velocity) if scene.stream else np.zeros(3)
-        self._surface = surface_of(scene)
-        self._buffers = panel_buffers(self._surface)
-        self._work, _ = panel_views(self._buffers, self._surface)
+        surface = surface_of(scene)
+        self._surface, self._work = Referenced(surface), Referenced(new_panel_work(surface))
         size = MOTIONS * scene.beam.elements
         self._mass = np.zeros((size, size))
 
@@ -90,7 +90,7 @@ class SpatialBodyFlow:
             None if the panels have no solution for this shape. Inside of the body it means nothing.
         """
         turns = np.ascontiguousarray(directors, dtype=np.float64)
-        if panel_mass(turns, self._surface, self._buffers, self._mass) != FINE:
+        if panel_mass(turns, self._surface, self._work, self._mass) != FINE:
             return None
         in_frames = [np.einsum("kij,ki->kj", turns, moving) for moving in (velocities, spins)]
         motion = np.concatenate(in_frames, axis=1).ravel()

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from swim_env.physics.loading import load_kernels
 from swim_env.physics.runtime.compile import entry_kernel, kernel
 from swim_env.physics.solve.state import (
+    COUNTERS,
     POSITIVE_WORK,
     RECORD_NAMES,
     STEPS,
     WORK,
     state_size,
-    state_views,
     unexplained_share,
 )
 
@@ -282,7 +282,7 @@ def assess(
             counters[member],
             record[member],
             outcome[member],
-            state_views(q, unknowns - 2)[0].counters,
+            q[-COUNTERS:],
             coordinate,
             distance,
             sine,

@@ -12,12 +12,11 @@ from swim_env.gradients.objectives import Slopes, Stretch
 from swim_env.gradients.tape import Tape
 from swim_env.physics.gradients.loading import load_spatial_gradients
 from swim_env.physics.gradients.spatial_sweep import (
+    new_spatial_sweep,
     pull_back_spatial,
     push_forward_spatial,
-    spatial_sweep_sizes,
 )
 from swim_env.physics.spatial.invariants import directors_of
-from swim_env.physics.spatial.layout import state_views
 from swim_env.scene import Scene
 
 Array = NDArray[np.float64]
@@ -36,14 +35,10 @@ class SpatialTape(Tape):
                 "take frozen or strip"
             )
 
-    def _sizes(self) -> tuple[int, int, int]:
+    def _new_sweep(self) -> Any:
         load_spatial_gradients()
         self._options = ()
-        return spatial_sweep_sizes(self.scene.beam.elements)
-
-    def _history(self) -> Array:
-        history: Array = state_views(self._bodies.states[0], self.scene.beam.elements)[0].history
-        return history
+        return new_spatial_sweep(self.scene.beam.elements)
 
     def joints(self, coordinates: Array) -> Array:
         """Return the joints' rotation vectors (S + 1, N - 1, 3) of coordinates."""

@@ -12,9 +12,9 @@ from swim_env.errors import OptionError, SimulationEndedError
 from swim_env.gradients.objectives import Slopes, Stretch
 from swim_env.physics.fluid.layout import motion_count
 from swim_env.physics.gradients.loading import load_planar_gradients
-from swim_env.physics.gradients.planar_sweep import pull_back, push_forward, sweep_sizes
-from swim_env.physics.solve.constants import unpack_constants
-from swim_env.physics.solve.state import PARTS, state_views
+from swim_env.physics.gradients.planar_sweep import new_sweep, pull_back, push_forward
+from swim_env.physics.runtime.references import Referenced
+from swim_env.physics.solve.state import PARTS
 from swim_env.physics.status import TERMINATION_REASONS, describe
 from swim_env.scene import Scene
 from swim_env.sim.simulator import Simulator
@@ -92,10 +92,9 @@ class Tape:
         self.parts = 2 if scene.integrator.scheme == "composed" else 1
         #: Members whose work space the sweeps use.
         self._work: Any = type(self._bodies)(self._bodies.scene, 2)
-        self._constants: Any = self._work._constants
-        complex_count, real_count, self.parameters = self._sizes()
-        self._numbers = np.zeros(complex_count, dtype=np.complex128)
-        self._reals = np.zeros(real_count)
+        self._sweep = Referenced(self._new_sweep())
+        #: Number of parameters of the beam.
+        self.parameters = len(self._sweep.unused)
 
     @staticmethod
     def of(
@@ -119,14 +118,13 @@ class Tape:
         if scene.fluid is not None and scene.fluid.model == "centreline":
             raise OptionError(f"the fluid model centreline of {scene.name} has no gradient")
 
-    def _sizes(self) -> tuple[int, int, int]:
-        """Load the kernels; return what a sweep works with, and the number of parameters."""
+    def _new_sweep(self) -> Any:
+        """Load the kernels; return what a sweep works with."""
         load_planar_gradients()
         scene = self._bodies.scene
-        _, fluid, _ = unpack_constants(*self._constants)
         model = scene.fluid.model if scene.fluid is not None else ""
         self._options: tuple[float, ...] = (_BENDS.get(model, _BEND),)
-        return sweep_sizes(scene.beam.elements, motion_count(fluid))
+        return new_sweep(scene.beam.elements, motion_count(self._work._constants.fluid))
 
     def move_to(self, coordinates: Array, momenta: Array) -> None:
         """Go to a state without a past, at time zero."""
@@ -178,7 +176,7 @@ class Tape:
 
     def _history(self) -> Array:
         """Return the last increments, the latest first."""
-        history: Array = state_views(self._bodies.states[0], self.scene.beam.elements)[0].history
+        history: Array = self._bodies.views(0).state.history
         return history
 
     def joints(self, coordinates: Array) -> Array:
@@ -273,9 +271,7 @@ class Tape:
             record.increments,
             np.ascontiguousarray(record.stretch.torques),
             *self._options,
-            *self._constants,
-            *(self._work.states, self._work._floats, self._work._integers),
-            *(self._numbers, self._reals),
+            *(self._work._constants.words, self._work._places, self._sweep.words),
         )
 
     _pull_back: Any = staticmethod(pull_back)

@@ -6,51 +6,46 @@ import functools
 
 import numpy as np
 
-from swim_env.physics.fluid.models import MODELS, SAMPLE, added_mass, linked_kernels, shape_force
+from swim_env.physics.fluid.models import MODELS, added_mass, linked_kernels, shape_force
 from swim_env.physics.fluid.sources import influence, normal_influence
-from swim_env.physics.planar.chain import BeamConstants, centres, centres_of_trajectory
+from swim_env.physics.planar.chain import centres, centres_of_trajectory
 from swim_env.physics.planar.equations import evaluate_step
 from swim_env.physics.planar.matrix import adjoint_jacobian, step_jacobian
 from swim_env.physics.runtime.loading import KernelGroup, Loads, entry, linked
 from swim_env.physics.solve.advance import advance, energy_and_velocity, momentum_of_velocity
-from swim_env.physics.solve.constants import SolverConstants, pack_constants
+from swim_env.physics.solve.constants import SAMPLE_SCENE
 from swim_env.physics.solve.newton import newton_in_passes, newton_with_shortening
 from swim_env.physics.solve.prepare import prepare
-from swim_env.physics.solve.state import member_views, state_size, work_sizes
+from swim_env.physics.solve.state import new_member
 
 
 def _kernels() -> tuple[Loads, Loads]:
-    elements = 2
-    beam = BeamConstants(elements, 0.5, 0.1, 1e-3, np.ones(1), np.zeros(1))
-    fluid, solver = SAMPLE, SolverConstants(0.01, 1e-10)
-    constants = pack_constants(beam, fluid, solver)
-    sizes = work_sizes(beam, fluid)
-    states, numbers = np.zeros((1, state_size(elements))), np.zeros(1, dtype=np.int64)
-    floats, integers = np.zeros((1, sizes[0])), np.zeros((1, sizes[1]), dtype=np.int64)
-    m, _ = member_views(states[0], beam, fluid, floats[0], integers[0])
+    beam, fluid, solver = SAMPLE_SCENE
+    m = new_member(fluid)
+    words, words_of_each = np.zeros(1, dtype=np.int64), np.zeros((1, 1), dtype=np.int64)
     row, rows, steps = np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1, 1))
     whole, scene = (beam, fluid, solver), (beam, fluid, m.body)
     mass = m.body.mass.added
 
-    of_a_state = (row, row, *constants, row, numbers)
+    of_a_state = (row, words, words)
     first = [
-        linked(evaluate_step, row, row, row, 0.01, True, True, *scene, m.fluid_buffers),
-        linked(step_jacobian, 0.01, 0.0, *scene, m.fluid_buffers, m.newton),
+        linked(evaluate_step, row, row, row, 0.01, True, True, *scene, m.fluid_work),
+        linked(step_jacobian, 0.01, 0.0, *scene, m.fluid_work, m.newton),
         linked(adjoint_jacobian, 0.01, *scene, m.newton),
         entry(
             advance,
-            *(numbers, rows, steps, 1, *constants, rows, integers),
-            *(steps, steps, rows, integers),
+            *(words, words_of_each, steps, 1, words),
+            *(steps, steps, rows, words_of_each),
         ),
         entry(energy_and_velocity, *of_a_state),
         entry(momentum_of_velocity, *of_a_state),
     ]
     second = [
-        linked(prepare, m.state, *whole, m.body, m.fluid_buffers, m.newton, m.step.effort),
+        linked(prepare, m.state, *whole, m.body, m.fluid_work, m.newton, m.step.effort),
         linked(newton_in_passes, m, row, 0.01, True, *whole, True),
         linked(newton_with_shortening, m, row, 0.01, True, *whole),
-        linked(added_mass, row, fluid, m.fluid_buffers, mass),
-        linked(shape_force, row, fluid, m.fluid_buffers, row),
+        linked(added_mass, row, fluid, m.fluid_work, mass),
+        linked(shape_force, row, fluid, m.fluid_work, row),
         *(one.load for model in MODELS for one in linked_kernels(model)),
         entry(centres, row, 0.5, rows),
         entry(centres_of_trajectory, rows, 0.5, steps),

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import SimulationEndedError
-from swim_env.physics.fluid.layout import FluidWork, fluid_views
+from swim_env.physics.fluid.layout import FluidWork
 from swim_env.physics.loading import load_kernels
+from swim_env.physics.runtime.references import Referenced, words_of
 from swim_env.physics.runtime.threads import share
 from swim_env.physics.solve.advance import advance, energy_and_velocity, momentum_of_velocity
-from swim_env.physics.solve.constants import pack_constants, unpack_constants
+from swim_env.physics.solve.constants import Constants
 from swim_env.physics.solve.state import (
     RECORD_NAMES,
     Member,
@@ -83,9 +84,8 @@ class Bodies:
         self.coordinates_size = self.unknowns = scene.beam.elements + 2
         self.trace_columns = trace_columns(scene)
         self.joint_shape: tuple[int, ...] = (scene.joints,)
-        self._constants: Any = pack_constants(beam, fluid, solver)
-        sizes = work_sizes(beam, fluid)
-        self._allocate(scene, count, state_size(scene.beam.elements), sizes)
+        self._constants: Any = Referenced(Constants(beam, fluid, solver))
+        self._allocate(scene, count, state_size(scene.beam.elements), work_sizes(fluid))
 
     def _allocate(self, scene: Scene, count: int, state: int, work: tuple[int, int]) -> None:
         self.scene = scene
@@ -98,6 +98,18 @@ class Bodies:
         self._steps_column = steps_column(state)
         self.recorder = Recorder(self) if scene.recording is not None else None
         self._no_trace = np.zeros((count, 0, self.trace_columns))
+        self._find_places()
+
+    def _find_places(self) -> None:
+        """Note the words of every member, which are those of its arrays' places in memory."""
+        self._places = np.array([words_of(self.views(i)) for i in range(len(self.states))])
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_places"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._find_places()
 
     @property
     def coordinates(self) -> Array:
@@ -125,11 +137,16 @@ class Bodies:
         Nothing changes but the member's work space. A SimulationEndedError says that the pose
         cannot be simulated.
         """
-        state = self._state_at(coordinates)
+        before = self.states[member].copy()
         given = self.member(member)
-        _, status = self._energy_and_velocity(state, np.empty(self.unknowns), *given)
-        if not status and not np.isfinite(self._momentum_of_velocity(state, velocity, *given)):
-            status = STATE_NOT_FINITE
+        try:
+            self.states[member] = self._state_at(coordinates)
+            _, status = self._energy_and_velocity(np.empty(self.unknowns), *given)
+            if not status and not np.isfinite(self._momentum_of_velocity(velocity, *given)):
+                status = STATE_NOT_FINITE
+            state: Array = self.states[member].copy()
+        finally:
+            self.states[member] = before
         if status:
             raise ended(TERMINATION_REASONS[status], 0.0)
         return state
@@ -167,26 +184,23 @@ class Bodies:
         state it may raise a SimulationEndedError, which names a time (s).
         """
         velocity = np.zeros(self.unknowns)
-        given = self.member(member)
-        energy, status = self._energy_and_velocity(self.states[member], velocity, *given)
+        energy, status = self._energy_and_velocity(velocity, *self.member(member))
         if status:
             raise ended(TERMINATION_REASONS[status], time)
         return energy, velocity
 
     def member(self, index: int) -> tuple[Any, ...]:
-        """Return what kernels take of one member: the scene's constants and its work space."""
-        return (*self._constants, self._floats[index], self._integers[index])
+        """Return the words that kernels take of one member: the scene's constants and its own."""
+        return self._constants.words, self._places[index]
 
     def views(self, index: int) -> Member:
         """Return the names of one member's state and work space, views of both."""
-        scalars, vectors, floats, integers = self.member(index)
-        beam, fluid, _ = unpack_constants(scalars, vectors)
-        return member_views(self.states[index], beam, fluid, floats, integers)[0]
+        numbers = (self.states[index], self._constants.fluid, self._floats[index])
+        return member_views(*numbers, self._integers[index])[0]
 
     def fluid_work(self, index: int) -> FluidWork:
         """Return the names of what the fluid model left behind for one member's shape."""
-        _, fluid, _ = unpack_constants(*self._constants)
-        return fluid_views(self.views(index).fluid_buffers, fluid)[0]
+        return self.views(index).fluid_work
 
     def trajectory(
         self, reason: str, first: int, energy: float, trace: Array, torques: Array, record: Array
@@ -221,12 +235,10 @@ class Bodies:
         def run(some: Indices) -> None:
             self._advance(
                 some,
-                self.states,
+                self._places,
                 torques,
                 hold,
-                *self._constants,
-                self._floats,
-                self._integers,
+                self._constants.words,
                 traced,
                 record,
                 self.velocities,

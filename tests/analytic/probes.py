@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 from swim_env import Simulator
 from swim_env.physics.fluid import models
 from swim_env.physics.fluid.layout import (
-    FluidBuffers,
     FluidConstants,
-    fluid_buffers,
-    fluid_views,
+    FluidWork,
     motion_count,
+    new_fluid_work,
 )
 from swim_env.physics.fluid.models import added_mass, shape_force
 from swim_env.physics.fluid.outline import LATERAL, LENGTH, ROTARY, FluidGeometry
@@ -28,9 +27,10 @@ from swim_env.physics.planar.matrix import (
 )
 from swim_env.physics.runtime.compile import entry_kernel
 from swim_env.physics.runtime.dense import copy
-from swim_env.physics.solve.constants import SolverConstants
+from swim_env.physics.runtime.references import Referenced
+from swim_env.physics.solve.constants import Constants, SolverConstants
 from swim_env.physics.solve.prepare import prepare
-from swim_env.physics.solve.state import member_views, state_size, work_sizes
+from swim_env.physics.solve.state import Member, new_member
 from swim_env.sim.batch import Bodies
 from tests.support import Array
 
@@ -50,13 +50,12 @@ def _fluid_probe(
     joint_angles: Array,
     motion: Array,
     fluid: FluidConstants,
-    buffers: FluidBuffers,
+    work: FluidWork,
     out: FluidProbe,
 ) -> int:
-    work, _ = fluid_views(buffers, fluid)
-    status = added_mass(joint_angles, fluid, buffers, out.mass)
+    status = added_mass(joint_angles, fluid, work, out.mass)
     if status == 0:
-        shape_force(motion, fluid, buffers, out.gradient)
+        shape_force(motion, fluid, work, out.gradient)
         for a in range(out.raw.shape[0]):
             for b in range(out.raw.shape[0]):
                 out.raw[a, b] = -fluid.density * work.product[a, b]
@@ -86,16 +85,12 @@ def _step_probe(
     h: float,
     difference: float,
     ends: Array,
-    beam: BeamConstants,
-    fluid: FluidConstants,
-    solver: SolverConstants,
-    state: Array,
-    floats: Array,
-    integers: Integers,
+    scene: Constants,
+    m: Member,
     out: StepProbe,
 ) -> int:
-    m, _ = member_views(state, beam, fluid, floats, integers)
-    body, work, newton = m.body, m.fluid_buffers, m.newton
+    beam, fluid, solver = scene.beam, scene.fluid, scene.solver
+    body, work, newton = m.body, m.fluid_work, m.newton
     copy(q, m.state.q)
     copy(p, m.state.p)
     copy(q[3:], m.state.inertia)
@@ -148,9 +143,8 @@ def probe_fluid(
         motion = np.zeros(count)
     gradient = np.zeros(fluid.geometry.elements)
     out = FluidProbe(np.zeros((count, count)), np.zeros((count, count)), gradient)
-    status = _fluid_probe(
-        np.asarray(joint_angles, dtype=float), motion, fluid, fluid_buffers(fluid), out
-    )
+    given = Referenced(fluid), Referenced(new_fluid_work(fluid))
+    status = _fluid_probe(np.asarray(joint_angles, dtype=float), motion, *given, out)
     assert status == 0, f"no added mass, status {status}, for joints {joint_angles}"
     return out
 
@@ -171,10 +165,9 @@ class PanelProbe(NamedTuple):
 
 def probe_panels(joint_angles: Array, fluid: FluidConstants) -> PanelProbe:
     elements = fluid.geometry.elements
-    buffers = fluid_buffers(fluid)
-    work, _ = fluid_views(buffers, fluid)
+    work = new_fluid_work(fluid)
     mass = np.zeros((2 * elements, 2 * elements))
-    assert added_mass(joint_angles, fluid, buffers, mass) == 0
+    assert added_mass(joint_angles, Referenced(fluid), Referenced(work), mass) == 0
     panels, element = work.outline.panels, work.outline.element
     lengths = panels[LENGTH]
     normal = np.empty((lengths.size, lengths.size))
@@ -200,14 +193,12 @@ def probe_step(
     """Evaluate a step from q by z as a run does, or the adjoint of a step."""
     load_kernels()
     n = beam.elements + 2
-    floats, integers = work_sizes(beam, fluid)
     square = np.zeros((3, n, n))
     out = StepProbe(np.zeros(n), np.zeros(n), *square)
-    state = np.zeros(state_size(beam.elements))
-    work = (state, np.zeros(floats), np.zeros(integers, dtype=np.int64))
-    scene = (beam, fluid, SolverConstants(h, 1e-10))
+    scene = Referenced(Constants(beam, fluid, SolverConstants(h, 1e-10)))
+    member = Referenced(new_member(fluid))
     ends = q[3:] + z[3:] if adjoint else np.zeros(0)
-    status = _step_probe(q, p, torques, z, h, difference, ends, *scene, *work, out)
+    status = _step_probe(q, p, torques, z, h, difference, ends, scene, member, out)
     assert status == 0, f"the step cannot be evaluated, status {status}"
     return out
 

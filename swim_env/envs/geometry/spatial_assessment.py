@@ -26,8 +26,8 @@ from swim_env.envs.assessment import (
 )
 from swim_env.physics.runtime.compile import entry_kernel, kernel
 from swim_env.physics.runtime.dense import copy
-from swim_env.physics.solve.state import RECORD_NAMES
-from swim_env.physics.spatial.layout import state_size, state_views
+from swim_env.physics.solve.state import COUNTERS, RECORD_NAMES
+from swim_env.physics.spatial.layout import state_size
 from swim_env.physics.spatial.loading import load_spatial_kernels
 from swim_env.physics.spatial.rotations import quaternion_product, vector_of_quaternion
 
@@ -242,7 +242,7 @@ def assess_in_space(
             seen[at + 9] = observed(distance / length)
         copy(q, kept)
 
-        budget = state_views(state, elements)[0].counters
+        budget = state[-COUNTERS:]
         figure = figures[member]
         figure["x"], figure["y"], figure["z"] = q[0], q[1], q[2]
         effort = 0.0

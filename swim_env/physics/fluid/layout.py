@@ -67,6 +67,12 @@ class FluidConstants(NamedTuple):
     stream_y: float = 0.0
 
 
+#: Constants of the types that all have.
+SAMPLE = FluidConstants(
+    0, FluidGeometry(2, 0.5, 0.01, 1, 1), 1.0, True, True, 1, 1, False, np.zeros(0), 0.0, 0.0, 0.0
+)
+
+
 @shared
 def motion_count(fluid: FluidConstants) -> int:
     """Return the number K of unit motions: 2 N, and 2 more with the axial effect."""
@@ -156,13 +162,11 @@ class FluidWork(NamedTuple):
     permutation: Integers
 
 
-@shared
-def fluid_views(buffers: FluidBuffers, fluid: FluidConstants) -> tuple[FluidWork, int]:
+def fluid_views(floats: Array, integers: Integers, fluid: FluidConstants) -> tuple[FluidWork, int]:
     """Lay out a `FluidWork`; returns it and how many float64 numbers it takes.
 
     The buffers are zero at first: what pads them is never written.
     """
-    floats, integers = buffers
     m = padded(fluid.panels)
     n = fluid.geometry.elements
     k = padded(motion_count(fluid))
@@ -200,24 +204,13 @@ def fluid_views(buffers: FluidBuffers, fluid: FluidConstants) -> tuple[FluidWork
     return work, end
 
 
-class FluidBuffers(NamedTuple):
-    """The numbers of a `FluidWork`, of which the fluid models alone know what they are.
-
-    They pass through the step equations unseen: every array in a kernel's arguments takes time to
-    compile.
-    """
-
-    floats: Array
-    integers: Integers
-
-
 def fluid_work_sizes(fluid: FluidConstants) -> tuple[int, int]:
     """Return how many float64 and int64 numbers of work space the fluid takes."""
-    floats = int(fluid_views(FluidBuffers(MEASURE, MEASURE), fluid)[1])
+    floats = int(fluid_views(MEASURE, MEASURE, fluid)[1])
     return floats, 2 * int(padded(fluid.panels))
 
 
-def fluid_buffers(fluid: FluidConstants) -> FluidBuffers:
+def new_fluid_work(fluid: FluidConstants) -> FluidWork:
     """Return new work space."""
     floats, integers = fluid_work_sizes(fluid)
-    return FluidBuffers(np.zeros(floats), np.zeros(integers, dtype=np.int64))
+    return fluid_views(np.zeros(floats), np.zeros(integers, dtype=np.int64), fluid)[0]

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.layout import FluidConstants, FluidWork, fluid_buffers, fluid_views
+from swim_env.physics.fluid.layout import SAMPLE, FluidConstants, FluidWork, new_fluid_work
 from swim_env.physics.fluid.model import Model
 from swim_env.physics.fluid.outline import FluidGeometry
 from swim_env.physics.runtime.compile import entry_kernel, kernel
@@ -40,7 +40,7 @@ FLUID_MODELS: dict[str, int] = {name: code for code, name in enumerate(MODELS)}
 def linked_kernels(name: str) -> list[Linked]:
     """Return the kernels of a model that are called at an address."""
     model = MODELS[name]
-    work, _ = fluid_views(fluid_buffers(SAMPLE), SAMPLE)
+    work = new_fluid_work(SAMPLE)
     out = np.zeros((2, 2))
     found = []
     for one, last in ((model.added_mass, out), (model.shape_force, out[0])):
@@ -78,12 +78,6 @@ def fluid_constants(
     )
 
 
-#: Constants of the types that all have.
-SAMPLE = FluidConstants(
-    0, FluidGeometry(2, 0.5, 0.01, 1, 1), 1.0, True, True, 1, 1, False, np.zeros(0), 0.0, 0.0, 0.0
-)
-
-
 @kernel
 def _no_added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out: Array) -> int:
     # Names are looked up in the table, so no scene comes here.
@@ -101,10 +95,7 @@ def _by_model(name: str, unknown: Any, returned: str) -> Any:
     Numba knows functions one by one and not in tables, so the comparisons are written out here: one
     level of them, as nested functions would be optimised once per level.
     """
-    lines = [
-        f"def {name}(given, fluid, buffers, out):",
-        "    work, _ = fluid_views(buffers, fluid)",
-    ]
+    lines = [f"def {name}(given, fluid, work, out):"]
     for model, code in FLUID_MODELS.items():
         lines += [
             f"    if fluid.model == {code}:",
@@ -112,7 +103,7 @@ def _by_model(name: str, unknown: Any, returned: str) -> Any:
         ]
     lines += ["    return unknown(given, fluid, work, out)"]
     names = {model: getattr(entry, name) for model, entry in MODELS.items()}
-    names |= {"unknown": unknown, "fluid_views": fluid_views, "__name__": __name__}
+    names |= {"unknown": unknown, "__name__": __name__}
     # Under the name of this file, so that numba keeps the compiled code.
     exec(compile("\n".join(lines), __file__, "exec"), names)
     names[name].__annotations__["return"] = returned
@@ -128,7 +119,7 @@ joint_angles : (N - 1,) array
     theta_{k+1} - theta_k (rad).
 fluid : FluidConstants
     Model and sizes.
-buffers : FluidBuffers
+work : FluidWork
     Overwritten; `shape_force` reads them.
 out : (K, K) array, or padded
     Overwritten: the symmetric added mass A (kg/m, kg, kg m per metre of depth for v-v, v-w
@@ -149,7 +140,7 @@ motion : (K,) array, or padded
     Unit-motion velocities V (or increments).
 fluid : FluidConstants
     Model and sizes.
-buffers : FluidBuffers
+work : FluidWork
     As `added_mass` left them for this shape.
 out : (N,) array
     Overwritten: the derivative, in units of V^T A V.

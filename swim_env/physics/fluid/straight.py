@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import SwimError
-from swim_env.physics.fluid.layout import fluid_buffers, motion_count
+from swim_env.physics.fluid.layout import motion_count, new_fluid_work
 from swim_env.physics.fluid.outline import FluidGeometry
+from swim_env.physics.runtime.references import Referenced
 from swim_env.physics.runtime.views import padded
 from swim_env.physics.status import FINE, TERMINATION_REASONS, describe
 
@@ -22,9 +23,9 @@ class NearlyStraight:
         from swim_env.physics.fluid import models
 
         self._added_mass = models.added_mass
-        self._fluid = models.fluid_constants("panels", geometry, density)
-        self._buffers = fluid_buffers(self._fluid)
-        self._size = int(motion_count(self._fluid))
+        fluid = models.fluid_constants("panels", geometry, density)
+        self._fluid, self._work = Referenced(fluid), Referenced(new_fluid_work(fluid))
+        self._size = int(motion_count(fluid))
 
     def added_mass(self, joint_angles: Array) -> Array:
         """Return A (2 N, 2 N) of a shape with these joint angles (rad).
@@ -35,7 +36,7 @@ class NearlyStraight:
             If panels give none.
         """
         out = np.zeros((padded(self._size), padded(self._size)))
-        status = self._added_mass(joint_angles, self._fluid, self._buffers, out)
+        status = self._added_mass(joint_angles, self._fluid, self._work, out)
         if status != FINE:
             raise SwimError(
                 f"panels give no added mass of the body with joint angles up to "

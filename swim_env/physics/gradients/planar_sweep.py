@@ -27,20 +27,20 @@ from swim_env.physics.fluid.models import shape_force
 from swim_env.physics.gradients.planar_variation import (
     JOINTS,
     Variation,
+    new_variation,
     parameter_count,
-    variation_views,
     vary,
 )
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.equations import evaluate_step, set_pose
 from swim_env.physics.planar.matrix import step_jacobian
-from swim_env.physics.runtime.compile import entry_kernel, kernel, shared
+from swim_env.physics.runtime.compile import entry_kernel, kernel
 from swim_env.physics.runtime.dense import copy, lu_factor, lu_solve
 from swim_env.physics.runtime.linking import linked_kernel
-from swim_env.physics.runtime.views import MEASURE, matrix, vector
-from swim_env.physics.solve.constants import SolverConstants, unpack_constants
+from swim_env.physics.runtime.references import reader
+from swim_env.physics.solve.constants import SolverConstants, constants_at
 from swim_env.physics.solve.prepare import find_added_mass
-from swim_env.physics.solve.state import Member, member_views
+from swim_env.physics.solve.state import Member, member_at
 from swim_env.physics.status import FINE, STEP_NOT_SOLVED
 
 Array = NDArray[np.float64]
@@ -69,6 +69,8 @@ class Sweep(NamedTuple):
         The solution, and derivatives along its correction.
     no_changes, unused : (P,) arrays
         No change of parameters, and derivatives that nobody asked for.
+    variation : Variation
+        That of `vary`.
     """
 
     matrix: Array
@@ -85,30 +87,22 @@ class Sweep(NamedTuple):
     late_last: Array
     no_changes: Array
     unused: Array
+    variation: Variation
 
 
-@shared
-def sweep_views(
-    numbers: Complex, floats: Array, elements: int, motions: int
-) -> tuple[Sweep, Variation, int, int]:
-    """Lay out the work space; returns it and how many complex and real numbers it takes."""
-    n = elements + 2
-    v, complex_end, end = variation_views(numbers, floats, elements, motions)
-    square, end = matrix(floats, end, n, n)
-    u, end = matrix(floats, end, 11, n)
-    no_changes, end = vector(floats, end, JOINTS + 2 * (elements - 1))
-    unused, end = vector(floats, end, JOINTS + 2 * (elements - 1))
-    sweep = Sweep(
-        *(square, u[0], u[1], u[2], u[3], u[4], u[5], u[6], u[7], u[8], u[9], u[10]),
-        *(no_changes, unused),
+def new_sweep(elements: int, motions: int) -> Sweep:
+    """Return the work space of a sweep over the steps of a body with so many motions."""
+    n, parameters = elements + 2, parameter_count(elements)
+    u = np.zeros((11, n))
+    return Sweep(
+        *(np.zeros((n, n)), *u),
+        *(np.zeros(parameters), np.zeros(parameters)),
+        new_variation(elements, motions),
     )
-    return sweep, v, complex_end, end
 
 
-def sweep_sizes(elements: int, motions: int) -> tuple[int, int, int]:
-    """Return how many complex and real numbers a sweep works with, and how many parameters."""
-    measure: Any = MEASURE
-    return (*sweep_views(measure, measure, elements, motions)[2:], parameter_count(elements))
+#: Returns the sweep whose words a kernel is given.
+sweep_at = reader(new_sweep(2, 4))
 
 
 @linked_kernel
@@ -129,14 +123,12 @@ def begin_half(
     newton, inc = m.newton, m.body.inc
     set_pose(sweep.pose, beam, m.body.pose)
     status = find_added_mass(
-        sweep.pose[3:], fluid, solver, m.fluid_buffers, m.body.mass, m.step.effort
+        sweep.pose[3:], fluid, solver, m.fluid_work, m.body.mass, m.step.effort
     )
     if status != FINE:
         return int(status)
-    evaluate_step(
-        sweep.zero, torques, sweep.z, h, False, False, beam, fluid, m.body, m.fluid_buffers
-    )
-    step_jacobian(h, 0.0, beam, fluid, m.body, m.fluid_buffers, newton)
+    evaluate_step(sweep.zero, torques, sweep.z, h, False, False, beam, fluid, m.body, m.fluid_work)
+    step_jacobian(h, 0.0, beam, fluid, m.body, m.fluid_work, newton)
     jacobian = newton.jacobian
     n = beam.elements + 2
     for i in range(n):
@@ -154,7 +146,7 @@ def begin_half(
             row = newton.motions[column]
             for i in range(newton.moved.size):
                 newton.moved[i] = inc.motion[i] + size * row[i]
-            shape_force(newton.moved, fluid, m.fluid_buffers, newton.shape)
+            shape_force(newton.moved, fluid, m.fluid_work, newton.shape)
             for k in range(beam.elements):
                 change = newton.shape[k] - m.body.balance.shape[k]
                 jacobian[2 + k, column] -= change / (size * h)
@@ -210,13 +202,9 @@ def pull_back(
     z: Array,
     torques: Array,
     bend: float,
-    scalars: NDArray[np.void],
-    vectors: Array,
-    states: Array,
-    floats: Array,
-    integers: Integers,
-    numbers: Complex,
-    reals: Array,
+    constants: Integers,
+    places: Integers,
+    place: Integers,
     by_q: Array,
     by_p: Array,
     adjoint: Array,
@@ -238,12 +226,12 @@ def pull_back(
         Joint torques (N m).
     bend : float
         As in `vary`.
-    scalars, vectors : (1,), (V,) arrays
-        The scene, from `swim_env.physics.solve.constants.pack_constants`.
-    states, floats, integers : (2, S), (2, F), (2, I) arrays
-        Work space of two members.
-    numbers, reals : arrays
-        Work space of `sweep_sizes`.
+    constants : (C,) array
+        The words of the scene's `swim_env.physics.solve.constants.Constants`.
+    places : (2, W) array
+        Those of two members, of which only the work space is used.
+    place : (S,) array
+        Those of a `Sweep`.
     by_q, by_p : (T + 1, N + 2) arrays
         The objective's own derivatives by coordinates and momenta at every time but the end's.
     adjoint : (2, N + 2) array
@@ -258,10 +246,9 @@ def pull_back(
     status, step : int, int
         0 or a reason's code, and the step where it stopped.
     """
-    beam, fluid, solver = unpack_constants(scalars, vectors)
-    m, _ = member_views(states[0], beam, fluid, floats[0], integers[0])
-    beside, _ = member_views(states[1], beam, fluid, floats[1], integers[1])
-    sweep, v, _, _ = sweep_views(numbers, reals, beam.elements, motion_count(fluid))
+    scene, sweep = constants_at(constants), sweep_at(place)
+    beam, fluid, solver = scene.beam, scene.fluid, scene.solver
+    m, beside, v = member_at(places[0]), member_at(places[1]), sweep.variation
     n = beam.elements + 2
     parts = z.shape[1]
     h = solver.time_step / parts
@@ -355,13 +342,9 @@ def push_forward(
     z: Array,
     torques: Array,
     bend: float,
-    scalars: NDArray[np.void],
-    vectors: Array,
-    states: Array,
-    floats: Array,
-    integers: Integers,
-    numbers: Complex,
-    reals: Array,
+    constants: Integers,
+    places: Integers,
+    place: Integers,
     changes: Array,
     torque_changes: Array,
     tangents: Array,
@@ -384,10 +367,9 @@ def push_forward(
     status, step : int, int
         0 or a reason's code, and the step where it stopped.
     """
-    beam, fluid, solver = unpack_constants(scalars, vectors)
-    m, _ = member_views(states[0], beam, fluid, floats[0], integers[0])
-    beside, _ = member_views(states[1], beam, fluid, floats[1], integers[1])
-    sweep, v, _, _ = sweep_views(numbers, reals, beam.elements, motion_count(fluid))
+    scene, sweep = constants_at(constants), sweep_at(place)
+    beam, fluid, solver = scene.beam, scene.fluid, scene.solver
+    m, beside, v = member_at(places[0]), member_at(places[1]), sweep.variation
     n = beam.elements + 2
     parts = z.shape[1]
     h = solver.time_step / parts

@@ -27,10 +27,10 @@ from swim_env.physics.fluid.models import added_mass, shape_force
 from swim_env.physics.fluid.outline import AXIAL, LATERAL, ROTARY
 from swim_env.physics.planar.chain import BeamConstants, sum_from_centres, sum_to_centres
 from swim_env.physics.planar.layout import Increment, Pose
-from swim_env.physics.runtime.compile import kernel, shared
+from swim_env.physics.runtime.compile import kernel
 from swim_env.physics.runtime.dense import mat_vec
 from swim_env.physics.runtime.linking import linked_kernel
-from swim_env.physics.runtime.views import matrix, padded, vector
+from swim_env.physics.runtime.views import padded
 from swim_env.physics.solve.state import Member
 from swim_env.physics.status import FINE
 
@@ -93,25 +93,15 @@ class Variation(NamedTuple):
     parameters: Array
 
 
-@shared
-def variation_views(
-    numbers: Complex, floats: Array, elements: int, motions: int
-) -> tuple[Variation, int, int]:
-    """Lay out a `Variation`; returns it and how many complex and real numbers it takes."""
-    c, end = matrix(numbers, 0, 13, elements)
-    impulse, complex_end = vector(numbers, end, motions + 1)
-    rows, end = matrix(floats, 0, 3, padded(motions + 1))
-    forces, end = matrix(floats, end, 5, elements + 2)
-    changes, end = vector(floats, end, JOINTS + 2 * (elements - 1))
-    parameters, end = vector(floats, end, JOINTS + 2 * (elements - 1))
-    return (
-        Variation(
-            *(c[0:2], c[2:4], c[4:6], c[6:8], c[8:10], c[10:12], impulse, c[12]),
-            *(rows[0], rows[1], rows[2], forces[:2], forces[2][: elements - 1]),
-            *(forces[3], forces[4], changes, parameters),
-        ),
-        complex_end,
-        end,
+def new_variation(elements: int, motions: int) -> Variation:
+    """Return the work space of `vary` for a body with so many motions."""
+    pairs = np.zeros((6, 2, elements), np.complex128)
+    rows = np.zeros((3, padded(motions + 1)))
+    return Variation(
+        *(*pairs, np.zeros(motions + 1, np.complex128), np.zeros(elements, np.complex128)),
+        *(*rows, np.zeros((2, elements + 2)), np.zeros(elements - 1)),
+        *(np.zeros(elements + 2), np.zeros(elements + 2)),
+        *(np.zeros(parameter_count(elements)), np.zeros(parameter_count(elements))),
     )
 
 
@@ -180,7 +170,7 @@ def _vary_fluid(
                 factor = size if side == 0 else -size
                 for i in range(motions):
                     v.moved[i] = inc.motion[i] + factor * moving[i]
-                shape_force(v.moved, fluid, m.fluid_buffers, v.forces[side])
+                shape_force(v.moved, fluid, m.fluid_work, v.forces[side])
             for k in range(elements):
                 change = 0.5 * (v.forces[0, k] - v.forces[1, k]) / size
                 v.shape[k] += complex(0.0, change)
@@ -193,11 +183,11 @@ def _vary_fluid(
                 factor = step if side == 0 else -step
                 for j in range(elements - 1):
                     v.angles[j] = q[3 + j] + factor * (u_a[3 + j] - u_a[2 + j])
-                status = added_mass(v.angles, fluid, beside.fluid_buffers, beside.body.mass.added)
+                status = added_mass(v.angles, fluid, beside.fluid_work, beside.body.mass.added)
                 if status != FINE:
                     return int(status)
                 mat_vec(beside.body.mass.added[:motions], inc.motion[:columns], v.product)
-                shape_force(inc.motion, fluid, beside.fluid_buffers, v.forces[0])
+                shape_force(inc.motion, fluid, beside.fluid_work, v.forces[0])
                 half = 0.5 / factor
                 for i in range(motions):
                     v.impulse[i] += complex(0.0, half * v.product[i] / h)

@@ -9,18 +9,18 @@ from numpy.typing import NDArray
 
 from swim_env.physics.gradients.spatial_variation import (
     SpatialVariation,
+    new_spatial_variation,
     spatial_parameter_count,
-    spatial_variation_views,
     vary_spatial,
 )
-from swim_env.physics.runtime.compile import entry_kernel, kernel, shared
+from swim_env.physics.runtime.compile import entry_kernel, kernel
 from swim_env.physics.runtime.dense import copy, lu_factor, lu_solve
 from swim_env.physics.runtime.linking import linked_kernel
-from swim_env.physics.runtime.views import MEASURE, matrix
+from swim_env.physics.runtime.references import reader
 from swim_env.physics.spatial.chain import set_pose
-from swim_env.physics.spatial.constants import SpatialConstants, unpack_constants
+from swim_env.physics.spatial.constants import SpatialConstants, spatial_constants_at
 from swim_env.physics.spatial.equations import evaluate_spatial_step
-from swim_env.physics.spatial.layout import Member, member_views
+from swim_env.physics.spatial.layout import Member, spatial_member_at
 from swim_env.physics.spatial.matrix import spatial_jacobian, turn_added_mass
 from swim_env.physics.spatial.prepare import find_added_mass
 from swim_env.physics.status import FINE, STEP_NOT_SOLVED
@@ -46,6 +46,8 @@ class SpatialSweep(NamedTuple):
         asked for.
     no_changes, unused : (P,) arrays
         The same of parameters.
+    variation : SpatialVariation
+        That of `vary_spatial`.
     """
 
     matrix: Array
@@ -61,32 +63,21 @@ class SpatialSweep(NamedTuple):
     unused_torques: Array
     no_changes: Array
     unused: Array
+    variation: SpatialVariation
 
 
-@shared
-def spatial_sweep_views(
-    numbers: Complex, floats: Array, elements: int
-) -> tuple[SpatialSweep, SpatialVariation, int, int]:
-    """Lay out the work space; returns it and how many complex and real numbers it takes."""
-    n, joints = 3 * elements + 3, elements - 1
-    v, complex_end, end = spatial_variation_views(numbers, floats, elements)
-    square, end = matrix(floats, end, n, n)
-    u, end = matrix(floats, end, 7, n)
-    torques, end = matrix(floats, end, 3 * joints, 3)
-    changes, end = matrix(floats, end, 2, 3 * elements + 1 + 9 * joints)
-    sweep = SpatialSweep(
-        *(square, u[0], u[1], u[2], u[3], u[4], u[5], u[6]),
-        *(torques[:joints], torques[joints : 2 * joints], torques[2 * joints :]),
-        *(changes[0], changes[1]),
+def new_spatial_sweep(elements: int) -> SpatialSweep:
+    """Return the work space of a sweep over the steps of a body."""
+    n, parameters = 3 * elements + 3, spatial_parameter_count(elements)
+    return SpatialSweep(
+        *(np.zeros((n, n)), *np.zeros((7, n)), *np.zeros((3, elements - 1, 3))),
+        *(np.zeros(parameters), np.zeros(parameters)),
+        new_spatial_variation(elements),
     )
-    return sweep, v, complex_end, end
 
 
-def spatial_sweep_sizes(elements: int) -> tuple[int, int, int]:
-    """Return how many complex and real numbers a sweep works with, and how many parameters."""
-    measure: Any = MEASURE
-    sizes = spatial_sweep_views(measure, measure, elements)[2:]
-    return (*sizes, spatial_parameter_count(elements))
+#: Returns the sweep whose words a kernel is given.
+spatial_sweep_at = reader(new_spatial_sweep(2))
 
 
 @linked_kernel
@@ -104,10 +95,9 @@ def begin_spatial_half(
 
     `z` (3 N + 3,) is the half's increment. Returns 0 or a reason's code.
     """
-    beam, fluid, _, _ = scene
-    _, body, newton, _, panels = m
+    beam, fluid, body, newton = scene.beam, scene.fluid, m.body, m.newton
     set_pose(q, body.pose)
-    status = find_added_mass(body.pose.directors, scene, panels, body.mass)
+    status = find_added_mass(body.pose.directors, scene, m.panels, body.mass)
     if status != FINE:
         return int(status)
     if fluid.present:
@@ -144,14 +134,9 @@ def pull_back_spatial(
     q: Array,
     z: Array,
     torques: Array,
-    scalars: NDArray[np.void],
-    vectors: Array,
-    indices: Integers,
-    states: Array,
-    floats: Array,
-    integers: Integers,
-    numbers: Complex,
-    reals: Array,
+    constants: Integers,
+    places: Integers,
+    place: Integers,
     by_q: Array,
     by_p: Array,
     adjoint: Array,
@@ -172,11 +157,12 @@ def pull_back_spatial(
         Increments of its H parts.
     torques : (T, N - 1, 3) array
         Joint torques (N m).
+    places : (2, W) array
+        The words of two members, of which only the first one's work space is used.
     """
-    scene = unpack_constants(scalars, vectors, indices)
-    beam, fluid, solver, _ = scene
-    m, _ = member_views(states[0], beam.elements, floats[0], integers[0])
-    sweep, v, _, _ = spatial_sweep_views(numbers, reals, beam.elements)
+    scene, sweep = spatial_constants_at(constants), spatial_sweep_at(place)
+    beam, fluid, solver = scene.beam, scene.fluid, scene.solver
+    m, v = spatial_member_at(places[0]), sweep.variation
     parts = z.shape[1]
     h = solver.time_step / parts
     sweep.zero[:] = 0.0
@@ -229,14 +215,9 @@ def push_forward_spatial(
     q: Array,
     z: Array,
     torques: Array,
-    scalars: NDArray[np.void],
-    vectors: Array,
-    indices: Integers,
-    states: Array,
-    floats: Array,
-    integers: Integers,
-    numbers: Complex,
-    reals: Array,
+    constants: Integers,
+    places: Integers,
+    place: Integers,
     changes: Array,
     torque_changes: Array,
     tangents: Array,
@@ -246,10 +227,9 @@ def push_forward_spatial(
     Parameters are those of `pull_back_spatial` and of `planar_sweep.push_forward`, with torques
     (T, N - 1, 3) and tangents (T + 1, 2, 3 N + 3).
     """
-    scene = unpack_constants(scalars, vectors, indices)
-    beam, fluid, solver, _ = scene
-    m, _ = member_views(states[0], beam.elements, floats[0], integers[0])
-    sweep, v, _, _ = spatial_sweep_views(numbers, reals, beam.elements)
+    scene, sweep = spatial_constants_at(constants), spatial_sweep_at(place)
+    beam, fluid, solver = scene.beam, scene.fluid, scene.solver
+    m, v = spatial_member_at(places[0]), sweep.variation
     parts = z.shape[1]
     h = solver.time_step / parts
     sweep.zero[:] = 0.0

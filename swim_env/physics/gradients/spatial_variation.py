@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.physics.gradients.planar_variation import SMALL
-from swim_env.physics.runtime.compile import embedded, kernel, shared
+from swim_env.physics.runtime.compile import embedded, kernel
 from swim_env.physics.runtime.linking import linked_kernel
-from swim_env.physics.runtime.views import matrix, padded, vector
+from swim_env.physics.runtime.views import padded
 from swim_env.physics.spatial.chain import SpatialBeam, sum_from_centres, sum_to_centres
 from swim_env.physics.spatial.equations import apply_added_mass
 from swim_env.physics.spatial.layout import Body, SpatialFluid
@@ -101,32 +101,17 @@ class SpatialVariation(NamedTuple):
     parameters: Array
 
 
-@shared
-def spatial_variation_views(
-    numbers: Complex, floats: Array, elements: int
-) -> tuple[SpatialVariation, int, int]:
-    """Lay out a `SpatialVariation`; returns it and how many complex and real numbers it takes."""
+def new_spatial_variation(elements: int) -> SpatialVariation:
+    """Return the work space of `vary_spatial` for a body."""
+    squares = np.zeros((2 * elements + 7, 3, 3), np.complex128)
     n, joints = 3 * elements + 3, elements - 1
-    parameters = 3 * elements + 1 + 9 * joints
-    squares, end = vector(numbers, 0, 9 * (2 * elements + 7))
-    squares = squares.reshape((2 * elements + 7, 3, 3))
-    c, end = matrix(numbers, end, 4 * elements + 1, 3)
-    impulse, complex_end = vector(numbers, end, 6 * elements)
-    motions, end = matrix(floats, 0, 2, padded(6 * elements))
-    u, end = matrix(floats, end, 2, n)
-    slopes, end = vector(floats, end, 6 * joints)
-    vectors, end = matrix(floats, end, 2, 3)
-    rows, end = matrix(floats, end, 2, parameters)
-    e = elements
-    return (
-        SpatialVariation(
-            *(squares[:e], squares[e : 2 * e], squares[2 * e :]),
-            *(c[:e], c[e : 2 * e], c[2 * e : 3 * e], c[3 * e : 4 * e], c[4 * e], impulse),
-            *(motions[0], motions[1], u[0], u[1], slopes.reshape((2, joints, 3)), vectors),
-            *(rows[0], rows[1]),
-        ),
-        complex_end,
-        end,
+    parameters = spatial_parameter_count(elements)
+    return SpatialVariation(
+        *(squares[:elements], squares[elements : 2 * elements], squares[2 * elements :]),
+        *np.zeros((4, elements, 3), np.complex128),
+        *(np.zeros(3, np.complex128), np.zeros(6 * elements, np.complex128)),
+        *(*np.zeros((2, padded(6 * elements))), np.zeros(n), np.zeros(n)),
+        *(np.zeros((2, joints, 3)), np.zeros((2, 3)), np.zeros(parameters), np.zeros(parameters)),
     )
 
 
@@ -266,7 +251,7 @@ def _vary_joints(
     late: Complex,
 ) -> None:
     """Add the derivatives of what acts at the joints, at `a` and at `b`."""
-    pose, inc, _, _ = body
+    pose, inc = body.pose, body.inc
     elements = beam.elements
     first, joints = 3 * elements + 1, elements - 1
     theta, force = v.blocks[5], v.blocks[6]
@@ -326,7 +311,7 @@ def _vary_motion(
     z: Array, h: float, beam: SpatialBeam, fluid: SpatialFluid, body: Body, v: SpatialVariation
 ) -> None:
     """Write shifts and the fluid's impulse with their derivatives."""
-    pose, inc, _, mass = body
+    pose, inc, mass = body.pose, body.inc, body.mass
     elements = beam.elements
     _turn_frames(pose.directors, v.u_a, v.here)
     _turn_frames(inc.directors, v.u_b, v.there)

@@ -33,8 +33,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.physics.fluid.layout import (
-    FluidBuffers,
     FluidConstants,
+    FluidWork,
     motion_count,
     padded_motions,
     unit_motion,
@@ -61,6 +61,7 @@ from swim_env.physics.runtime.compile import inlined, kernel, row_kernel
 from swim_env.physics.runtime.dense import mat_vec_transposed
 from swim_env.physics.runtime.elementary import SMALL_ANGLE, cos_small, sin_small
 from swim_env.physics.runtime.linking import linked_kernel
+from swim_env.physics.runtime.references import by_value
 
 Array = NDArray[np.float64]
 
@@ -157,13 +158,13 @@ def _move(z: Array, beam: BeamConstants, pose: Pose, inc: Increment, change: Arr
             inc.mean_sine[k - 1] = 0.5 * z[2 + k]
             small = small and abs(z[2 + k]) <= 2.0 * SMALL_ANGLE
     if small:
-        _turn_little(pose, inc)
+        _turn_little(by_value(pose), by_value(inc))
     else:
         _turn_far(pose, inc)
     if beam.linear_strain:
         linearise_mean_joints(z, pose, inc)
     _turn_directors(
-        pose,
+        by_value(pose),
         inc.half_sine,
         inc.half_cosine,
         inc.turn_sine,
@@ -219,7 +220,7 @@ def evaluate_step(
     beam: BeamConstants,
     fluid: FluidConstants,
     body: Body,
-    fluid_buffers: FluidBuffers,
+    fluid_work: FluidWork,
 ) -> float:
     """Evaluate the residual of p_n + D1 L_d(q_n, q_{n+1}) + h F/2 = 0, or of the adjoint map.
 
@@ -243,7 +244,7 @@ def evaluate_step(
         The scene.
     body : Body
         With the pose q_n and the added mass. Increment, balance and drag are overwritten.
-    fluid_buffers : FluidBuffers
+    fluid_work : FluidWork
         As `added_mass` left them for that.
 
     Returns
@@ -251,7 +252,7 @@ def evaluate_step(
     float
         max_i |r_i|/s_i with s_i = max(smallest scale, |p_i|, impulses); not finite where z is not.
     """
-    pose, inc, balance, drag, mass = body
+    pose, inc, balance, drag, mass = body.pose, body.inc, body.balance, body.drag, body.mass
     normal, early = pose.d1, balance.pose_forces
     if adjoint:
         normal, early = inc.new_d1, balance.no_forces
@@ -259,7 +260,7 @@ def evaluate_step(
     if fluid.present:
         _move_fluid(1.0 / h, normal, mass.added, fluid, inc)
         if not held:
-            shape_force(inc.motion, fluid, fluid_buffers, balance.shape)
+            shape_force(inc.motion, fluid, fluid_work, balance.shape)
         _pose_forces(1.0 / h, normal, fluid, inc, balance)
     return _balance(p, torques, z, h, normal, early, beam, fluid, pose, inc, balance, drag)
 
@@ -383,7 +384,7 @@ def _balance(
     sum_from_centres(b.momentum, total_x, total_y, dl, b.lever)
     rows = b.joints[:, 1:elements]
     joint_terms(
-        *(h, torques, z, beam, inc),
+        *(h, torques, z, by_value(beam), by_value(inc)),
         *(rows[FRONT], rows[BACK], rows[BOTH], rows[BENDING], rows[TORQUE], rows[EFFORT]),
     )
     b.residual[0] = p[0] - total_x
@@ -395,7 +396,8 @@ def _balance(
         b.size[i] = size + abs(p[i])
     inertia_rate = beam.element_inertia / h
     _turning_balance(
-        inertia_rate, beam.smallest_spin, dl * size, p, rotary, early, pose, inc, balance
+        *(inertia_rate, beam.smallest_spin, dl * size, p, rotary, early),
+        *(by_value(pose), by_value(inc), by_value(balance)),
     )
     if fluid.drag > 0.0:
         add_drag(z, h, beam, fluid.drag, pose, inc, b, drag)

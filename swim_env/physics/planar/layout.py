@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.runtime.compile import shared
 from swim_env.physics.runtime.views import matrix, padded
 
 Array = NDArray[np.float64]
@@ -178,7 +177,6 @@ class Body(NamedTuple):
     mass: Mass
 
 
-@shared
 def body_views(
     buffer: Array, start: int, known: Integers, elements: int, motions: int
 ) -> tuple[Body, int]:
@@ -262,7 +260,6 @@ class Newton(NamedTuple):
     permutation: Integers
 
 
-@shared
 def newton_views(
     buffer: Array, start: int, permutation: Integers, elements: int, motions: int
 ) -> tuple[Newton, int]:

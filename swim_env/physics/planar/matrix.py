@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.physics.fluid.layout import (
-    FluidBuffers,
     FluidConstants,
+    FluidWork,
     motion_count,
     padded_motions,
     unit_motion,
@@ -82,7 +82,7 @@ def _shape_columns(
     inverse_h: float,
     difference: float,
     fluid: FluidConstants,
-    fluid_buffers: FluidBuffers,
+    fluid_work: FluidWork,
     inc: Increment,
     shape: Array,
     newton: Newton,
@@ -95,7 +95,7 @@ def _shape_columns(
     for column in range(newton.transposed.shape[0]):
         for i in range(newton.moved.size):
             newton.moved[i] = inc.motion[i] + difference * newton.motions[column, i]
-        shape_force(newton.moved, fluid, fluid_buffers, newton.shape)
+        shape_force(newton.moved, fluid, fluid_work, newton.shape)
         for k in range(shape.size):
             change = newton.shape[k] - shape[k]
             newton.transposed[column, 2 + k] -= inverse_h * change / difference
@@ -117,7 +117,7 @@ def _inertia_columns(
     `early` is whether the forces of its pose act at the beginning of the step. Callers write it as
     bool(1) or bool(0): a literal is a type of its own, and all of this would be compiled for each.
     """
-    pose, inc, balance, _, mass = body
+    pose, inc, balance, mass = body.pose, body.inc, body.balance, body.mass
     pushes = balance.sums
     elements = beam.elements
     dl = beam.element_length
@@ -194,7 +194,7 @@ def mass_matrix(beam: BeamConstants, fluid: FluidConstants, body: Body, newton: 
     It is the inertial Jacobian at a vanishing increment. `set_pose` was called for q_n, and
     `mass.added` is A(q_n).
     """
-    pose, inc, _, _, mass = body
+    pose, inc, mass = body.pose, body.inc, body.mass
     inc.turn_sine[:] = 0.0
     inc.turn_cosine[:] = 1.0
     for i in range(2):
@@ -247,7 +247,7 @@ def step_jacobian(
     beam: BeamConstants,
     fluid: FluidConstants,
     body: Body,
-    fluid_buffers: FluidBuffers,
+    fluid_work: FluidWork,
     newton: Newton,
 ) -> None:
     """Write minus the derivative of the residual with respect to z to `newton.jacobian`.
@@ -256,10 +256,10 @@ def step_jacobian(
     where `shape_difference`, the difference quotient for its derivative, is 0: that costs N + 2
     evaluations of it, as much as the rest of the step.
     """
-    pose, inc, balance, _, _ = body
+    pose, inc, balance = body.pose, body.inc, body.balance
     _inertia_columns(h, pose.d1, bool(1), beam, fluid, body, newton)
     if fluid.present and shape_difference > 0.0:
-        _shape_columns(1.0 / h, shape_difference, fluid, fluid_buffers, inc, balance.shape, newton)
+        _shape_columns(1.0 / h, shape_difference, fluid, fluid_work, inc, balance.shape, newton)
     _finish_jacobian(h, beam, fluid, body, newton)
 
 
@@ -281,7 +281,7 @@ def _finish_jacobian(
     h: float, beam: BeamConstants, fluid: FluidConstants, body: Body, newton: Newton
 ) -> None:
     """Add drag and elasticity to the derivatives in `transposed`, and write the matrix."""
-    pose, inc, balance, drag, _ = body
+    pose, inc, balance, drag = body.pose, body.inc, body.balance, body.drag
     if fluid.drag > 0.0:
         _add_drag_columns(beam, pose, inc, drag, balance.sums, newton.transposed)
     add_turn_columns(h, beam, inc, newton.transposed)

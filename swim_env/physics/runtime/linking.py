@@ -16,6 +16,7 @@ from numba.core import types
 from numba.extending import lower_builtin, type_callable
 
 from swim_env.physics.runtime.compile import kernel
+from swim_env.physics.runtime.references import type_of
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -46,8 +47,8 @@ class Linked:
         self._returned = _numba_type(function.__annotations__["return"])
 
     def declare(self, *arguments: object) -> None:
-        """Say that it is called with arguments like these."""
-        self.signature = tuple(map(numba.typeof, arguments))
+        """Say that it is called with arguments like these, named tuples by reference."""
+        self.signature = tuple(map(type_of, arguments))
 
     def load(self) -> None:
         """Compile it as declared, or take it from the cache, and let others call it."""

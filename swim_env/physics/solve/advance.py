@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from swim_env.physics.runtime.compile import entry_kernel
 from swim_env.physics.runtime.dense import cholesky_product, copy
 from swim_env.physics.solve.budget import begin_budget
-from swim_env.physics.solve.constants import unpack_constants
+from swim_env.physics.solve.constants import constants_at
 from swim_env.physics.solve.forces import write_forces
 from swim_env.physics.solve.outer_step import outer_step
 from swim_env.physics.solve.prepare import energy_of_pose, prepare
-from swim_env.physics.solve.state import member_views, unexplained_share
+from swim_env.physics.solve.state import member_at, unexplained_share
 from swim_env.physics.status import ENERGY_UNEXPLAINED, FINE, STATE_NOT_FINITE
 
 Array = NDArray[np.float64]
@@ -22,13 +22,10 @@ Integers = NDArray[np.int64]
 @entry_kernel
 def advance(
     members: Integers,
-    states: Array,
+    places: Integers,
     torques: Array,
     hold: int,
-    scalars: NDArray[np.void],
-    vectors: Array,
-    floats: Array,
-    integers: Integers,
+    constants: Integers,
     trace: Array,
     record: Array,
     velocities: Array,
@@ -43,17 +40,16 @@ def advance(
     ----------
     members : (K,) array
         The members to advance, rows of all arrays that begin with M.
-    states : (M, S) array
-        Their states, see `swim_env.physics.solve.state`; changed in place. At an early end a state
-        is the last one that was reached, at the beginning of the step that failed.
+    places : (M, W) array
+        The words of every `swim_env.physics.solve.state.Member`. Their states are changed in place.
+        At an early end a state is the last one that was reached, at the beginning of the step that
+        failed.
     torques : (M, R, N - 1) array
         Joint torques (N m).
     hold : int
         Number of steps over which each row of torques is held.
-    scalars, vectors : (1,), (V,) arrays
-        The scene, from `swim_env.physics.solve.constants.pack_constants`.
-    floats, integers : (M, F), (M, I) arrays
-        Work space of `swim_env.physics.solve.state.work_sizes`.
+    constants : (C,) array
+        The words of the scene's `swim_env.physics.solve.constants.Constants`.
     trace : (M, T, 2 (N + 2)) array
         Overwritten: coordinates and momenta after each of the first T steps; T may be 0. Where the
         solver finds internal forces, 2 (N - 1) further columns: x and y of the force (N) with which
@@ -67,9 +63,10 @@ def advance(
     outcome : (M, 2) array
         Overwritten: steps taken and 0, or the code of the reason for an early end.
     """
-    beam, fluid, solver = unpack_constants(scalars, vectors)
+    scene = constants_at(constants)
+    beam, fluid, solver = scene.beam, scene.fluid, scene.solver
     for member in members:
-        m, _ = member_views(states[member], beam, fluid, floats[member], integers[member])
+        m = member_at(places[member])
         q = m.state.q
         p = m.state.p
         steps = torques.shape[1] * hold
@@ -91,7 +88,7 @@ def advance(
         outcome[member, 0] = taken
         outcome[member, 1] = status
         # A state that is handed out has been prepared before, so this does not fail.
-        prepare(m.state, beam, fluid, solver, m.body, m.fluid_buffers, m.newton, m.step.effort)
+        prepare(m.state, beam, fluid, solver, m.body, m.fluid_work, m.newton, m.step.effort)
         copy(m.body.mass.velocity, velocities[member])
         velocities[member, 0] += fluid.stream_x
         velocities[member, 1] += fluid.stream_y
@@ -99,34 +96,29 @@ def advance(
 
 @entry_kernel
 def energy_and_velocity(
-    state: Array,
     velocity: Array,
-    scalars: NDArray[np.void],
-    vectors: Array,
-    floats: Array,
-    integers: Integers,
+    constants: Integers,
+    place: Integers,
 ) -> tuple[float, int]:
     """Find a member's energy, and its velocity M^-1 p.
 
     Parameters
     ----------
-    state : (S,) array
-        The member's state.
     velocity : (N + 2,) array
         Overwritten: velocity of the mean centre (m/s) and turning rate of every element (rad/s).
-    scalars, vectors
+    constants
         As in `advance`.
-    floats, integers : (F,), (I,) arrays
-        The member's work space.
+    place : (W,) array
+        The words of the member.
 
     Returns
     -------
     energy, status : float, int
         H = p M^-1 p/2 + W (J) and 0, or NaN and the code of the reason why there is none.
     """
-    beam, fluid, solver = unpack_constants(scalars, vectors)
-    m, _ = member_views(state, beam, fluid, floats, integers)
-    status = prepare(m.state, beam, fluid, solver, m.body, m.fluid_buffers, m.newton, m.step.effort)
+    scene, m = constants_at(constants), member_at(place)
+    beam, fluid, solver = scene.beam, scene.fluid, scene.solver
+    status = prepare(m.state, beam, fluid, solver, m.body, m.fluid_work, m.newton, m.step.effort)
     if status != FINE:
         return np.nan, status
     copy(m.body.mass.velocity, velocity)
@@ -138,12 +130,9 @@ def energy_and_velocity(
 
 @entry_kernel
 def momentum_of_velocity(
-    state: Array,
     velocity: Array,
-    scalars: NDArray[np.void],
-    vectors: Array,
-    floats: Array,
-    integers: Integers,
+    constants: Integers,
+    place: Integers,
 ) -> float:
     """Start a member by momentum: write p_0 = dL/dq'(q_0, v_0) = M v_0 to its state.
 
@@ -155,8 +144,8 @@ def momentum_of_velocity(
     float
         The energy of the start, H = p M^-1 p/2 + W (J).
     """
-    beam, fluid, _ = unpack_constants(scalars, vectors)
-    m, _ = member_views(state, beam, fluid, floats, integers)
+    scene, m = constants_at(constants), member_at(place)
+    beam, fluid = scene.beam, scene.fluid
     copy(velocity, m.body.mass.velocity)
     m.body.mass.velocity[0] -= fluid.stream_x
     m.body.mass.velocity[1] -= fluid.stream_y

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.fluid.layout import FluidBuffers, FluidConstants
+from swim_env.physics.fluid.layout import FluidConstants, FluidWork
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.equations import (
     evaluate_step,
@@ -108,7 +108,7 @@ def _evaluate(
     fluid: FluidConstants,
     solver: SolverConstants,
     body: Body,
-    fluid_buffers: FluidBuffers,
+    fluid_work: FluidWork,
     step: OuterStep,
 ) -> float:
     """Evaluate the residual at an increment z with all that depends on z; infinite where none is.
@@ -122,12 +122,12 @@ def _evaluate(
         shape = mass.trial_shape[: torques.size]
         for j in range(torques.size):
             shape[j] = q[3 + j] + z[3 + j]
-        status = find_added_mass(shape, fluid, solver, fluid_buffers, mass, step.effort)
+        status = find_added_mass(shape, fluid, solver, fluid_work, mass, step.effort)
         step.tally[SHAPE_FAILURE] = status
         if status != FINE:
             return np.inf
     # The residual of the adjoint has no shape force.
-    return evaluate_step(p, torques, z, h, adjoint, adjoint, beam, fluid, body, fluid_buffers)
+    return evaluate_step(p, torques, z, h, adjoint, adjoint, beam, fluid, body, fluid_work)
 
 
 @kernel
@@ -193,7 +193,7 @@ def _correct_once_more(
     beam: BeamConstants,
     fluid: FluidConstants,
     body: Body,
-    fluid_buffers: FluidBuffers,
+    fluid_work: FluidWork,
     newton: Newton,
 ) -> None:
     """Correct the increment after its residual was met, with the shape force that belongs to it.
@@ -208,11 +208,11 @@ def _correct_once_more(
         learnt = _correct(balance.residual, beam.element_length, number > 0, learnt, newton)
         for i in range(z.size):
             z[i] += newton.correction[i]
-        norm = evaluate_step(p, torques, z, h, False, True, beam, fluid, body, fluid_buffers)
+        norm = evaluate_step(p, torques, z, h, False, True, beam, fluid, body, fluid_work)
         if norm <= met:
             return
     copy(newton.trial, z)
-    evaluate_step(p, torques, z, h, False, True, beam, fluid, body, fluid_buffers)
+    evaluate_step(p, torques, z, h, False, True, beam, fluid, body, fluid_work)
 
 
 @linked_kernel
@@ -256,18 +256,16 @@ def newton_in_passes(
         the residual's norm; where what is held was not evaluated once more, with an estimate of
         what that would add. `newton.lag` is the next `state.lag` of an adjoint.
     """
-    state, body, fluid_buffers, newton, step, _ = m
+    state, body, fluid_work, newton, step = m.state, m.body, m.fluid_work, m.newton, m.step
     q, p = state.q, state.p
     balance = body.balance
     z = newton.increment
     if not adjoint:
         step.tally[LEARNT] = -1
     if guessed:
-        norm = evaluate_step(p, torques, z, h, adjoint, True, beam, fluid, body, fluid_buffers)
+        norm = evaluate_step(p, torques, z, h, adjoint, True, beam, fluid, body, fluid_work)
     else:
-        norm = _evaluate(
-            q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_buffers, step
-        )
+        norm = _evaluate(q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_work, step)
         copy(z, newton.whole)
     if not norm < np.inf:
         return False, norm
@@ -286,7 +284,7 @@ def newton_in_passes(
             if adjoint:
                 adjoint_jacobian(h, beam, fluid, body, newton)
             else:
-                step_jacobian(h, 0.0, beam, fluid, body, fluid_buffers, newton)
+                step_jacobian(h, 0.0, beam, fluid, body, fluid_work, newton)
         if not lu_factor(newton.jacobian, newton.permutation):
             return False, norm
     # The first pass works with a guess of what is held and need not go far; where nothing is held,
@@ -307,7 +305,7 @@ def newton_in_passes(
             size = new_size
             for i in range(z.size):
                 z[i] += newton.correction[i]
-            norm = evaluate_step(p, torques, z, h, adjoint, True, beam, fluid, body, fluid_buffers)
+            norm = evaluate_step(p, torques, z, h, adjoint, True, beam, fluid, body, fluid_work)
             step.tally[CORRECTIONS] += 1
             if norm <= enough:
                 break
@@ -325,7 +323,7 @@ def newton_in_passes(
                 norm += _CHANGE_WITH_SHAPE * moved
         if held and not accepted:
             norm = _evaluate(
-                q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_buffers, step
+                q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_work, step
             )
             if not norm < np.inf:
                 return False, norm
@@ -334,7 +332,7 @@ def newton_in_passes(
             accepted = norm <= solver.tolerance
             if accepted and not adjoint:
                 _correct_once_more(
-                    norm, learnt, p, torques, h, beam, fluid, body, fluid_buffers, newton
+                    norm, learnt, p, torques, h, beam, fluid, body, fluid_work, newton
                 )
         elif not held:
             accepted = norm <= solver.tolerance
@@ -372,13 +370,13 @@ def newton_with_shortening(
         Whether it was met, the residual's norm, and whether rounding kept it from falling to the
         tolerance.
     """
-    state, body, fluid_buffers, newton, step, _ = m
+    state, body, fluid_work, newton, step = m.state, m.body, m.fluid_work, m.newton, m.step
     q, p = state.q, state.p
     balance = body.balance
     z = newton.increment
     trial = newton.trial
     effort = step.effort
-    norm = _evaluate(q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_buffers, step)
+    norm = _evaluate(q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_work, step)
     if not norm < np.inf:
         return False, norm, False
     if norm <= solver.tolerance:
@@ -399,7 +397,7 @@ def newton_with_shortening(
             if adjoint:
                 adjoint_jacobian(h, beam, fluid, body, newton)
             else:
-                step_jacobian(h, difference, beam, fluid, body, fluid_buffers, newton)
+                step_jacobian(h, difference, beam, fluid, body, fluid_work, newton)
             if not lu_factor(newton.jacobian, newton.permutation):
                 return False, norm, False
             copy(balance.residual, newton.correction)
@@ -417,7 +415,7 @@ def newton_with_shortening(
                 trial[i] = z[i] + length * newton.correction[i]
             if not turns_beyond(trial, TRUSTED_TURN):
                 norm = _evaluate(
-                    q, p, torques, trial, h, adjoint, beam, fluid, solver, body, fluid_buffers, step
+                    q, p, torques, trial, h, adjoint, beam, fluid, solver, body, fluid_work, step
                 )
                 step.tally[CORRECTIONS] += 1
                 if norm <= solver.tolerance:
@@ -454,7 +452,5 @@ def newton_with_shortening(
             return False, norm, False
         difference = SHAPE_DIFFERENCE
         renew = True
-        norm = _evaluate(
-            q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_buffers, step
-        )
+        norm = _evaluate(q, p, torques, z, h, adjoint, beam, fluid, solver, body, fluid_work, step)
     return False, norm, False

@@ -84,7 +84,7 @@ def _solve_part(
     status, norm, at_round_off : int, float, bool
         0 or a reason's code, and as `newton`.
     """
-    state, body, _, newton, step, _ = m
+    state, body, newton, step = m.state, m.body, m.newton, m.step
     increment = newton.increment
     velocity = body.mass.velocity
     step.tally[SHAPE_FAILURE] = FINE
@@ -215,7 +215,7 @@ def _keep_losses(
     second: bool, increment: Array, beam: BeamConstants, body: Body, drag: float, losses: Array
 ) -> None:
     """Note the impulses of damping and drag in a half of a composed part, as in `losses`."""
-    pose, inc, _, work, mass = body
+    pose, inc, work, mass = body.pose, body.inc, body.drag, body.mass
     if not second:
         losses[:2] = 0.0
         copy(mass.velocity, losses[2])
@@ -268,8 +268,11 @@ def outer_step(
     record: Array,
 ) -> int:
     """Advance one outer step; on failure coordinates and momentum are what they were before."""
-    state, body, fluid_buffers, newton, step, forces = m
-    pose, inc, balance, drag, mass = body
+    state, body, fluid_work, newton, step, forces = (
+        *(m.state, m.body, m.fluid_work, m.newton),
+        *(m.step, m.forces),
+    )
+    pose, inc, balance, drag, mass = body.pose, body.inc, body.balance, body.drag, body.mass
     counters = state.counters
     increment = newton.increment
     # A step that had to be cut is followed by one that starts with parts twice as long.
@@ -297,7 +300,7 @@ def outer_step(
         if not second:
             # A pose without mass is not handed out: the run ends at the one before. The next step
             # finds the mass of a good one ready.
-            status = prepare(state, beam, fluid, solver, body, fluid_buffers, newton, step.effort)
+            status = prepare(state, beam, fluid, solver, body, fluid_work, newton, step.effort)
             if status == FINE and pending > 0.0:
                 record[DISSIPATED] += _loss_of_halves(pending, step, mass.velocity)
                 pending = 0.0
@@ -332,7 +335,7 @@ def outer_step(
             # The change of the momentum needs the shape force at the end.
             step.effort[0] += solver.evaluation_cost
             evaluate_step(
-                state.p, torques, increment, h, True, False, beam, fluid, body, fluid_buffers
+                state.p, torques, increment, h, True, False, beam, fluid, body, fluid_work
             )
         if solver.composed:
             _keep_losses(second, increment, beam, body, fluid.drag, step.losses)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.physics.fluid.contact import touches_itself
-from swim_env.physics.fluid.layout import FluidBuffers, FluidConstants
+from swim_env.physics.fluid.layout import FluidConstants, FluidWork
 from swim_env.physics.fluid.models import added_mass
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.elastic import with_elastic_energy
@@ -34,7 +34,7 @@ def find_added_mass(
     joint_angles: Array,
     fluid: FluidConstants,
     solver: SolverConstants,
-    fluid_buffers: FluidBuffers,
+    fluid_work: FluidWork,
     mass: Mass,
     effort: Array,
 ) -> int:
@@ -49,7 +49,7 @@ def find_added_mass(
         return FINE
     mass.known[ADDED] = 0
     effort[0] += solver.added_mass_cost
-    status: int = added_mass(joint_angles, fluid, fluid_buffers, mass.added)
+    status: int = added_mass(joint_angles, fluid, fluid_work, mass.added)
     if status == FINE:
         mass.known[ADDED] = 1
         for j in range(joint_angles.size):
@@ -64,7 +64,7 @@ def prepare(
     fluid: FluidConstants,
     solver: SolverConstants,
     body: Body,
-    fluid_buffers: FluidBuffers,
+    fluid_work: FluidWork,
     newton: Newton,
     effort: Array,
 ) -> int:
@@ -77,7 +77,7 @@ def prepare(
     for i in range(q.size):
         if not (np.isfinite(q[i]) and np.isfinite(p[i])):
             return STATE_NOT_FINITE
-    pose, _, balance, _, mass = body
+    pose, balance, mass = body.pose, body.balance, body.mass
     known = mass.known[TOTAL] == 1
     for i in range(2, q.size):
         known = known and mass.pose[i] == q[i]
@@ -98,7 +98,7 @@ def prepare(
             dl = beam.element_length
             if touches_itself(beam.elements, pose.d3, radius, dl, balance.sums):
                 return SELF_CONTACT
-        status = find_added_mass(inertia, fluid, solver, fluid_buffers, mass, effort)
+        status = find_added_mass(inertia, fluid, solver, fluid_work, mass, effort)
         if status != FINE:
             return status
         effort[0] += solver.matrix_cost

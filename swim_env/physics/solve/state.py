@@ -12,14 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.physics.fluid.layout import (
-    FluidBuffers,
+    SAMPLE,
     FluidConstants,
+    FluidWork,
+    fluid_views,
     fluid_work_sizes,
     motion_count,
 )
-from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.layout import Body, Newton, body_views, newton_views
 from swim_env.physics.runtime.compile import shared
+from swim_env.physics.runtime.references import reader
 from swim_env.physics.runtime.views import MEASURE, matrix, padded, vector
 
 Array = NDArray[np.float64]
@@ -86,7 +88,6 @@ class State(NamedTuple):
     counters: Array
 
 
-@shared
 def state_views(buffer: Array, elements: int) -> tuple[State, int]:
     """Lay a `State` over a vector; returns it and the vector's length."""
     rows, end = matrix(buffer, 0, 12, elements + 2)
@@ -191,25 +192,21 @@ class ForceWork(NamedTuple):
 
 
 class Member(NamedTuple):
-    """One member: its state and its work space."""
+    """One member: its state and its work space, which kernels read by reference."""
 
     state: State
     body: Body
-    fluid_buffers: FluidBuffers
+    fluid_work: FluidWork
     newton: Newton
     step: OuterStep
     forces: ForceWork
 
 
-@shared
 def member_views(
-    state: Array, beam: BeamConstants, fluid: FluidConstants, floats: Array, integers: Integers
+    state: Array, fluid: FluidConstants, floats: Array, integers: Integers
 ) -> tuple[Member, int]:
-    """Lay a `Member` over its state and work space; returns it and the end of the named part.
-
-    The fluid's buffers begin behind.
-    """
-    elements = beam.elements
+    """Lay a `Member` over its state and work space; returns it and how many floats it takes."""
+    elements = fluid.geometry.elements
     motions = motion_count(fluid)
     n = elements + 2
     end = 2 + TALLIES
@@ -232,13 +229,25 @@ def member_views(
     sums, end = matrix(floats, end, 10, elements)
     forces = ForceWork(sums[0:2], sums[2:4], sums[4:6], sums[6:8], sums[8:10])
     # At a cache line.
-    fluid_buffers = FluidBuffers(floats[padded(end) :], panel_integers)
-    return Member(state_views(state, elements)[0], body, fluid_buffers, newton, step, forces), end
+    fluid_work, taken = fluid_views(floats[padded(end) :], panel_integers, fluid)
+    member = Member(state_views(state, elements)[0], body, fluid_work, newton, step, forces)
+    return member, padded(end) + taken
 
 
-def work_sizes(beam: BeamConstants, fluid: FluidConstants) -> tuple[int, int]:
+def work_sizes(fluid: FluidConstants) -> tuple[int, int]:
     """Return how many float64 and int64 numbers of work space a member takes."""
-    _, end = member_views(MEASURE, beam, fluid, MEASURE, MEASURE)
-    floats, integers = fluid_work_sizes(fluid)
+    _, floats = member_views(MEASURE, fluid, MEASURE, MEASURE)
+    _, integers = fluid_work_sizes(fluid)
     # A multiple of a cache line, so that rows begin at one in every member's part.
-    return int(padded(padded(end) + floats)), integers + 2 + TALLIES + beam.elements + 2
+    return int(padded(floats)), integers + 2 + TALLIES + fluid.geometry.elements + 2
+
+
+def new_member(fluid: FluidConstants) -> Member:
+    """Return a member of its own, at rest."""
+    floats, integers = work_sizes(fluid)
+    state = np.zeros(state_size(fluid.geometry.elements))
+    return member_views(state, fluid, np.zeros(floats), np.zeros(integers, dtype=np.int64))[0]
+
+
+#: Returns the member whose words a kernel is given.
+member_at = reader(new_member(SAMPLE))

@@ -9,8 +9,8 @@ from swim_env.physics.runtime.compile import entry_kernel, kernel
 from swim_env.physics.runtime.dense import cholesky_product, copy
 from swim_env.physics.solve.budget import begin_budget
 from swim_env.physics.solve.state import unexplained_share
-from swim_env.physics.spatial.constants import unpack_constants
-from swim_env.physics.spatial.layout import member_views
+from swim_env.physics.spatial.constants import spatial_constants_at
+from swim_env.physics.spatial.layout import spatial_member_at
 from swim_env.physics.spatial.prepare import energy_of_pose, prepare_spatial
 from swim_env.physics.spatial.step import spatial_step
 from swim_env.physics.status import ENERGY_UNEXPLAINED, FINE
@@ -30,14 +30,10 @@ def _add_stream(sign: float, stream: Array, velocity: Array) -> None:
 @entry_kernel
 def advance_spatial(
     members: Integers,
-    states: Array,
+    places: Integers,
     torques: Array,
     hold: int,
-    scalars: NDArray[np.void],
-    vectors: Array,
-    indices: Integers,
-    floats: Array,
-    integers: Integers,
+    constants: Integers,
     trace: Array,
     record: Array,
     velocities: Array,
@@ -51,8 +47,8 @@ def advance_spatial(
     ----------
     torques : (M, R, N - 1, 3) array
         Joint torques (N m), conjugate to the joints' rotation vectors.
-    scalars, vectors, indices : (1,), (V,), (I,) arrays
-        The scene, from `swim_env.physics.spatial.constants.pack_constants`.
+    constants : (C,) array
+        The words of the scene's `swim_env.physics.spatial.constants.SpatialConstants`.
     trace : (M, T, 7 N + 6) array
         Overwritten: coordinates and momenta after each of the first T steps; T may be 0.
     record : (M, R hold, 9) array
@@ -61,9 +57,9 @@ def advance_spatial(
         Overwritten: M^-1 p at the last state: velocity of the mean centre over ground (m/s) and
         angular velocity of every element (rad/s), in the axes of space.
     """
-    scene = unpack_constants(scalars, vectors, indices)
+    scene = spatial_constants_at(constants)
     for member in members:
-        m, _ = member_views(states[member], scene.beam.elements, floats[member], integers[member])
+        m = spatial_member_at(places[member])
         q = m.state.q
         p = m.state.p
         steps = torques.shape[1] * hold
@@ -90,13 +86,9 @@ def advance_spatial(
 
 @entry_kernel
 def spatial_energy(
-    state: Array,
     velocity: Array,
-    scalars: NDArray[np.void],
-    vectors: Array,
-    indices: Integers,
-    floats: Array,
-    integers: Integers,
+    constants: Integers,
+    place: Integers,
 ) -> tuple[float, int]:
     """Find a member's energy and its velocity M^-1 p; parameters as in `advance_spatial`.
 
@@ -105,8 +97,7 @@ def spatial_energy(
     energy, status : float, int
         H = p M^-1 p/2 + W (J) and 0, or NaN and the code of the reason why there is none.
     """
-    scene = unpack_constants(scalars, vectors, indices)
-    m, _ = member_views(state, scene.beam.elements, floats, integers)
+    scene, m = spatial_constants_at(constants), spatial_member_at(place)
     status = prepare_spatial(m, scene)
     if status != FINE:
         return np.nan, status
@@ -117,13 +108,9 @@ def spatial_energy(
 
 @entry_kernel
 def spatial_momentum(
-    state: Array,
     velocity: Array,
-    scalars: NDArray[np.void],
-    vectors: Array,
-    indices: Integers,
-    floats: Array,
-    integers: Integers,
+    constants: Integers,
+    place: Integers,
 ) -> float:
     """Start a member by momentum: write p_0 = M v_0 to its state, and begin its energy budget.
 
@@ -135,8 +122,8 @@ def spatial_momentum(
     float
         The energy of the start (J).
     """
-    beam, fluid, _, _ = unpack_constants(scalars, vectors, indices)
-    m, _ = member_views(state, beam.elements, floats, integers)
+    scene, m = spatial_constants_at(constants), spatial_member_at(place)
+    beam, fluid = scene.beam, scene.fluid
     copy(velocity, m.body.mass.velocity)
     _add_stream(-1.0, fluid.stream, m.body.mass.velocity)
     m.body.mass.momentum[:] = np.nan

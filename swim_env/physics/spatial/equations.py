@@ -65,7 +65,7 @@ Array = NDArray[np.float64]
 @embedded
 def _move(q: Array, z: Array, beam: SpatialBeam, body: Body, newton: Newton) -> None:
     """Compute how elements, joints and centres move in an increment z (3 N + 3,)."""
-    pose, inc, _, _ = body
+    pose, inc = body.pose, body.inc
     elements = beam.elements
     change = newton.tangents
     for k in range(elements):
@@ -109,7 +109,7 @@ def apply_added_mass(fluid: SpatialFluid, added: Array, motion: Array, out: Arra
 @embedded
 def _find_flow(h: float, adjoint: bool, fluid: SpatialFluid, body: Body) -> None:
     """Compute V and the fluid's impulse A V/h."""
-    pose, inc, _, mass = body
+    pose, inc, mass = body.pose, body.inc, body.mass
     frames = inc.directors if adjoint else pose.directors
     for k in range(frames.shape[0]):
         rotate_back(frames[k], inc.shift[k], inc.motion[6 * k : 6 * k + 3])
@@ -173,7 +173,7 @@ def _balance(
     p: Array, h: float, adjoint: bool, beam: SpatialBeam, fluid: SpatialFluid, body: Body
 ) -> float:
     """Sum up residual, its scale, and the change of the momentum; return the residual's norm."""
-    pose, inc, b, _ = body
+    pose, inc, b = body.pose, body.inc, body.balance
     total = 0.0
     left = part(p, 0)
     for k in range(beam.elements):

@@ -103,7 +103,7 @@ def _add_turned(factor: float, frame: Array, v: Array, out: Array) -> None:
 @embedded
 def _add_averaged_strain(j: int, h: float, beam: SpatialBeam, body: Body, newton: Newton) -> float:
     """Add -h dW/dq of a joint at both ends of the step; returns the magnitude of the terms."""
-    pose, inc, balance, _ = body
+    pose, inc, balance = body.pose, body.inc, body.balance
     blocks, q = newton.blocks, pose.joints[j]
     m, moment, local = blocks[3], blocks[4, 0], blocks[4, 2]
     _average(j, beam, body, moment, blocks)
@@ -140,7 +140,7 @@ def _held_force(
 @embedded
 def joint_impulses(torques: Array, h: float, beam: SpatialBeam, body: Body, newton: Newton) -> None:
     """Collect the impulses of strain, held torques (N - 1, 3) and damping on every element."""
-    pose, inc, balance, _ = body
+    pose, inc, balance = body.pose, body.inc, body.balance
     balance.early[:] = 0.0
     balance.late[:] = 0.0
     balance.joint_size[:] = 0.0
@@ -177,7 +177,7 @@ def _subtract_block(
 @embedded
 def _strain_columns(j: int, h: float, beam: SpatialBeam, body: Body, newton: Newton) -> None:
     """Subtract the derivatives of the averaged directors' early impulses from Newton's matrix."""
-    pose, inc, _, _ = body
+    pose, inc = body.pose, body.inc
     blocks, q = newton.blocks, pose.joints[j]
     m, change, early, block = blocks[3], blocks[5], blocks[6], blocks[7]
     moment, vector, turned = blocks[4, 0], blocks[4, 1], blocks[4, 2]
@@ -226,7 +226,7 @@ def _axial(m: Array, out: Array) -> None:
 @embedded
 def _force_columns(j: int, h: float, beam: SpatialBeam, body: Body, newton: Newton) -> None:
     """Subtract the derivatives of the early impulses of what is held from Newton's matrix."""
-    pose, inc, _, _ = body
+    pose, inc = body.pose, body.inc
     blocks = newton.blocks
     left, right, block, work = blocks[0], blocks[1], blocks[2], blocks[3]
     # On b, in its frame, J_l^-1 f; on a, in its own, -J_r^-1 f.

@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.runtime.compile import shared
+from swim_env.physics.runtime.references import reader
 from swim_env.physics.runtime.views import MEASURE, matrix, padded, vector
 from swim_env.physics.solve.state import COUNTERS
-from swim_env.physics.spatial.chain import Pose, SpatialBeam
-from swim_env.physics.spatial.panels.mass import PanelBuffers, panel_work_sizes
-from swim_env.physics.spatial.panels.surface import Surface
+from swim_env.physics.spatial.chain import Pose
+from swim_env.physics.spatial.panels.mass import PanelWork, panel_views, panel_work_sizes
+from swim_env.physics.spatial.panels.surface import Surface, no_surface
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -70,7 +70,6 @@ class State(NamedTuple):
     counters: Array
 
 
-@shared
 def state_views(buffer: Array, elements: int) -> tuple[State, int]:
     """Lay a `State` over a vector; returns it and the vector's length."""
     n = 3 * elements + 3
@@ -279,23 +278,21 @@ class Body(NamedTuple):
 
 
 class Member(NamedTuple):
-    """One member: its state and its work space."""
+    """One member: its state and its work space, which kernels read by reference."""
 
     state: State
     body: Body
     newton: Newton
     step: OuterStep
-    panels: PanelBuffers
+    panels: PanelWork
 
 
-@shared
 def _rotations(buffer: Array, start: int, count: int) -> tuple[Array, int]:
     """Return a view (count, 3, 3) of the buffer from an index on, and the index behind it."""
     end = start + 9 * count
     return buffer[start:end].reshape((count, 3, 3)), end
 
 
-@shared
 def _columns_views(buffer: Array, start: int, high: int, wide: int) -> tuple[Columns, int]:
     """Lay out `Columns` from an index on; returns them and the index behind."""
     vv, end = matrix(buffer, start, high, high)
@@ -311,14 +308,11 @@ def _columns_views(buffer: Array, start: int, high: int, wide: int) -> tuple[Col
     return Columns(vv, vw, wv, ww, moves, pushes, spins, levers, rows, total), end
 
 
-@shared
 def member_views(
-    state: Array, elements: int, floats: Array, integers: Integers
+    state: Array, surface: Surface, floats: Array, integers: Integers
 ) -> tuple[Member, int]:
-    """Lay a `Member` over its state and work space; returns it and the end of the named part.
-
-    The panels' buffers begin behind.
-    """
+    """Lay a `Member` over its state and work space; returns it and how many floats it takes."""
+    elements = surface.elements
     joints, n, coordinates = elements - 1, 3 * elements + 3, 4 * elements + 3
     motions = padded(6 * elements)
     # Rows that are padded come first: they begin at cache lines.
@@ -377,13 +371,25 @@ def member_views(
         *(losses.reshape((3, joints, 3)), effort, integers[2:5]),
     )
     # At a cache line.
-    panels = PanelBuffers(floats[padded(end) :], integers[n + 5 :])
+    panels, taken = panel_views(floats[padded(end) :], integers[n + 5 :], surface)
     body = Body(pose, inc, balance, mass)
-    return Member(state_views(state, elements)[0], body, newton, step, panels), end
+    member = Member(state_views(state, elements)[0], body, newton, step, panels)
+    return member, padded(end) + taken
 
 
-def work_sizes(beam: SpatialBeam, surface: Surface) -> tuple[int, int]:
+def work_sizes(surface: Surface) -> tuple[int, int]:
     """Return how many float64 and int64 numbers of work space a member takes."""
-    _, end = member_views(MEASURE, beam.elements, MEASURE, MEASURE)
-    floats, integers = panel_work_sizes(surface)
-    return int(padded(padded(end) + floats)), 3 * beam.elements + 8 + integers
+    _, floats = member_views(MEASURE, surface, MEASURE, MEASURE)
+    _, integers = panel_work_sizes(surface)
+    return int(padded(floats)), 3 * surface.elements + 8 + integers
+
+
+def new_spatial_member(surface: Surface) -> Member:
+    """Return a member of its own, at rest."""
+    floats, integers = work_sizes(surface)
+    state = np.zeros(state_size(surface.elements))
+    return member_views(state, surface, np.zeros(floats), np.zeros(integers, dtype=np.int64))[0]
+
+
+#: Returns the member whose words a kernel is given.
+spatial_member_at = reader(new_spatial_member(no_surface(2)))

@@ -7,18 +7,17 @@ import functools
 import numpy as np
 
 from swim_env.physics.runtime.loading import KernelGroup, Loads, entry, linked
-from swim_env.physics.solve.constants import SolverConstants
+from swim_env.physics.runtime.references import Referenced
 from swim_env.physics.spatial.advance import advance_spatial, spatial_energy, spatial_momentum
-from swim_env.physics.spatial.chain import SpatialBeam
-from swim_env.physics.spatial.constants import SpatialConstants, no_surface, pack_constants
+from swim_env.physics.spatial.constants import SAMPLE_SPATIAL_SCENE
 from swim_env.physics.spatial.equations import evaluate_spatial_step
-from swim_env.physics.spatial.layout import SpatialFluid, member_views, state_size, work_sizes
+from swim_env.physics.spatial.layout import new_spatial_member
 from swim_env.physics.spatial.matrix import inertia_columns, spatial_jacobian
 from swim_env.physics.spatial.newton import spatial_newton
 from swim_env.physics.spatial.panels.influence import influence, lay_panels
 from swim_env.physics.spatial.panels.mass import (
+    new_panel_work,
     panel_added_mass,
-    panel_buffers,
     panel_mass,
     panel_shape_force,
 )
@@ -27,20 +26,10 @@ from swim_env.physics.spatial.prepare import prepare_spatial
 
 
 def _beam_kernels() -> tuple[Loads, Loads]:
-    ones = np.ones((1, 3))
-    beam = SpatialBeam(2, 0.5, np.ones(2), np.ones((2, 2)), ones, ones, ones)
-    fluid = SpatialFluid(False, False, False, np.zeros(0), np.zeros(3))
-    scene = SpatialConstants(beam, fluid, SolverConstants(0.01, 1e-10), no_surface(2))
-    constants = pack_constants(scene)
-    floats, integers = work_sizes(beam, scene.surface)
-    state, numbers, indices = (
-        np.zeros(state_size(2)),
-        np.zeros(floats),
-        np.zeros(integers, np.int64),
-    )
-    m, _ = member_views(state, 2, numbers, indices)
+    scene = SAMPLE_SPATIAL_SCENE
+    m = new_spatial_member(scene.surface)
     row, rows, steps = np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1, 1))
-    held, many, body = np.zeros((1, 1, 1, 1)), np.zeros((1, 1), np.int64), (beam, fluid, m.body)
+    words, held, body = np.zeros(1, np.int64), np.zeros((1, 1, 1, 1)), (*scene[:2], m.body)
     first = [
         linked(evaluate_spatial_step, row, row, rows, row, 0.01, True, *body, m.newton),
         linked(spatial_jacobian, 0.01, True, *body, m.newton),
@@ -51,10 +40,10 @@ def _beam_kernels() -> tuple[Loads, Loads]:
         linked(prepare_spatial, m, scene),
         entry(
             advance_spatial,
-            *(indices, rows, held, 1, *constants, rows, many, steps, steps, rows, many),
+            *(words, words[None], held, 1, words, steps, steps, rows, words[None]),
         ),
-        entry(spatial_energy, row, row, *constants, row, indices),
-        entry(spatial_momentum, row, row, *constants, row, indices),
+        entry(spatial_energy, row, words, words),
+        entry(spatial_momentum, row, words, words),
     ]
     return first, second
 
@@ -62,17 +51,17 @@ def _beam_kernels() -> tuple[Loads, Loads]:
 def _panel_kernels() -> tuple[Loads, Loads]:
     width = np.ones(3)
     surface = surface_of_sections(1.0, width, width, elements=2, around=4)
-    buffers = panel_buffers(surface)
+    given = Referenced(surface), Referenced(new_panel_work(surface))
     directors = np.zeros((2, 3, 3))
     row, rows, layers = directors[0, 0], directors[0], directors
     first = [
-        linked(panel_added_mass, directors, surface, buffers, rows),
+        linked(panel_added_mass, directors, *given, rows),
         entry(influence, rows, rows, 3, True, rows, rows, layers),
     ]
     second = [
-        linked(panel_shape_force, directors, row, surface, buffers, rows),
+        linked(panel_shape_force, directors, row, *given, rows),
         entry(lay_panels, rows, surface.faces, rows, rows),
-        entry(panel_mass, directors, surface, buffers, rows),
+        entry(panel_mass, directors, *given, rows),
     ]
     return first, second
 

@@ -217,7 +217,7 @@ def inertia_columns(
 
     `still` is for a vanishing increment, where much of it is not there.
     """
-    pose, inc, _, _ = body
+    pose, inc = body.pose, body.inc
     elements = beam.elements
     rate = 1.0 / h
     c = newton.columns
@@ -332,7 +332,7 @@ def mass_matrix(beam: SpatialBeam, fluid: SpatialFluid, body: Body, newton: Newt
     It is the inertial part of Newton's matrix at a vanishing increment. The added mass in the axes
     of space is left for `spatial_jacobian`.
     """
-    pose, inc, _, mass = body
+    pose, inc, mass = body.pose, body.inc, body.mass
     inc.turn[:] = 0.0
     inc.motion[:] = 0.0
     inc.impulse[:] = 0.0

@@ -92,19 +92,19 @@ def evaluate_with_shape(
 
     That is the shape force, or in the adjoint the added mass of the shape at the end.
     """
-    _, body, _, step, panels = m
+    body, step = m.body, m.step
     step.tally[EVALUATED] += 1
     evaluate(m, torques, z, h, adjoint, scene)
     if adjoint:
         step.effort[0] += scene.solver.added_mass_cost
-        status = find_added_mass(body.inc.directors, scene, panels, body.mass)
+        status = find_added_mass(body.inc.directors, scene, m.panels, body.mass)
         step.tally[SHAPE_FAILURE] = status
         if status != FINE:
             return np.inf
     else:
         step.effort[0] += 0.5 * scene.solver.added_mass_cost
         panel_shape_force(
-            body.pose.directors, body.inc.motion, scene.surface, panels, body.balance.shape
+            body.pose.directors, body.inc.motion, scene.surface, m.panels, body.balance.shape
         )
     return evaluate(m, torques, z, h, adjoint, scene)
 
@@ -172,8 +172,8 @@ def _newton(
     m: Member, torques: Array, h: float, adjoint: bool, tolerance: float, scene: SpatialConstants
 ) -> tuple[bool, float, bool]:
     """Improve the increment with shape force and added mass held; as `spatial_newton`."""
-    _, body, newton, step, _ = m
-    beam, fluid, solver, _ = scene
+    body, newton, step = m.body, m.newton, m.step
+    beam, fluid, solver = scene.beam, scene.fluid, scene.solver
     z, trial, balance = newton.increment, newton.trial, body.balance
     effort = step.effort
     copy(z, newton.start)

@@ -13,7 +13,7 @@ from swim_env.physics.spatial.constants import SpatialConstants
 from swim_env.physics.spatial.joints import elastic_energy
 from swim_env.physics.spatial.layout import ADDED, TOTAL, Body, Mass, Member
 from swim_env.physics.spatial.matrix import mass_matrix
-from swim_env.physics.spatial.panels.mass import PanelBuffers, panel_added_mass
+from swim_env.physics.spatial.panels.mass import PanelWork, panel_added_mass
 from swim_env.physics.spatial.panels.surface import LARGEST_JOINT
 from swim_env.physics.status import FINE, MASS_NOT_POSITIVE, OUTLINE_DEGENERATE, STATE_NOT_FINITE
 
@@ -28,7 +28,7 @@ def energy_of_pose(p: Array, beam: SpatialBeam, body: Body) -> float:
 
 @kernel
 def find_added_mass(
-    directors: Array, scene: SpatialConstants, panels: PanelBuffers, mass: Mass
+    directors: Array, scene: SpatialConstants, panels: PanelWork, mass: Mass
 ) -> int:
     """Evaluate the added mass of a shape, or lay a constant one out once; 0 or a reason's code."""
     fluid = scene.fluid
@@ -54,8 +54,8 @@ def prepare_spatial(m: Member, scene: SpatialConstants) -> int:
     The work space remembers which coordinates its mass belongs to, and which momentum its
     velocity, so asking again costs nothing. Positions do not matter to it.
     """
-    state, body, newton, step, panels = m
-    beam, fluid, solver, _ = scene
+    state, body, newton, step = m.state, m.body, m.newton, m.step
+    beam, fluid, solver = scene.beam, scene.fluid, scene.solver
     q, p = state.q, state.p
     for i in range(q.size):
         if not np.isfinite(q[i]):
@@ -63,7 +63,7 @@ def prepare_spatial(m: Member, scene: SpatialConstants) -> int:
     for i in range(p.size):
         if not np.isfinite(p[i]):
             return STATE_NOT_FINITE
-    pose, _, _, mass = body
+    pose, mass = body.pose, body.mass
     known = mass.known[TOTAL] == 1
     for i in range(3, q.size):
         known = known and mass.pose[i] == q[i]
@@ -83,7 +83,7 @@ def prepare_spatial(m: Member, scene: SpatialConstants) -> int:
             if not square <= LARGEST_JOINT * LARGEST_JOINT:
                 return OUTLINE_DEGENERATE
         step.effort[0] += solver.matrix_cost + solver.added_mass_cost
-        status = find_added_mass(pose.directors, scene, panels, mass)
+        status = find_added_mass(pose.directors, scene, m.panels, mass)
         if status != FINE:
             return int(status)
         mass_matrix(beam, fluid, body, newton)

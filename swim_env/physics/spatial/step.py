@@ -59,7 +59,7 @@ def _guess(start: int, h: float, part: int, m: Member) -> None:
 
     The shape force is guessed from those before it.
     """
-    state, body, newton, _, _ = m
+    state, body, newton = m.state, m.body, m.newton
     z, shape = newton.increment, body.balance.shape
     if start == 0:
         forces = shape.reshape((shape.size,))
@@ -115,7 +115,7 @@ def _move_on(m: Member, h: float, part: int, stream: Array) -> None:
 
     The stream carries the body along.
     """
-    state, body, newton, _, _ = m
+    state, body, newton = m.state, m.body, m.newton
     q, z = state.q, newton.increment
     for j in range(body.pose.joints.shape[0]):
         new_joint(q, z, j, newton.quaternions)
@@ -207,8 +207,8 @@ def spatial_step(
     record: Array,
 ) -> int:
     """Advance one outer step; on failure coordinates and momentum are what they were before."""
-    state, body, newton, step, panels = m
-    beam, fluid, solver, _ = scene
+    state, body, newton, step = m.state, m.body, m.newton, m.step
+    beam, fluid, solver = scene.beam, scene.fluid, scene.solver
     pose, mass = body.pose, body.mass
     counters = state.counters
     # A step that had to be cut is followed by one that starts with parts twice as long.
@@ -264,7 +264,7 @@ def spatial_step(
         if second and fluid.varies:
             # The change of the momentum needs the shape force at the end.
             panel_shape_force(
-                body.inc.directors, body.inc.motion, scene.surface, panels, body.balance.shape
+                body.inc.directors, body.inc.motion, scene.surface, m.panels, body.balance.shape
             )
             evaluate(m, torques, newton.increment, h, second, scene)
         record[DISSIPATED] += _loss(h, second, solver.composed, beam, m)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import SceneError
+from swim_env.physics.runtime.references import Referenced
 from swim_env.physics.spatial.advance import advance_spatial, spatial_energy, spatial_momentum
 from swim_env.physics.spatial.invariants import centres_of, directors_of, momentum_map
-from swim_env.physics.spatial.layout import RECORD_SIZE, state_size
+from swim_env.physics.spatial.layout import RECORD_SIZE, member_views, state_size, work_sizes
 from swim_env.physics.spatial.loading import load_spatial_kernels
 from swim_env.scene.spatial.initial import SpatialInitial
 from swim_env.scene.spatial.scene import SpatialScene
@@ -43,8 +46,14 @@ class SpatialBodies(Bodies):
         self.coordinates_size, self.unknowns = 4 * elements + 3, 3 * elements + 3
         self.trace_columns = self.coordinates_size + self.unknowns
         self.joint_shape = (elements - 1, 3)
-        self._constants, sizes = spatial_constants(scene)
+        self._constants = Referenced(spatial_constants(scene))
+        sizes = work_sizes(self._constants.surface)
         self._allocate(scene, count, state_size(elements), sizes)
+
+    def views(self, index: int) -> Any:
+        """Return the names of one member's state and work space, views of both."""
+        numbers = (self.states[index], self._constants.surface, self._floats[index])
+        return member_views(*numbers, self._integers[index])[0]
 
     def _state_at(self, coordinates: Array) -> Array:
         state: Array = np.zeros(self.states.shape[1])

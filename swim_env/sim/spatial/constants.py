@@ -11,15 +11,12 @@ from numpy.typing import NDArray
 from swim_env.errors import SimulationEndedError
 from swim_env.physics.spatial.chain import SpatialBeam
 from swim_env.physics.spatial.constants import (
-    Constants,
     SpatialConstants,
-    no_surface,
-    pack_constants,
 )
-from swim_env.physics.spatial.layout import SpatialFluid, work_sizes
+from swim_env.physics.spatial.layout import SpatialFluid
 from swim_env.physics.spatial.loading import load_panel_kernels
 from swim_env.physics.spatial.panels.mass import evaluate_added_mass, panel_costs
-from swim_env.physics.spatial.panels.surface import Surface, surface_of_sections
+from swim_env.physics.spatial.panels.surface import Surface, no_surface, surface_of_sections
 from swim_env.physics.status import TERMINATION_REASONS, describe
 from swim_env.scene.fluid import NO_FLUID
 from swim_env.scene.spatial.scene import SpatialScene
@@ -28,8 +25,8 @@ from swim_env.sim.constants import LONGEST_STEP, SMALLEST_SCALE, solver_constant
 Array = NDArray[np.float64]
 
 
-def spatial_constants(scene: SpatialScene) -> tuple[Constants, tuple[int, int]]:
-    """Return the constants of a scene for the kernels, and the sizes of a member's work space."""
+def spatial_constants(scene: SpatialScene) -> SpatialConstants:
+    """Return the constants of a scene for the kernels."""
     beam, fluid = scene.beam, scene.fluid
     dl = beam.element_length
     inertia = dl * scene.inertia_per_length()
@@ -40,7 +37,7 @@ def spatial_constants(scene: SpatialScene) -> tuple[Constants, tuple[int, int]]:
     added = np.zeros((0, 0)) if varies else added_mass_of(scene)
     momentum, spin = momentum_units(scene)
     stream = np.array(scene.stream.velocity) if scene.stream else np.zeros(3)
-    constants = SpatialConstants(
+    return SpatialConstants(
         SpatialBeam(
             beam.elements,
             dl,
@@ -53,11 +50,10 @@ def spatial_constants(scene: SpatialScene) -> tuple[Constants, tuple[int, int]]:
             SMALLEST_SCALE * momentum,
             SMALLEST_SCALE * spin,
         ),
-        SpatialFluid(model != NO_FLUID, model != "strip", varies, added, stream),
+        SpatialFluid(model != NO_FLUID, model != "strip", varies, added.ravel(), stream),
         solver_constants(scene, _costs(scene)),
         surface_of(scene) if varies else no_surface(beam.elements),
     )
-    return pack_constants(constants), work_sizes(constants.beam, constants.surface)
 
 
 def momentum_units(scene: SpatialScene) -> tuple[float, float]:

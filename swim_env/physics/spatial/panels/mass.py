@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.physics.fluid.panel_mass import LARGEST_CONDITION, largest_column_sum
-from swim_env.physics.runtime.compile import entry_kernel, kernel, shared
+from swim_env.physics.runtime.compile import entry_kernel, kernel
 from swim_env.physics.runtime.dense import (
     add_multiple,
     dot,
@@ -32,6 +32,7 @@ from swim_env.physics.runtime.dense import (
     multiply,
 )
 from swim_env.physics.runtime.linking import linked_kernel
+from swim_env.physics.runtime.references import Referenced
 from swim_env.physics.runtime.views import MEASURE, matrix, padded, vector
 from swim_env.physics.spatial.panels.derivative import (
     BY_AREA,
@@ -91,13 +92,6 @@ VELOCITY, WEIGHT, SIGMA, MU, PHI, LOAD, SHARE, FACTORS, SUMS = range(9)
 VECTORS = 9
 
 
-class PanelBuffers(NamedTuple):
-    """The numbers of a `PanelWork`."""
-
-    floats: Array
-    integers: Integers
-
-
 class PanelWork(NamedTuple):
     """Arrays that `panel_added_mass` leaves behind for `panel_shape_force`, and scratch space.
 
@@ -146,13 +140,11 @@ class PanelWork(NamedTuple):
     permutation: Integers
 
 
-@shared
-def panel_views(buffers: PanelBuffers, surface: Surface) -> tuple[PanelWork, int]:
+def panel_views(floats: Array, integers: Integers, surface: Surface) -> tuple[PanelWork, int]:
     """Lay out a `PanelWork`; returns it and how many float64 numbers it takes.
 
     The buffers are zero at first: what pads them is never written.
     """
-    floats = buffers.floats
     n = surface.elements
     m = padded(surface.faces.shape[0])
     k = padded(MOTIONS * n)
@@ -179,21 +171,21 @@ def panel_views(buffers: PanelBuffers, surface: Surface) -> tuple[PanelWork, int
     work = PanelWork(
         *(normal, potential, inverse, kept.reshape((KEPT, m, m)), strengths, loads, product),
         *(points, motions, receivers, vectors, sources, gradients, vertices, by_vertices),
-        *(centres, forces, torques, nodes, buffers.integers),
+        *(centres, forces, torques, nodes, integers),
     )
     return work, end
 
 
 def panel_work_sizes(surface: Surface) -> tuple[int, int]:
     """Return how many float64 and int64 numbers of work space the panels take."""
-    floats = int(panel_views(PanelBuffers(MEASURE, MEASURE), surface)[1])
+    floats = int(panel_views(MEASURE, MEASURE, surface)[1])
     return floats, int(padded(len(surface.faces)))
 
 
-def panel_buffers(surface: Surface) -> PanelBuffers:
+def new_panel_work(surface: Surface) -> PanelWork:
     """Return new work space."""
     floats, integers = panel_work_sizes(surface)
-    return PanelBuffers(np.zeros(floats), np.zeros(integers, dtype=np.int64))
+    return panel_views(np.zeros(floats), np.zeros(integers, dtype=np.int64), surface)[0]
 
 
 def panel_costs(panels: int) -> tuple[float, float]:
@@ -259,7 +251,7 @@ def _collect_motions(surface: Surface, work: PanelWork) -> None:
 
 
 @linked_kernel
-def panel_added_mass(directors: Array, surface: Surface, buffers: PanelBuffers, out: Array) -> int:
+def panel_added_mass(directors: Array, surface: Surface, work: PanelWork, out: Array) -> int:
     """Evaluate the added mass of a shape.
 
     Parameters
@@ -268,7 +260,7 @@ def panel_added_mass(directors: Array, surface: Surface, buffers: PanelBuffers, 
         R_k of every element, columns d1, d2, d3.
     surface : Surface
         How the body is wrapped into panels.
-    buffers : PanelBuffers
+    work : PanelWork
         Overwritten; `panel_shape_force` reads them.
     out : (6 N, 6 N) array, or padded
         Overwritten: the symmetric added mass in the elements' frames, motions element by element
@@ -279,7 +271,6 @@ def panel_added_mass(directors: Array, surface: Surface, buffers: PanelBuffers, 
     int
         0, or the code of the reason why there is none (see `swim_env.physics.status`).
     """
-    work, _ = panel_views(buffers, surface)
     count = surface.faces.shape[0]
     status = joints_status(directors, surface)
     if status != FINE:
@@ -337,7 +328,7 @@ def _differentiate_velocities(
 
 @linked_kernel
 def panel_shape_force(
-    directors: Array, motion: Array, surface: Surface, buffers: PanelBuffers, out: Array
+    directors: Array, motion: Array, surface: Surface, work: PanelWork, out: Array
 ) -> None:
     """Differentiate V^T A V/2 with respect to a rotation of every element, V held.
 
@@ -347,12 +338,11 @@ def panel_shape_force(
         As for `panel_added_mass`.
     motion : (6 N,) array, or padded
         Unit-motion velocities V (or increments), element by element.
-    surface, buffers
+    surface, work
         As `panel_added_mass` took and left them for this shape.
     out : (N, 3) array
         Overwritten: the derivative by eta_k, R_k -> R_k exp(hat eta_k), in units of V^T A V.
     """
-    work, _ = panel_views(buffers, surface)
     vectors, points, receivers = work.vectors, work.points, work.receivers
     velocity, weight, sigma, mu = vectors[VELOCITY], vectors[WEIGHT], vectors[SIGMA], vectors[MU]
     phi, load, share, sums = vectors[PHI], vectors[LOAD], vectors[SHARE], vectors[SUMS]
@@ -395,12 +385,13 @@ def panel_shape_force(
 
 
 @entry_kernel
-def panel_mass(directors: Array, surface: Surface, buffers: PanelBuffers, out: Array) -> int:
+def panel_mass(directors: Array, surface: Surface, work: PanelWork, out: Array) -> int:
     """Call `panel_added_mass` from Python."""
-    return panel_added_mass(directors, surface, buffers, out)
+    return panel_added_mass(directors, surface, work, out)
 
 
 def evaluate_added_mass(directors: Array, surface: Surface) -> tuple[Array, int]:
     """Return the added mass (6 N, 6 N) of a pose, and 0 or the code of why there is none."""
     out = np.zeros((MOTIONS * surface.elements, MOTIONS * surface.elements))
-    return out, int(panel_mass(directors, surface, panel_buffers(surface), out))
+    given = Referenced(surface), Referenced(new_panel_work(surface))
+    return out, int(panel_mass(directors, *given, out))

@@ -404,3 +404,12 @@ def gradient_to_turns(
         behind = plus(behind, 1.0, row(forces, k))
         for axis in range(3):
             out[k, axis] = inner(director(directors, k, axis), row(torques, k))
+
+
+def no_surface(elements: int) -> Surface:
+    """Return the surface of a body that has no panels."""
+    none = np.zeros(0, dtype=np.int64)
+    return Surface(
+        *(elements, 1.0, 0, False, 0.0, np.zeros((0, 3)), none.reshape(0, 2), 0),
+        *(np.zeros((2, 0)), none.reshape(0, 4), np.zeros(elements + 1, dtype=np.int64)),
+    )
