@@ -15,6 +15,7 @@ from swim_env.physics.runtime.loading import KernelGroup, Loads, entry, linked
 from swim_env.physics.solve.advance import advance, energy_and_velocity, momentum_of_velocity
 from swim_env.physics.solve.constants import SAMPLE_SCENE
 from swim_env.physics.solve.newton import newton_in_passes, newton_with_shortening
+from swim_env.physics.solve.outer_step import outer_step
 from swim_env.physics.solve.prepare import prepare
 from swim_env.physics.solve.state import new_member
 
@@ -32,6 +33,8 @@ def _kernels() -> tuple[Loads, Loads]:
         linked(evaluate_step, row, row, row, 0.01, True, True, *scene, m.fluid_work),
         linked(step_jacobian, 0.01, 0.0, *scene, m.fluid_work, m.newton),
         linked(adjoint_jacobian, 0.01, *scene, m.newton),
+        linked(prepare, m.state, *whole, m.body, m.fluid_work, m.newton, m.step.effort),
+        linked(outer_step, m, row, *whole, row),
         entry(
             advance,
             *(words, words_of_each, steps, 1, words),
@@ -41,7 +44,6 @@ def _kernels() -> tuple[Loads, Loads]:
         entry(momentum_of_velocity, *of_a_state),
     ]
     second = [
-        linked(prepare, m.state, *whole, m.body, m.fluid_work, m.newton, m.step.effort),
         linked(newton_in_passes, m, row, 0.01, True, *whole, True),
         linked(newton_with_shortening, m, row, 0.01, True, *whole),
         linked(added_mass, row, fluid, m.fluid_work, mass),

@@ -24,6 +24,7 @@ from swim_env.physics.planar.equations import evaluate_step, set_pose
 from swim_env.physics.planar.layout import TOTAL, Body, Drag, Increment, Pose
 from swim_env.physics.runtime.compile import embedded, inlined, kernel
 from swim_env.physics.runtime.dense import copy
+from swim_env.physics.runtime.linking import linked_kernel
 from swim_env.physics.solve.budget import keep_budget
 from swim_env.physics.solve.constants import SolverConstants
 from swim_env.physics.solve.forces import add_momenta, begin_forces, find_forces
@@ -258,7 +259,7 @@ def _loss_of_halves(h: float, step: OuterStep, velocity: Array) -> float:
     return loss
 
 
-@embedded
+@linked_kernel
 def outer_step(
     m: Member,
     torques: Array,

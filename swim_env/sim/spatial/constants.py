@@ -32,6 +32,7 @@ def spatial_constants(scene: SpatialScene) -> SpatialConstants:
     inertia = dl * scene.inertia_per_length()
     stiffness = beam.stiffness_at_joints() / dl
     damping = stiffness * scene.damping.times if scene.damping else np.zeros_like(stiffness)
+    bend = dl * beam.natural_curvature_at_joints()
     model = fluid.model if fluid is not None else NO_FLUID
     varies = _ADDED_MASS[model] is None
     added = np.zeros((0, 0)) if varies else added_mass_of(scene)
@@ -41,11 +42,7 @@ def spatial_constants(scene: SpatialScene) -> SpatialConstants:
         SpatialBeam(
             beam.elements,
             dl,
-            inertia[:, 0].copy(),
-            inertia[:, 1:].copy(),
-            stiffness,
-            damping,
-            dl * beam.natural_curvature_at_joints(),
+            *map(np.ascontiguousarray, (inertia[:, 0], inertia[:, 1:], stiffness, damping, bend)),
             scene.integrator.strain == "joint_angle",
             SMALLEST_SCALE * momentum,
             SMALLEST_SCALE * spin,
