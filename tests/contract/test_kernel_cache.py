@@ -184,7 +184,7 @@ def test_a_linked_kernel_refuses_calls_from_python_that_would_jump_to_nowhere() 
     found = run_python("-c", CALLS)
     assert found.code == 0, found.err
     assert found.out.splitlines() == [
-        "evaluate_step p torques z h adjoint held beam fluid body fluid_buffers",
+        "evaluate_step p torques z h adjoint held beam fluid body fluid_work",
         "Evaluate",
         "swim_env.physics.fluid.models.added_mass was called before it was loaded; call "
         "load_kernels of swim_env.physics.loading first, or load_spatial_kernels of "

@@ -93,16 +93,27 @@ class Sweep(NamedTuple):
 def new_sweep(elements: int, motions: int) -> Sweep:
     """Return the work space of a sweep over the steps of a body with so many motions."""
     n, parameters = elements + 2, parameter_count(elements)
-    u = np.zeros((11, n))
     return Sweep(
-        *(np.zeros((n, n)), *u),
-        *(np.zeros(parameters), np.zeros(parameters)),
-        new_variation(elements, motions),
+        matrix=np.zeros((n, n)),
+        pose=np.zeros(n),
+        z=np.zeros(n),
+        zero=np.zeros(n),
+        solved=np.zeros(n),
+        early=np.zeros(n),
+        late=np.zeros(n),
+        early_too=np.zeros(n),
+        late_too=np.zeros(n),
+        mu=np.zeros(n),
+        early_last=np.zeros(n),
+        late_last=np.zeros(n),
+        no_changes=np.zeros(parameters),
+        unused=np.zeros(parameters),
+        variation=new_variation(elements, motions),
     )
 
 
 #: Returns the sweep whose words a kernel is given.
-sweep_at = reader(new_sweep(2, 4))
+sweep_at = reader(lambda: new_sweep(2, 4))
 
 
 @linked_kernel

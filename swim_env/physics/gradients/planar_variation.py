@@ -95,13 +95,25 @@ class Variation(NamedTuple):
 
 def new_variation(elements: int, motions: int) -> Variation:
     """Return the work space of `vary` for a body with so many motions."""
-    pairs = np.zeros((6, 2, elements), np.complex128)
-    rows = np.zeros((3, padded(motions + 1)))
+    n, moved, parameters = elements + 2, padded(motions + 1), parameter_count(elements)
     return Variation(
-        *(*pairs, np.zeros(motions + 1, np.complex128), np.zeros(elements, np.complex128)),
-        *(*rows, np.zeros((2, elements + 2)), np.zeros(elements - 1)),
-        *(np.zeros(elements + 2), np.zeros(elements + 2)),
-        *(np.zeros(parameter_count(elements)), np.zeros(parameter_count(elements))),
+        d1=np.zeros((2, elements), np.complex128),
+        d3=np.zeros((2, elements), np.complex128),
+        change=np.zeros((2, elements), np.complex128),
+        shift=np.zeros((2, elements), np.complex128),
+        push=np.zeros((2, elements), np.complex128),
+        lever=np.zeros((2, elements), np.complex128),
+        impulse=np.zeros(motions + 1, np.complex128),
+        shape=np.zeros(elements, np.complex128),
+        change_of_motion=np.zeros(moved),
+        moved=np.zeros(moved),
+        product=np.zeros(moved),
+        forces=np.zeros((2, n)),
+        angles=np.zeros(elements - 1),
+        u_a=np.zeros(n),
+        u_b=np.zeros(n),
+        changes=np.zeros(parameters),
+        parameters=np.zeros(parameters),
     )
 
 

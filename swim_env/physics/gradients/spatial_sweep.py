@@ -70,14 +70,25 @@ def new_spatial_sweep(elements: int) -> SpatialSweep:
     """Return the work space of a sweep over the steps of a body."""
     n, parameters = 3 * elements + 3, spatial_parameter_count(elements)
     return SpatialSweep(
-        *(np.zeros((n, n)), *np.zeros((7, n)), *np.zeros((3, elements - 1, 3))),
-        *(np.zeros(parameters), np.zeros(parameters)),
-        new_spatial_variation(elements),
+        matrix=np.zeros((n, n)),
+        z=np.zeros(n),
+        zero=np.zeros(n),
+        solved=np.zeros(n),
+        early=np.zeros(n),
+        late=np.zeros(n),
+        early_too=np.zeros(n),
+        late_too=np.zeros(n),
+        held=np.zeros((elements - 1, 3)),
+        no_torques=np.zeros((elements - 1, 3)),
+        unused_torques=np.zeros((elements - 1, 3)),
+        no_changes=np.zeros(parameters),
+        unused=np.zeros(parameters),
+        variation=new_spatial_variation(elements),
     )
 
 
 #: Returns the sweep whose words a kernel is given.
-spatial_sweep_at = reader(new_spatial_sweep(2))
+spatial_sweep_at = reader(lambda: new_spatial_sweep(2))
 
 
 @linked_kernel

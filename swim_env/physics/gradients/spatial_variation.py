@@ -103,15 +103,25 @@ class SpatialVariation(NamedTuple):
 
 def new_spatial_variation(elements: int) -> SpatialVariation:
     """Return the work space of `vary_spatial` for a body."""
-    squares = np.zeros((2 * elements + 7, 3, 3), np.complex128)
-    n, joints = 3 * elements + 3, elements - 1
-    parameters = spatial_parameter_count(elements)
+    n, parameters = 3 * elements + 3, spatial_parameter_count(elements)
     return SpatialVariation(
-        *(squares[:elements], squares[elements : 2 * elements], squares[2 * elements :]),
-        *np.zeros((4, elements, 3), np.complex128),
-        *(np.zeros(3, np.complex128), np.zeros(6 * elements, np.complex128)),
-        *(*np.zeros((2, padded(6 * elements))), np.zeros(n), np.zeros(n)),
-        *(np.zeros((2, joints, 3)), np.zeros((2, 3)), np.zeros(parameters), np.zeros(parameters)),
+        here=np.zeros((elements, 3, 3), np.complex128),
+        there=np.zeros((elements, 3, 3), np.complex128),
+        blocks=np.zeros((7, 3, 3), np.complex128),
+        change=np.zeros((elements, 3), np.complex128),
+        shift=np.zeros((elements, 3), np.complex128),
+        push=np.zeros((elements, 3), np.complex128),
+        lever=np.zeros((elements, 3), np.complex128),
+        moved=np.zeros(3, np.complex128),
+        impulse=np.zeros(6 * elements, np.complex128),
+        motion=np.zeros(padded(6 * elements)),
+        product=np.zeros(padded(6 * elements)),
+        u_a=np.zeros(n),
+        u_b=np.zeros(n),
+        slopes=np.zeros((2, elements - 1, 3)),
+        vectors=np.zeros((2, 3)),
+        changes=np.zeros(parameters),
+        parameters=np.zeros(parameters),
     )
 
 

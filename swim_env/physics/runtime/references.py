@@ -18,6 +18,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core import config as numba_config
 from numba.core.datamodel import models
+from numba.core.types.containers import BaseNamedTuple
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import (
     NativeValue,
@@ -36,7 +37,7 @@ Words = NDArray[np.int64]
 _WORD = 8
 
 
-class Reference(types.Type):  # type: ignore[misc]
+class Reference(types.Type):
     """Numba's type of the address of a named tuple's words; its fields are attributes."""
 
     def __init__(self, views: Any) -> None:
@@ -78,9 +79,9 @@ class Referenced:
 
 
 def type_of(argument: object) -> Any:
-    """Return numba's type of an argument, which a kernel gets by reference if it is named tuple."""
+    """Return numba's type of an argument; kernels get named tuples by reference."""
     found = numba.typeof(argument)
-    return Reference(found) if isinstance(found, types.BaseNamedTuple) else found
+    return Reference(found) if isinstance(found, BaseNamedTuple) else found
 
 
 def words_of(views: Any) -> Words:
@@ -106,23 +107,23 @@ def _words(value: Any) -> Iterator[int]:
         yield int(value)
 
 
-def reader(sample: Any) -> Callable[[Words], Any]:
+def reader(sample: Callable[[], Any]) -> Callable[[Words], Any]:
     """Return a function for kernels that takes words and returns the reference to them.
 
-    The words are those of a named tuple with fields of the same types as the sample's, and do not
-    change while the kernel runs.
+    The words are those of a named tuple with fields of the same types as a sample's, which is made
+    when a kernel is compiled; they do not change while it runs.
     """
     if numba_config.DISABLE_JIT:
 
         def rebuild(words: Words) -> Any:
-            return _rebuilt(sample, iter(words.tolist()))
+            return _rebuilt(sample(), iter(words.tolist()))
 
         return rebuild
 
-    kind = type_of(sample)
-
     @intrinsic
     def read(typingctx, words):  # type: ignore[no-untyped-def]
+        kind = type_of(sample())
+
         def codegen(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
             array = context.make_array(signature.args[0])(context, builder, arguments[0])
             return builder.bitcast(array.data, context.get_value_type(kind))
@@ -165,7 +166,7 @@ def _rebuilt(sample: Any, words: Iterator[int]) -> Any:
         size = math.prod(shape)
         if size == 0:
             return np.zeros(shape, sample.dtype)
-        memory = (ctypes.c_byte * (size * sample.itemsize)).from_address(address)
+        memory: Any = (ctypes.c_byte * (size * sample.itemsize)).from_address(address)
         return np.frombuffer(memory, sample.dtype).reshape(shape)
     word = next(words)
     if isinstance(sample, float):
@@ -175,7 +176,7 @@ def _rebuilt(sample: Any, words: Iterator[int]) -> Any:
 
 def _count(kind: Any) -> int:
     """Return the number of words of a type."""
-    if isinstance(kind, types.BaseNamedTuple):
+    if isinstance(kind, BaseNamedTuple):
         return sum(map(_count, kind.types))
     return 1 + kind.ndim if isinstance(kind, types.Array) else 1
 
@@ -188,7 +189,7 @@ class _Attributes(AttributeTemplate):  # type: ignore[misc]
         if name not in reference.views.fields:
             return None
         found = reference.views.types[reference.views.fields.index(name)]
-        return Reference(found) if isinstance(found, types.BaseNamedTuple) else found
+        return Reference(found) if isinstance(found, BaseNamedTuple) else found
 
 
 @lower_getattr_generic(Reference)
@@ -205,7 +206,7 @@ def _read_attribute(context: Any, builder: Any, kind: Reference, address: Any, n
         return loaded
 
     integer = ir.IntType(64)
-    if isinstance(found, types.BaseNamedTuple):
+    if isinstance(found, BaseNamedTuple):
         return builder.gep(address, [ir.Constant(integer, _WORD * first)])
     if isinstance(found, types.Array):
         size = context.get_abi_sizeof(context.get_data_type(found.dtype))

@@ -56,4 +56,4 @@ SAMPLE_SCENE = Constants(
     BeamConstants(2, 0.5, 0.1, 1e-3, np.zeros(1), np.zeros(1)), SAMPLE, SolverConstants(0.01, 1e-10)
 )
 #: Returns the constants whose words a kernel is given.
-constants_at = reader(SAMPLE_SCENE)
+constants_at = reader(lambda: SAMPLE_SCENE)

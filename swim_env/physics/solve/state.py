@@ -250,4 +250,4 @@ def new_member(fluid: FluidConstants) -> Member:
 
 
 #: Returns the member whose words a kernel is given.
-member_at = reader(new_member(SAMPLE))
+member_at = reader(lambda: new_member(SAMPLE))

@@ -31,4 +31,4 @@ SAMPLE_SPATIAL_SCENE = SpatialConstants(
     no_surface(2),
 )
 #: Returns the constants whose words a kernel is given.
-spatial_constants_at = reader(SAMPLE_SPATIAL_SCENE)
+spatial_constants_at = reader(lambda: SAMPLE_SPATIAL_SCENE)

@@ -392,4 +392,4 @@ def new_spatial_member(surface: Surface) -> Member:
 
 
 #: Returns the member whose words a kernel is given.
-spatial_member_at = reader(new_spatial_member(no_surface(2)))
+spatial_member_at = reader(lambda: new_spatial_member(no_surface(2)))

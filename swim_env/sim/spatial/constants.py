@@ -30,9 +30,8 @@ def spatial_constants(scene: SpatialScene) -> SpatialConstants:
     beam, fluid = scene.beam, scene.fluid
     dl = beam.element_length
     inertia = dl * scene.inertia_per_length()
-    stiffness = beam.stiffness_at_joints() / dl
+    stiffness = np.ascontiguousarray(beam.stiffness_at_joints() / dl)
     damping = stiffness * scene.damping.times if scene.damping else np.zeros_like(stiffness)
-    bend = dl * beam.natural_curvature_at_joints()
     model = fluid.model if fluid is not None else NO_FLUID
     varies = _ADDED_MASS[model] is None
     added = np.zeros((0, 0)) if varies else added_mass_of(scene)
@@ -42,7 +41,11 @@ def spatial_constants(scene: SpatialScene) -> SpatialConstants:
         SpatialBeam(
             beam.elements,
             dl,
-            *map(np.ascontiguousarray, (inertia[:, 0], inertia[:, 1:], stiffness, damping, bend)),
+            np.ascontiguousarray(inertia[:, 0]),
+            np.ascontiguousarray(inertia[:, 1:]),
+            stiffness,
+            damping,
+            np.ascontiguousarray(dl * beam.natural_curvature_at_joints()),
             scene.integrator.strain == "joint_angle",
             SMALLEST_SCALE * momentum,
             SMALLEST_SCALE * spin,

@@ -15,7 +15,7 @@ and mu = G^-T P^T S u the derivative of V^T A V/2 is -rho/2 times
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -385,8 +385,8 @@ def panel_shape_force(
 
 
 @entry_kernel
-def panel_mass(directors: Array, surface: Surface, work: PanelWork, out: Array) -> int:
-    """Call `panel_added_mass` from Python."""
+def panel_mass(directors: Array, surface: Any, work: Any, out: Array) -> int:
+    """Call `panel_added_mass` from Python, with surface and work space `Referenced`."""
     return panel_added_mass(directors, surface, work, out)
 
 
