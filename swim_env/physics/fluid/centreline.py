@@ -220,7 +220,7 @@ def _added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out
         return status
     body_length = geometry.elements * geometry.element_length
     influence(outline.panels, count, body_length, work.half_log, work.layers)
-    status = invert_influence(count, True, fluid, work)
+    status = invert_influence(count, count - 1, work)
     if status != FINE:
         return status
     load_motions(count, fluid, work)

@@ -76,15 +76,16 @@ def largest_column_sum(count: int, matrix: Array) -> float:
 
 
 @kernel
-def invert_influence(count: int, chained: bool, fluid: FluidConstants, work: FluidWork) -> int:
+def invert_influence(count: int, sources: int, work: FluidWork) -> int:
     """Invert the normal influence of the first panels, as many as count; 0 or a reason's code.
 
-    The last panel of an open chain only ends it, see `swim_env.physics.fluid.centreline`.
+    All of a closed outline's are sources. The last panel of an open chain only ends it, see
+    `swim_env.physics.fluid.centreline`.
     """
     for exchanged in range(2):
         normal_influence(work.outline.panels, count, work.layers, work.inverse)
-        if chained:
-            _part_end_of_chain(count - 1, work.inverse, work.layers)
+        if sources < count:
+            _part_end_of_chain(sources, work.inverse, work.layers)
         if exchanged == 0:
             if invert_in_order(work.inverse, SMALLEST_PIVOT):
                 break

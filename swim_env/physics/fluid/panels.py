@@ -83,7 +83,7 @@ def _added_mass(joint_angles: Array, fluid: FluidConstants, work: FluidWork, out
         return status
     body_length = geometry.elements * geometry.element_length
     influence(outline.panels, count, body_length, work.half_log, work.layers)
-    status = invert_influence(count, False, fluid, work)
+    status = invert_influence(count, count, work)
     if status != FINE:
         return status
     load_motions(count, fluid, work)

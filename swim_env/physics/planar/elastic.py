@@ -47,15 +47,17 @@ def with_elastic_energy(energy: float, beam: BeamConstants, pose: Pose) -> float
 
 
 @kernel
-def _shortening(j: int, beam: BeamConstants, inc: Increment) -> tuple[float, float, float, float]:
+def _shortening(
+    j: int, strain_of_angles: bool, half_cosine: Array, half_sine: Array
+) -> tuple[float, float, float, float]:
     """Return cosines of half the turns in front of and behind a joint, and their sines.
 
     Averages of directors that turn are shorter than 1 by these cosines. The strains of angles do
     not know of turns.
     """
-    if beam.strain_of_angles:
+    if strain_of_angles:
         return 1.0, 1.0, 0.0, 0.0
-    return inc.half_cosine[j], inc.half_cosine[j + 1], inc.half_sine[j], inc.half_sine[j + 1]
+    return half_cosine[j], half_cosine[j + 1], half_sine[j], half_sine[j + 1]
 
 
 @row_kernel
@@ -80,7 +82,9 @@ def joint_terms(
     for j in range(torques.size):
         sine = inc.mean_sine[j]
         cosine = inc.mean_cosine[j]
-        front_cosine, back_cosine, front_sine, back_sine = _shortening(j, beam, inc)
+        front_cosine, back_cosine, front_sine, back_sine = _shortening(
+            j, beam.strain_of_angles, inc.half_cosine, inc.half_sine
+        )
         moment = h * beam.joint_stiffness[j] * front_cosine * back_cosine * sine
         straight = 0.5 * front_cosine * back_cosine * cosine
         front[j] = moment * (-straight + 0.5 * front_sine * back_cosine * sine)
@@ -138,7 +142,9 @@ def add_joint_columns(h: float, beam: BeamConstants, inc: Increment, jacobian: A
     for j in range(beam.joint_stiffness.size):
         sine = inc.mean_sine[j]
         cosine = inc.mean_cosine[j]
-        front, back, front_sine, back_sine = _shortening(j, beam, inc)
+        front, back, front_sine, back_sine = _shortening(
+            j, beam.strain_of_angles, inc.half_cosine, inc.half_sine
+        )
         stiffness = h * beam.joint_stiffness[j]
         strain = front * back * sine
         slope = front * back * cosine

@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.runtime.compile import shared
-
 Array = NDArray[np.float64]
 
 #: Rows are padded to a multiple of this, so that loops over them fill vector registers and leave no
@@ -30,20 +28,17 @@ class _Measure:
 MEASURE: Any = _Measure()
 
 
-@shared
 def padded(count: int) -> int:
     """Return a count rounded up to a multiple of LANES."""
     return (count + LANES - 1) // LANES * LANES
 
 
-@shared
 def vector(buffer: Array, start: int, size: int) -> tuple[Array, int]:
     """Return a view (size,) of the buffer from an index on, and the index behind it."""
     end = start + size
     return buffer[start:end], end
 
 
-@shared
 def matrix(buffer: Array, start: int, rows: int, columns: int) -> tuple[Array, int]:
     """Return a view (rows, columns) of the buffer from an index on, and the index behind it."""
     end = start + rows * columns

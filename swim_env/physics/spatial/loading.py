@@ -23,6 +23,7 @@ from swim_env.physics.spatial.panels.mass import (
 )
 from swim_env.physics.spatial.panels.surface import surface_of_sections
 from swim_env.physics.spatial.prepare import prepare_spatial
+from swim_env.physics.spatial.step import spatial_step
 
 
 def _beam_kernels() -> tuple[Loads, Loads]:
@@ -38,6 +39,7 @@ def _beam_kernels() -> tuple[Loads, Loads]:
     second = [
         linked(inertia_columns, 0.01, True, True, *body, m.newton, rows),
         linked(prepare_spatial, m, scene),
+        linked(spatial_step, m, rows, scene, row),
         entry(
             advance_spatial,
             *(words, words[None], held, 1, words, steps, steps, rows, words[None]),

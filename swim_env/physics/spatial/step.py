@@ -12,8 +12,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swim_env.physics.runtime.compile import embedded, kernel
+from swim_env.physics.runtime.compile import kernel
 from swim_env.physics.runtime.dense import copy
+from swim_env.physics.runtime.linking import linked_kernel
 from swim_env.physics.solve.budget import keep_budget
 from swim_env.physics.solve.history import extrapolate, remember
 from swim_env.physics.solve.outer_step import LARGEST_TURN, WHOLE
@@ -199,7 +200,7 @@ def _keep_part(state: State, pose: Pose, step: OuterStep, record: Array) -> None
         copy(pose.angles[j], step.part_angles[j])
 
 
-@embedded
+@linked_kernel
 def spatial_step(
     m: Member,
     torques: Array,
