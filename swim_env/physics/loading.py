@@ -48,7 +48,7 @@ def _kernels() -> tuple[Loads, Loads]:
         linked(newton_with_shortening, m, row, 0.01, True, *whole),
         linked(added_mass, row, fluid, m.fluid_work, mass),
         linked(shape_force, row, fluid, m.fluid_work, row),
-        *(one.load for model in MODELS for one in linked_kernels(model)),
+        *(one.load for one in linked_kernels("panels")),
         entry(centres, row, 0.5, rows),
         entry(centres_of_trajectory, rows, 0.5, steps),
         entry(influence, rows, 3, 1.0, row, steps),
@@ -60,7 +60,31 @@ def _kernels() -> tuple[Loads, Loads]:
 KERNELS = KernelGroup(__name__, "KERNELS", "physics kernels", "compiled", _kernels)
 
 
+def _kernels_of_model(name: str) -> tuple[Loads, Loads]:
+    loads: Loads = [one.load for one in linked_kernels(name)]
+    return loads[:1], loads[1:]
+
+
+#: Kernels of the fluid models that few scenes have. Flows need those of `panels` as well.
+OF_MODELS = {
+    name: KernelGroup(
+        *(__name__, f"OF_MODELS[{name!r}]", f"kernels of the fluid model {name}"),
+        *(f"compiled_{name}", functools.partial(_kernels_of_model, name)),
+    )
+    for name, model in MODELS.items()
+    if name != "panels" and hasattr(model.added_mass, "linked")
+}
+
+
 @functools.cache
 def load_kernels() -> None:
-    """Load every kernel of the planar physics; call this before calling one from Python."""
+    """Load the kernels of planar physics but those `OF_MODELS`; call this before calling one."""
     KERNELS.load()
+
+
+@functools.cache
+def load_model(name: str) -> None:
+    """Load the kernels of planar physics with a fluid model."""
+    load_kernels()
+    if name in OF_MODELS:
+        OF_MODELS[name].load()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from swim_env.errors import SimulationEndedError
 from swim_env.physics.fluid.layout import FluidWork
-from swim_env.physics.loading import load_kernels
+from swim_env.physics.loading import load_model
 from swim_env.physics.runtime.references import Referenced, words_of
 from swim_env.physics.runtime.threads import share
 from swim_env.physics.solve.advance import advance, energy_and_velocity, momentum_of_velocity
@@ -29,6 +29,7 @@ from swim_env.physics.solve.state import (
 )
 from swim_env.physics.status import STATE_NOT_FINITE, TERMINATION_REASONS, describe
 from swim_env.scene import Initial, Scene, require_planar
+from swim_env.scene.fluid import NO_FLUID
 from swim_env.sim.constants import scene_constants
 from swim_env.sim.recorder import Recorder, trace_columns, trajectory_of
 from swim_env.sim.trajectory import TrajectoryBase
@@ -79,7 +80,7 @@ class Bodies:
 
     def __init__(self, scene: Scene, count: int = 1) -> None:
         require_planar(scene, "a simulation")
-        load_kernels()
+        load_model(scene.fluid.model if scene.fluid is not None else NO_FLUID)
         beam, fluid, solver = scene_constants(scene)
         self.coordinates_size = self.unknowns = scene.beam.elements + 2
         self.trace_columns = trace_columns(scene)

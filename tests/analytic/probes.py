@@ -16,7 +16,7 @@ from swim_env.physics.fluid.layout import (
 from swim_env.physics.fluid.models import added_mass, shape_force
 from swim_env.physics.fluid.outline import LATERAL, LENGTH, ROTARY, FluidGeometry
 from swim_env.physics.fluid.sources import POTENTIAL, normal_influence
-from swim_env.physics.loading import load_kernels
+from swim_env.physics.loading import load_model
 from swim_env.physics.planar.chain import BeamConstants
 from swim_env.physics.planar.equations import evaluate_step
 from swim_env.physics.planar.matrix import (
@@ -137,7 +137,7 @@ def fluid_constants(
 def probe_fluid(
     joint_angles: Array, fluid: FluidConstants, motion: Array | None = None
 ) -> FluidProbe:
-    load_kernels()
+    load_model(list(models.MODELS)[fluid.model])
     count = int(motion_count(fluid))
     if motion is None:
         motion = np.zeros(count)
@@ -191,7 +191,7 @@ def probe_step(
     adjoint: bool = False,
 ) -> StepProbe:
     """Evaluate a step from q by z as a run does, or the adjoint of a step."""
-    load_kernels()
+    load_model(list(models.MODELS)[fluid.model])
     n = beam.elements + 2
     square = np.zeros((3, n, n))
     out = StepProbe(np.zeros(n), np.zeros(n), *square)

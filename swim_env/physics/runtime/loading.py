@@ -65,7 +65,7 @@ class KernelGroup:
     Parameters
     ----------
     module, attribute : str
-        Where the group is found.
+        Where the group is found; the latter may be an item of an attribute.
     name : str
         What they are, for messages.
     marker : str
@@ -140,7 +140,7 @@ class KernelGroup:
     def _fill_cache(self, marker: Path) -> None:
         """Compile everything and leave a mark that all of it is there."""
         start = time.perf_counter()
-        say(f"compiling the {self._name}, once for this version and machine (half a minute)")
+        say(f"compiling the {self._name}, once for this version and machine (up to half a minute)")
         filled = self._compile_in_own_processes()
         self._load_all()
         took = f"compiled in {time.perf_counter() - start:.0f} s"
@@ -176,8 +176,8 @@ class KernelGroup:
             for half in range(2):
                 code = (
                     f"import sys; sys.path.append({root!r}); "
-                    f"from {self._module} import {self._attribute} as group; "
-                    f"group.compile_half({half})"
+                    f"import {self._module} as module; "
+                    f"module.{self._attribute}.compile_half({half})"
                 )
                 started.append(
                     subprocess.Popen(
