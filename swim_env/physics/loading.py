@@ -29,6 +29,7 @@ def _kernels() -> tuple[Loads, Loads]:
     mass = m.body.mass.added
 
     of_a_state = (row, words, words)
+    of_models = {name: linked_kernels(name) for name in MODELS}  # declares all, for calls of them
     first = [
         linked(evaluate_step, row, row, row, 0.01, True, True, *scene, m.fluid_work),
         linked(step_jacobian, 0.01, 0.0, *scene, m.fluid_work, m.newton),
@@ -48,7 +49,7 @@ def _kernels() -> tuple[Loads, Loads]:
         linked(newton_with_shortening, m, row, 0.01, True, *whole),
         linked(added_mass, row, fluid, m.fluid_work, mass),
         linked(shape_force, row, fluid, m.fluid_work, row),
-        *(one.load for one in linked_kernels("panels")),
+        *(one.load for one in of_models["panels"]),
         entry(centres, row, 0.5, rows),
         entry(centres_of_trajectory, rows, 0.5, steps),
         entry(influence, rows, 3, 1.0, row, steps),
@@ -69,7 +70,7 @@ def _kernels_of_model(name: str) -> tuple[Loads, Loads]:
 OF_MODELS = {
     name: KernelGroup(
         *(__name__, f"OF_MODELS[{name!r}]", f"kernels of the fluid model {name}"),
-        *(f"compiled_{name}", functools.partial(_kernels_of_model, name)),
+        *(f"compiled_model_{name}", functools.partial(_kernels_of_model, name)),
     )
     for name, model in MODELS.items()
     if name != "panels" and hasattr(model.added_mass, "linked")
@@ -78,13 +79,13 @@ OF_MODELS = {
 
 @functools.cache
 def load_kernels() -> None:
-    """Load the kernels of planar physics but those `OF_MODELS`; call this before calling one."""
+    """Load the kernels of planar physics except those of `OF_MODELS`."""
     KERNELS.load()
 
 
 @functools.cache
 def load_model(name: str) -> None:
-    """Load the kernels of planar physics with a fluid model."""
+    """Load the kernels of planar physics with a fluid model; call this before calling one."""
     load_kernels()
     if name in OF_MODELS:
         OF_MODELS[name].load()

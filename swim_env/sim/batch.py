@@ -17,7 +17,7 @@ from swim_env.physics.loading import load_model
 from swim_env.physics.runtime.references import Referenced, words_of
 from swim_env.physics.runtime.threads import share
 from swim_env.physics.solve.advance import advance, energy_and_velocity, momentum_of_velocity
-from swim_env.physics.solve.constants import Constants
+from swim_env.physics.solve.constants import SAMPLE_SCENE, Constants
 from swim_env.physics.solve.state import (
     RECORD_NAMES,
     Member,
@@ -80,16 +80,20 @@ class Bodies:
 
     def __init__(self, scene: Scene, count: int = 1) -> None:
         require_planar(scene, "a simulation")
-        load_model(scene.fluid.model if scene.fluid is not None else NO_FLUID)
+        self.scene = scene
+        self._load_kernels()
         beam, fluid, solver = scene_constants(scene)
         self.coordinates_size = self.unknowns = scene.beam.elements + 2
         self.trace_columns = trace_columns(scene)
         self.joint_shape: tuple[int, ...] = (scene.joints,)
-        self._constants: Any = Referenced(Constants(beam, fluid, solver))
-        self._allocate(scene, count, state_size(scene.beam.elements), work_sizes(fluid))
+        self._constants: Any = Referenced(Constants(beam, fluid, solver), SAMPLE_SCENE)
+        self._allocate(count, state_size(scene.beam.elements), work_sizes(fluid))
 
-    def _allocate(self, scene: Scene, count: int, state: int, work: tuple[int, int]) -> None:
-        self.scene = scene
+    def _load_kernels(self) -> None:
+        fluid = self.scene.fluid
+        load_model(fluid.model if fluid is not None else NO_FLUID)
+
+    def _allocate(self, count: int, state: int, work: tuple[int, int]) -> None:
         self._floats = aligned_zeros(count, work[0])
         self._integers = np.zeros((count, work[1]), dtype=np.int64)
         self.states: Array = np.zeros((count, state))
@@ -97,7 +101,7 @@ class Bodies:
         self.outcome = np.zeros((count, 2), dtype=np.int64)
         self.all_members = np.arange(count)
         self._steps_column = steps_column(state)
-        self.recorder = Recorder(self) if scene.recording is not None else None
+        self.recorder = Recorder(self) if self.scene.recording is not None else None
         self._no_trace = np.zeros((count, 0, self.trace_columns))
         self._find_places()
 
@@ -110,6 +114,7 @@ class Bodies:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
+        self._load_kernels()
         self._find_places()
 
     @property

@@ -165,6 +165,7 @@ class PanelProbe(NamedTuple):
 
 def probe_panels(joint_angles: Array, fluid: FluidConstants) -> PanelProbe:
     elements = fluid.geometry.elements
+    load_model(list(models.MODELS)[fluid.model])
     work = new_fluid_work(fluid)
     mass = np.zeros((2 * elements, 2 * elements))
     assert added_mass(joint_angles, Referenced(fluid), Referenced(work), mass) == 0

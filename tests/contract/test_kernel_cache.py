@@ -187,7 +187,7 @@ def test_a_linked_kernel_refuses_calls_from_python_that_would_jump_to_nowhere() 
         "evaluate_step p torques z h adjoint held beam fluid body fluid_work",
         "Evaluate",
         "swim_env.physics.fluid.models.added_mass was called before it was loaded; call "
-        "load_kernels of swim_env.physics.loading first, or load_spatial_kernels of "
+        "load_model of swim_env.physics.loading first, or load_spatial_kernels of "
         "swim_env.physics.spatial.loading",
         "swim_env.physics.planar.equations.evaluate_step is compiled for other kernels to call, "
         "not for Python",

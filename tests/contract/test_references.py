@@ -1,16 +1,17 @@
 """Named tuples that kernels read by reference: fields, copies and what is refused."""
 
 import copy
+import json
 import pickle
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
-from swim_env import Simulator
+from swim_env import Simulator, load_scene
 from swim_env.physics.runtime.compile import entry_kernel, kernel
 from swim_env.physics.runtime.references import Referenced, by_value, reader, words_of
-from tests.support import Array
+from tests.support import Array, run_python
 
 
 class Inner(NamedTuple):
@@ -96,6 +97,31 @@ def test_an_array_that_is_not_contiguous_is_refused():
     views = outer()
     with pytest.raises(ValueError, match=r"an array of shape \(4, 3\) is not contiguous"):
         words_of(views._replace(cube=np.zeros((3, 4)).T))
+
+
+def test_fields_of_another_type_than_a_kernel_reads_are_refused():
+    views = outer()
+    assert Referenced(views, outer()).share == 0.25
+    for other in (views._replace(share=1), views._replace(cube=np.zeros((2, 3)))):
+        with pytest.raises(TypeError, match=r"kernels read Outer\(float64, Inner"):
+            Referenced(other, outer())
+
+
+@pytest.mark.parametrize("model", ["expansion", "panels"])
+def test_a_simulator_that_was_sent_to_a_new_process_goes_on_there(model, tmp_path):
+    one = Simulator(load_scene("paper_i", {"beam.elements": 3, "fluid.model": model}))
+    torques = one.prescribed_torques(12)
+    one.rollout(torques[:5])
+    path = tmp_path / "simulator"
+    path.write_bytes(pickle.dumps((one, torques[5:])))
+    code = (
+        f"import pickle; s, t = pickle.load(open({str(path)!r}, 'rb')); s.rollout(t); "
+        "print(s.centres.tolist())"
+    )
+    found = run_python("-c", code)
+    assert found.code == 0, found.err
+    one.rollout(torques[5:])
+    np.testing.assert_array_equal(json.loads(found.out), one.centres)
 
 
 @pytest.mark.parametrize("scene", ["swimmer", "fish_3d"])

@@ -70,9 +70,9 @@ def fluid_constants(
         name != "none",
         model.varies,
         int(model.panels(geometry)),
-        model.squares(motions),
+        int(model.squares(motions)),
         axial,
-        np.zeros(0) if terms is None else terms.copy(),  # one that can be written to
+        np.zeros(0) if terms is None else np.array(terms, dtype=np.float64),  # one of its own
         drag,
         *stream,
     )
@@ -120,7 +120,7 @@ joint_angles : (N - 1,) array
 fluid : FluidConstants
     Model and sizes.
 work : FluidWork
-    Overwritten; `shape_force` reads them.
+    Overwritten; `shape_force` reads it.
 out : (K, K) array, or padded
     Overwritten: the symmetric added mass A (kg/m, kg, kg m per metre of depth for v-v, v-w
     and w-w entries, all times a length).
@@ -141,7 +141,7 @@ motion : (K,) array, or padded
 fluid : FluidConstants
     Model and sizes.
 work : FluidWork
-    As `added_mass` left them for this shape.
+    As `added_mass` left it for this shape.
 out : (N,) array
     Overwritten: the derivative, in units of V^T A V.
 """

@@ -281,7 +281,7 @@ def vary(
     m : Member
         For which `evaluate_step` was called with q and z.
     beside : Member
-        Another, whose fluid buffers and added mass are overwritten.
+        Another, whose fluid work space and added mass are overwritten.
     v : Variation
         Work space.
     out_a, out_b : (N + 2,) arrays

@@ -245,7 +245,7 @@ def evaluate_step(
     body : Body
         With the pose q_n and the added mass. Increment, balance and drag are overwritten.
     fluid_work : FluidWork
-        As `added_mass` left them for that.
+        As `added_mass` left it for that.
 
     Returns
     -------

@@ -84,8 +84,7 @@ def embedded(function: Function) -> Function:
 def shared(function: Function) -> Function:
     """Let Python call a function as it is, and kernels compile it into themselves.
 
-    For what measures sizes and lays out work space: without reference counts a kernel cannot hand
-    arrays that it made out of others to Python.
+    For small functions that both need.
     """
     wrapped: Function = register_jitable(function)
     return wrapped

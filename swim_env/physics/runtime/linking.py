@@ -25,7 +25,7 @@ class Linked:
     """A kernel that others call at an address, without taking its code into themselves.
 
     Code is optimised again wherever it goes, which for large kernels would take most of the time to
-    compile. They cannot raise exceptions, and `load_kernels` has to come before any call.
+    compile. They cannot raise exceptions, and loading has to come before any call.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Linked:
             raise RuntimeError(f"{self.name} is compiled for other kernels to call, not for Python")
         if self._address[0] == 0:
             raise RuntimeError(
-                f"{self.name} was called before it was loaded; call load_kernels of "
+                f"{self.name} was called before it was loaded; call load_model of "
                 "swim_env.physics.loading first, or load_spatial_kernels of "
                 "swim_env.physics.spatial.loading"
             )

@@ -140,7 +140,7 @@ class KernelGroup:
     def _fill_cache(self, marker: Path) -> None:
         """Compile everything and leave a mark that all of it is there."""
         start = time.perf_counter()
-        say(f"compiling the {self._name}, once for this version and machine (up to half a minute)")
+        say(f"compiling the {self._name}, once for this version and machine (about half a minute)")
         filled = self._compile_in_own_processes()
         self._load_all()
         took = f"compiled in {time.perf_counter() - start:.0f} s"

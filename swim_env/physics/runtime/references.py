@@ -1,8 +1,8 @@
 """Named tuples of arrays and numbers that kernels read where they lie, by one address.
 
-By value, a body's work space is some hundred addresses and sizes: handing them over takes time at
-every call, and half the time to compile. A `Reference` is the address of a vector of words instead,
-which holds them once and for all.
+By value, what a large kernel takes of a body's work space is some sixty arrays, hundreds of
+addresses and sizes: handing them over takes time at every call, and half the time to compile. A
+`Reference` is the address of a vector of words instead, which holds them once and for all.
 """
 
 from __future__ import annotations
@@ -61,9 +61,14 @@ class Referenced:
     views : NamedTuple
         Of numbers, flags, contiguous arrays, and named tuples of them. What becomes of the numbers
         later is not seen; the arrays are kept.
+    sample : NamedTuple, optional
+        That of the `reader` that takes the words. A TypeError says that a field has another type,
+        whose words would be taken for something else.
     """
 
-    def __init__(self, views: Any) -> None:
+    def __init__(self, views: Any, sample: Any = None) -> None:
+        if sample is not None and numba.typeof(views) != numba.typeof(sample):
+            raise TypeError(f"kernels read {numba.typeof(sample)}, not {numba.typeof(views)}")
         self.views = views
         self.words = words_of(views)
         self.address = self.words.ctypes.data

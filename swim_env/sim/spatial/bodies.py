@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from swim_env.errors import SceneError
 from swim_env.physics.runtime.references import Referenced
 from swim_env.physics.spatial.advance import advance_spatial, spatial_energy, spatial_momentum
+from swim_env.physics.spatial.constants import SAMPLE_SPATIAL_SCENE
 from swim_env.physics.spatial.invariants import centres_of, directors_of, momentum_map
 from swim_env.physics.spatial.layout import RECORD_SIZE, member_views, state_size, work_sizes
 from swim_env.physics.spatial.loading import load_spatial_kernels
@@ -41,14 +42,19 @@ class SpatialBodies(Bodies):
         if scene.dimension != 3:
             found = f"got {scene.name} of dimension {scene.dimension}"
             raise SceneError(f"a simulation in space needs a scene of dimension 3, {found}")
-        load_spatial_kernels(scene.fluid is not None and scene.fluid.model == "panels")
+        self.scene = scene
+        self._load_kernels()
         elements = scene.beam.elements
         self.coordinates_size, self.unknowns = 4 * elements + 3, 3 * elements + 3
         self.trace_columns = self.coordinates_size + self.unknowns
         self.joint_shape = (elements - 1, 3)
-        self._constants = Referenced(spatial_constants(scene))
+        self._constants = Referenced(spatial_constants(scene), SAMPLE_SPATIAL_SCENE)
         sizes = work_sizes(self._constants.surface)
-        self._allocate(scene, count, state_size(elements), sizes)
+        self._allocate(count, state_size(elements), sizes)
+
+    def _load_kernels(self) -> None:
+        fluid = self.scene.fluid
+        load_spatial_kernels(fluid is not None and fluid.model == "panels")
 
     def views(self, index: int) -> Any:
         """Return the names of one member's state and work space, views of both."""

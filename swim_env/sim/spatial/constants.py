@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 
 from swim_env.errors import SimulationEndedError
 from swim_env.physics.spatial.chain import SpatialBeam
-from swim_env.physics.spatial.constants import (
-    SpatialConstants,
-)
+from swim_env.physics.spatial.constants import SpatialConstants
 from swim_env.physics.spatial.layout import SpatialFluid
 from swim_env.physics.spatial.loading import load_panel_kernels
 from swim_env.physics.spatial.panels.mass import evaluate_added_mass, panel_costs
@@ -50,7 +48,7 @@ def spatial_constants(scene: SpatialScene) -> SpatialConstants:
             SMALLEST_SCALE * momentum,
             SMALLEST_SCALE * spin,
         ),
-        SpatialFluid(model != NO_FLUID, model != "strip", varies, added.ravel(), stream),
+        SpatialFluid(model != NO_FLUID, model != "strip", varies, added.flatten(), stream),
         solver_constants(scene, _costs(scene)),
         surface_of(scene) if varies else no_surface(beam.elements),
     )

@@ -261,7 +261,7 @@ def panel_added_mass(directors: Array, surface: Surface, work: PanelWork, out: A
     surface : Surface
         How the body is wrapped into panels.
     work : PanelWork
-        Overwritten; `panel_shape_force` reads them.
+        Overwritten; `panel_shape_force` reads it.
     out : (6 N, 6 N) array, or padded
         Overwritten: the symmetric added mass in the elements' frames, motions element by element
         (kg, kg m, kg m^2).
