@@ -214,7 +214,7 @@ def floor_arrays(scene: Scene) -> FloorArrays:
         raise SceneError("the floor is that of fluid.model panels")
     bodies = Bodies(scene)
     bodies.start(0, *minimal_start(scene, scene.initial))
-    given = bodies.fluid_work(0).outline
+    given = bodies.views(0).fluid_work.outline
     elements = scene.beam.elements
     count = int(outline.panel_count(scene_constants(scene)[1].geometry))
     element = given.element[:count]

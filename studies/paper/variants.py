@@ -68,7 +68,7 @@ def with_halved_turning(scene: Scene) -> Simulator:
     scaled = np.outer(factors, factors)[np.tril_indices(2 * n)]
     # The model's constants are the lower triangle of A, row by row.
     bodies = simulator._bodies
-    bodies._constants.fluid.terms[-scaled.size :] *= scaled
+    bodies._constants.fluid.terms[:] *= scaled
     # The work space keeps the mass, which does not depend on the shape here: clear it.
     bodies._integers[:] = 0
     simulator.reset()

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_env.errors import SimulationEndedError
-from swim_env.physics.fluid.layout import FluidWork
 from swim_env.physics.loading import load_model
 from swim_env.physics.runtime.references import Referenced, words_of
 from swim_env.physics.runtime.threads import share
@@ -107,7 +106,10 @@ class Bodies:
 
     def _find_places(self) -> None:
         """Note the words of every member, which are those of its arrays' places in memory."""
-        self._places = np.array([words_of(self.views(i)) for i in range(len(self.states))])
+        first = words_of(self.views(0))
+        # Members lie one behind the other, so places differ by as much from each to the next.
+        step = words_of(self.views(1)) - first if len(self.states) > 1 else 0
+        self._places = first + self.all_members[:, None] * step
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "_places"}
@@ -201,12 +203,8 @@ class Bodies:
 
     def views(self, index: int) -> Member:
         """Return the names of one member's state and work space, views of both."""
-        numbers = (self.states[index], self._constants.fluid, self._floats[index])
-        return member_views(*numbers, self._integers[index])[0]
-
-    def fluid_work(self, index: int) -> FluidWork:
-        """Return the names of what the fluid model left behind for one member's shape."""
-        return self.views(index).fluid_work
+        state, floats, integers = self.states[index], self._floats[index], self._integers[index]
+        return member_views(state, self._constants.fluid, floats, integers)[0]
 
     def trajectory(
         self, reason: str, first: int, energy: float, trace: Array, torques: Array, record: Array

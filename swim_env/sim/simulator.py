@@ -215,7 +215,7 @@ class Simulator:
             bodies, a run ends beyond 1e10 with ``influence_singular``.
         """
         self._bodies.energy_and_velocity(0)
-        work = self._bodies.fluid_work(0)
+        work = self._bodies.views(0).fluid_work
         if not work.inverse.size:
             return 0.0
         normal = np.zeros_like(work.inverse)

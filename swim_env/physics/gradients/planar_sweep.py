@@ -90,19 +90,18 @@ class Sweep(NamedTuple):
     variation: Variation
 
 
+def linear_system(n: int) -> dict[str, Array]:
+    """Return what every sweep solves for n unknowns with, by the names of its fields."""
+    rows = ("z", "zero", "solved", "early", "late", "early_too", "late_too")
+    return {"matrix": np.zeros((n, n)), **{name: np.zeros(n) for name in rows}}
+
+
 def new_sweep(elements: int, motions: int) -> Sweep:
     """Return the work space of a sweep over the steps of a body with so many motions."""
     n, parameters = elements + 2, parameter_count(elements)
     return Sweep(
-        matrix=np.zeros((n, n)),
+        **linear_system(n),
         pose=np.zeros(n),
-        z=np.zeros(n),
-        zero=np.zeros(n),
-        solved=np.zeros(n),
-        early=np.zeros(n),
-        late=np.zeros(n),
-        early_too=np.zeros(n),
-        late_too=np.zeros(n),
         mu=np.zeros(n),
         early_last=np.zeros(n),
         late_last=np.zeros(n),

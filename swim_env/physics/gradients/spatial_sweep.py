@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swim_env.physics.gradients.planar_sweep import linear_system
 from swim_env.physics.gradients.spatial_variation import (
     SpatialVariation,
     new_spatial_variation,
@@ -70,14 +71,7 @@ def new_spatial_sweep(elements: int) -> SpatialSweep:
     """Return the work space of a sweep over the steps of a body."""
     n, parameters = 3 * elements + 3, spatial_parameter_count(elements)
     return SpatialSweep(
-        matrix=np.zeros((n, n)),
-        z=np.zeros(n),
-        zero=np.zeros(n),
-        solved=np.zeros(n),
-        early=np.zeros(n),
-        late=np.zeros(n),
-        early_too=np.zeros(n),
-        late_too=np.zeros(n),
+        **linear_system(n),
         held=np.zeros((elements - 1, 3)),
         no_torques=np.zeros((elements - 1, 3)),
         unused_torques=np.zeros((elements - 1, 3)),

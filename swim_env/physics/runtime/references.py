@@ -59,8 +59,8 @@ class Referenced:
     Parameters
     ----------
     views : NamedTuple
-        Of numbers, flags, contiguous arrays, and named tuples of them. What becomes of the numbers
-        later is not seen; the arrays are kept.
+        Of numbers, flags, contiguous arrays, and named tuples of them. Kernels see what is written
+        to the arrays later.
     sample : NamedTuple, optional
         That of the `reader` that takes the words. A TypeError says that a field has another type,
         whose words would be taken for something else.
@@ -74,8 +74,6 @@ class Referenced:
         self.address = self.words.ctypes.data
 
     def __getattr__(self, name: str) -> Any:
-        if name == "views":  # while a copy is made
-            raise AttributeError(name)
         return getattr(self.views, name)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -202,15 +200,15 @@ def _read_attribute(context: Any, builder: Any, kind: Reference, address: Any, n
     index = kind.views.fields.index(name)
     first = sum(map(_count, kind.views.types[:index]))
     found = kind.views.types[index]
+    integer = ir.IntType(64)
 
     def word(place: int, of: Any) -> Any:
-        pointer = builder.gep(address, [ir.Constant(ir.IntType(64), _WORD * (first + place))])
+        pointer = builder.gep(address, [ir.Constant(integer, _WORD * (first + place))])
         loaded = builder.load(builder.bitcast(pointer, of.as_pointer()), align=_WORD)
         # What a kernel writes is not here: what was read once need not be read again.
         loaded.set_metadata("invariant.load", builder.module.add_metadata([]))
         return loaded
 
-    integer = ir.IntType(64)
     if isinstance(found, BaseNamedTuple):
         return builder.gep(address, [ir.Constant(integer, _WORD * first)])
     if isinstance(found, types.Array):

@@ -269,10 +269,7 @@ def outer_step(
     record: Array,
 ) -> int:
     """Advance one outer step; on failure coordinates and momentum are what they were before."""
-    state, body, fluid_work, newton, step, forces = (
-        *(m.state, m.body, m.fluid_work, m.newton),
-        *(m.step, m.forces),
-    )
+    state, body, newton, step, forces = m.state, m.body, m.newton, m.step, m.forces
     pose, inc, balance, drag, mass = body.pose, body.inc, body.balance, body.drag, body.mass
     counters = state.counters
     increment = newton.increment
@@ -301,7 +298,7 @@ def outer_step(
         if not second:
             # A pose without mass is not handed out: the run ends at the one before. The next step
             # finds the mass of a good one ready.
-            status = prepare(state, beam, fluid, solver, body, fluid_work, newton, step.effort)
+            status = prepare(state, beam, fluid, solver, body, m.fluid_work, newton, step.effort)
             if status == FINE and pending > 0.0:
                 record[DISSIPATED] += _loss_of_halves(pending, step, mass.velocity)
                 pending = 0.0
@@ -336,7 +333,7 @@ def outer_step(
             # The change of the momentum needs the shape force at the end.
             step.effort[0] += solver.evaluation_cost
             evaluate_step(
-                state.p, torques, increment, h, True, False, beam, fluid, body, fluid_work
+                state.p, torques, increment, h, True, False, beam, fluid, body, m.fluid_work
             )
         if solver.composed:
             _keep_losses(second, increment, beam, body, fluid.drag, step.losses)

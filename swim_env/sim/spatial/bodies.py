@@ -58,8 +58,8 @@ class SpatialBodies(Bodies):
 
     def views(self, index: int) -> Any:
         """Return the names of one member's state and work space, views of both."""
-        numbers = (self.states[index], self._constants.surface, self._floats[index])
-        return member_views(*numbers, self._integers[index])[0]
+        state, floats, integers = self.states[index], self._floats[index], self._integers[index]
+        return member_views(state, self._constants.surface, floats, integers)[0]
 
     def _state_at(self, coordinates: Array) -> Array:
         state: Array = np.zeros(self.states.shape[1])
