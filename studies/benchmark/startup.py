@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import tempfile
+from collections.abc import Iterator
 from typing import Any
 
 from studies.benchmark.subprocesses import Finished, run_python
@@ -37,18 +39,30 @@ def _phases(done: Finished) -> dict[str, float]:
     return dict(zip(PHASES, seconds, strict=True))
 
 
+@contextlib.contextmanager
+def _kept_bytecode() -> Iterator[dict[str, str]]:
+    """Yield variables for starts that find Python's bytecode, as an installation has it.
+
+    A checkout has it from its second start on, unless PYTHONDONTWRITEBYTECODE is set.
+    """
+    load_kernels()
+    with tempfile.TemporaryDirectory(prefix="swim_env-", ignore_cleanup_errors=True) as folder:
+        variables = {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": folder}
+        run_python(_CODE, variables=variables)
+        yield variables
+
+
 def measure_warm_start(rounds: int, progress: Progress = no_progress) -> dict[str, Any]:
     """Measure starts with the compiled kernels in the cache, each in a process of its own.
 
-    One more start comes first, which fills the disk's cache and does not count. Returns spreads of
+    One more start comes first, which does not count. Returns spreads of
     PHASES (s), ``aim`` for the total, and ``met``: whether its median is below.
     """
-    load_kernels()
-    run_python(_CODE)
     runs = []
-    for _ in range(rounds):
-        runs.append(_phases(run_python(_CODE)))
-        progress(1)
+    with _kept_bytecode() as variables:
+        for _ in range(rounds):
+            runs.append(_phases(run_python(_CODE, variables=variables)))
+            progress(1)
     spreads: dict[str, Any] = {
         phase: spread_of([run[phase] for run in runs]).as_dict() for phase in PHASES
     }
@@ -62,8 +76,11 @@ def measure_cold_start() -> dict[str, Any]:
     on standard error that say what is happening; ``announced_after``: when the first of them came,
     from the start of the process (s), None without one.
     """
-    with tempfile.TemporaryDirectory(prefix="swim_env-", ignore_cleanup_errors=True) as folder:
-        done = run_python(_CODE, variables={"NUMBA_CACHE_DIR": folder})
+    with (
+        tempfile.TemporaryDirectory(prefix="swim_env-", ignore_cleanup_errors=True) as folder,
+        _kept_bytecode() as variables,
+    ):
+        done = run_python(_CODE, variables={**variables, "NUMBA_CACHE_DIR": folder})
     said = [(when, line) for when, line in done.messages if line.startswith("swim_env: ")]
     phases = _phases(done)
     return {

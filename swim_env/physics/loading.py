@@ -20,7 +20,7 @@ from swim_env.physics.solve.prepare import prepare
 from swim_env.physics.solve.state import new_member
 
 
-def _kernels() -> tuple[Loads, Loads]:
+def _kernels() -> Loads:
     beam, fluid, solver = SAMPLE_SCENE
     m = new_member(fluid)
     words, words_of_each = np.zeros(1, dtype=np.int64), np.zeros((1, 1), dtype=np.int64)
@@ -30,40 +30,38 @@ def _kernels() -> tuple[Loads, Loads]:
 
     of_a_state = (row, words, words)
     of_models = {name: linked_kernels(name) for name in MODELS}  # declares all, for calls of them
-    first = [
+    panel_mass, panel_force = of_models["panels"]
+    return [
+        panel_mass.load,
         linked(evaluate_step, row, row, row, 0.01, True, True, *scene, m.fluid_work),
-        linked(step_jacobian, 0.01, 0.0, *scene, m.fluid_work, m.newton),
-        linked(adjoint_jacobian, 0.01, *scene, m.newton),
-        linked(prepare, m.state, *whole, m.body, m.fluid_work, m.newton, m.step.effort),
         linked(outer_step, m, row, *whole, row),
+        linked(newton_in_passes, m, row, 0.01, True, *whole, True),
+        linked(step_jacobian, 0.01, 0.0, *scene, m.fluid_work, m.newton),
+        panel_force.load,
+        linked(prepare, m.state, *whole, m.body, m.fluid_work, m.newton, m.step.effort),
+        linked(newton_with_shortening, m, row, 0.01, True, *whole),
         entry(
             advance,
             *(words, words_of_each, steps, 1, words),
             *(steps, steps, rows, words_of_each),
         ),
-        entry(energy_and_velocity, *of_a_state),
+        linked(adjoint_jacobian, 0.01, *scene, m.newton),
         entry(momentum_of_velocity, *of_a_state),
-    ]
-    second = [
-        linked(newton_in_passes, m, row, 0.01, True, *whole, True),
-        linked(newton_with_shortening, m, row, 0.01, True, *whole),
         linked(added_mass, row, fluid, m.fluid_work, mass),
         linked(shape_force, row, fluid, m.fluid_work, row),
-        *(one.load for one in of_models["panels"]),
+        entry(energy_and_velocity, *of_a_state),
         entry(centres, row, 0.5, rows),
         entry(centres_of_trajectory, rows, 0.5, steps),
         entry(influence, rows, 3, 1.0, row, steps),
         entry(normal_influence, rows, 3, steps, rows),
     ]
-    return first, second
 
 
 KERNELS = KernelGroup(__name__, "KERNELS", "physics kernels", "compiled", _kernels)
 
 
-def _kernels_of_model(name: str) -> tuple[Loads, Loads]:
-    loads: Loads = [one.load for one in linked_kernels(name)]
-    return loads[:1], loads[1:]
+def _kernels_of_model(name: str) -> Loads:
+    return [one.load for one in linked_kernels(name)]
 
 
 #: Kernels of the fluid models that few scenes have. Flows need those of `panels` as well.

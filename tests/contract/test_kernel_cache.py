@@ -1,5 +1,6 @@
 """The kernel cache: which processes fill it, and what invalidates it."""
 
+import functools
 import os
 import shutil
 import subprocess
@@ -11,6 +12,7 @@ from filelock import FileLock
 
 from swim_env.physics.loading import load_kernels
 from swim_env.physics.runtime.cache import cache_folder, fingerprint
+from swim_env.physics.runtime.loading import KernelGroup
 from tests.support import ENVIRONMENT, ROOT, Done, run_python
 
 
@@ -50,6 +52,20 @@ def test_two_processes_fill_an_empty_cache_without_writing_to_the_same_place(tmp
     assert [path.name for path in kept if not path.name.endswith(".1.nbc")] == []
     assert load(tmp_path) == Done(0, "", "")
     assert len(list(tmp_path.rglob("*.nbc"))) == len(kept)
+
+
+def test_processes_that_compile_share_the_kernels(tmp_path: Path) -> None:
+    compiled: list[str] = []
+    names = [str(number) for number in range(12)]
+    loads = [functools.partial(compiled.append, name) for name in names]
+    group = KernelGroup(__name__, "group", "kernels", "compiled", lambda: loads)
+    for name in ("1", "11"):
+        (tmp_path / name).touch()  # what other processes have begun
+    group.compile_share(str(tmp_path))
+    rest = [name for name in names if name not in ("1", "11")]
+    assert compiled == rest, "in their order, the one that takes longest first"
+    group.compile_share(str(tmp_path))
+    assert compiled == rest, "nothing is left for a third"
 
 
 EPISODE = """

@@ -30,47 +30,39 @@ from swim_env.physics.spatial.layout import new_spatial_member
 from swim_env.physics.spatial.loading import load_spatial_kernels
 
 
-def _planar_kernels() -> tuple[Loads, Loads]:
+def _planar_kernels() -> Loads:
     beam, fluid, solver = SAMPLE_SCENE
     row, rows, steps = np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1, 1))
     words = np.zeros(1, np.int64)
     given = (rows, steps, rows, 0.1, words, words[None], words)
     m, sweep = new_member(fluid), new_sweep(2, motion_count(fluid))
-    return (
-        [
-            linked(begin_half, row, 0.1, beam, fluid, solver, m, sweep),
-            entry(pull_back, *given, rows, rows, rows, rows, row),
-        ],
-        [
-            linked(
-                *(vary, row, row, 0.1, row, row, row, 0.1, True, beam, fluid, m, m),
-                *(sweep.variation, row, row, row),
-            ),
-            entry(push_forward, *given, row, rows, steps),
-        ],
-    )
+    return [
+        linked(
+            *(vary, row, row, 0.1, row, row, row, 0.1, True, beam, fluid, m, m),
+            *(sweep.variation, row, row, row),
+        ),
+        entry(pull_back, *given, rows, rows, rows, rows, row),
+        entry(push_forward, *given, row, rows, steps),
+        linked(begin_half, row, 0.1, beam, fluid, solver, m, sweep),
+    ]
 
 
-def _spatial_kernels() -> tuple[Loads, Loads]:
+def _spatial_kernels() -> Loads:
     scene = SAMPLE_SPATIAL_SCENE
     row, rows, steps = np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1, 1))
     words = np.zeros(1, np.int64)
     given = (rows, steps, steps, words, words[None], words)
     directions = (row, 0.1, row, row, row, rows, rows, True, True)
     m, sweep = new_spatial_member(scene.surface), new_spatial_sweep(2)
-    return (
-        [
-            linked(begin_spatial_half, row, row, rows, 0.1, True, scene, m, sweep),
-            entry(pull_back_spatial, *given, rows, rows, rows, steps, row),
-        ],
-        [
-            linked(
-                *(vary_spatial, *directions, scene.beam, scene.fluid, m.body, sweep.variation),
-                *(row, row, rows, row),
-            ),
-            entry(push_forward_spatial, *given, row, steps, steps),
-        ],
-    )
+    return [
+        linked(
+            *(vary_spatial, *directions, scene.beam, scene.fluid, m.body, sweep.variation),
+            *(row, row, rows, row),
+        ),
+        entry(pull_back_spatial, *given, rows, rows, rows, steps, row),
+        entry(push_forward_spatial, *given, row, steps, steps),
+        linked(begin_spatial_half, row, row, rows, 0.1, True, scene, m, sweep),
+    ]
 
 
 PLANAR = KernelGroup(

@@ -15,6 +15,7 @@ import gc
 import os
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -28,6 +29,10 @@ from numba.core import config as numba_config
 from swim_env.physics.runtime.cache import ForgivingCache, cache_folder, say, why_temporary
 
 Loads = list[Callable[[], None]]
+
+#: Processes that compile side by side, where there are as many processors. More would wait for the
+#: kernel that takes longest.
+_MOST_PROCESSES = 4
 
 # Held while kernels are loaded: threads that came first together would restore each other's limits.
 _loading = threading.RLock()
@@ -70,9 +75,9 @@ class KernelGroup:
         What they are, for messages.
     marker : str
         File of the cache folder that says that all of them are there.
-    halves : callable
-        Returns what compiles each kernel or takes it from the cache, in two lists that take about
-        as long.
+    kernels : callable
+        Returns what compiles each kernel or takes it from the cache; what takes longest is first,
+        as processes that compile take one kernel after the other.
     """
 
     def __init__(
@@ -81,13 +86,13 @@ class KernelGroup:
         attribute: str,
         name: str,
         marker: str,
-        halves: Callable[[], tuple[Loads, Loads]],
+        kernels: Callable[[], Loads],
     ) -> None:
         self._module = module
         self._attribute = attribute
         self._name = name
         self._marker = marker
-        self._halves = halves
+        self._kernels = kernels
 
     def load(self) -> None:
         """Load every kernel; compile them first where that is needed.
@@ -107,16 +112,25 @@ class KernelGroup:
                     self._fill_cache(marker)
         self._load_all()
 
-    def compile_half(self, half: int) -> None:
-        """Compile the kernels of the first or the second half."""
+    def compile_share(self, claims: str) -> None:
+        """Compile the kernels that no other process has claimed.
+
+        Parameters
+        ----------
+        claims : str
+            A folder with an empty file for every kernel that is being compiled or done.
+        """
         with _rarely_collected():
-            for load in self._halves()[half]:
+            for number, load in enumerate(self._kernels()):
+                try:
+                    (Path(claims) / str(number)).touch(exist_ok=False)
+                except FileExistsError:
+                    continue
                 load()
 
     def _load_all(self) -> None:
         with _rarely_collected():
-            first, second = self._halves()
-            for load in (*first, *second):
+            for load in self._kernels():
                 load()
 
     @contextlib.contextmanager
@@ -164,36 +178,42 @@ class KernelGroup:
     def _compile_in_own_processes(self) -> bool:
         """Fill the cache; return whether that went well.
 
-        Where no process can be started, this one compiles as it loads. Otherwise two processes
-        compile one half of the kernels each.
+        Where no process can be started, this one compiles as it loads.
         """
         if not sys.executable:
             return True
-        root = str(Path(__file__).parents[3])
-        environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache_folder().parent)}
-        started = []
         try:
-            for half in range(2):
-                code = (
-                    f"import sys; sys.path.append({root!r}); "
-                    f"import {self._module} as module; "
-                    f"module.{self._attribute}.compile_half({half})"
-                )
+            folder = tempfile.TemporaryDirectory(prefix="swim_env-")
+        except OSError:
+            return True
+        with folder as claims:
+            started = self._start_compilers(claims)
+            try:
+                return all([process.wait() == 0 for process in started])
+            except BaseException:
+                for process in started:
+                    process.kill()
+                    process.wait()
+                raise
+
+    def _start_compilers(self, claims: str) -> list[subprocess.Popen[bytes]]:
+        """Start as many processes as there are processors to use, as far as that is possible."""
+        root = str(Path(__file__).parents[3])
+        code = (
+            f"import sys; sys.path.append({root!r}); "
+            f"import {self._module} as module; "
+            f"module.{self._attribute}.compile_share({claims!r})"
+        )
+        started = []
+        with contextlib.suppress(OSError):
+            for _ in range(min(numba_config.NUMBA_DEFAULT_NUM_THREADS, _MOST_PROCESSES)):
                 started.append(
                     subprocess.Popen(
                         [sys.executable, "-P", "-c", code],
                         stdin=subprocess.DEVNULL,
                         # What stops them stops this process as well, and it says so once.
                         stderr=subprocess.DEVNULL,
-                        env=environment,
+                        env={**os.environ, "NUMBA_CACHE_DIR": str(cache_folder().parent)},
                     )
                 )
-        except OSError:
-            pass
-        try:
-            return all([process.wait() == 0 for process in started])
-        except BaseException:
-            for process in started:
-                process.kill()
-                process.wait()
-            raise
+        return started

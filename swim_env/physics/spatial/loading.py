@@ -26,20 +26,18 @@ from swim_env.physics.spatial.prepare import prepare_spatial
 from swim_env.physics.spatial.step import spatial_step
 
 
-def _beam_kernels() -> tuple[Loads, Loads]:
+def _beam_kernels() -> Loads:
     scene = SAMPLE_SPATIAL_SCENE
     m = new_spatial_member(scene.surface)
     row, rows, steps = np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1, 1))
     words, held, body = np.zeros(1, np.int64), np.zeros((1, 1, 1, 1)), (*scene[:2], m.body)
-    first = [
+    return [
         linked(evaluate_spatial_step, row, row, rows, row, 0.01, True, *body, m.newton),
+        linked(spatial_step, m, rows, scene, row),
+        linked(inertia_columns, 0.01, True, True, *body, m.newton, rows),
         linked(spatial_jacobian, 0.01, True, *body, m.newton),
         linked(spatial_newton, m, rows, 0.01, True, scene, True),
-    ]
-    second = [
-        linked(inertia_columns, 0.01, True, True, *body, m.newton, rows),
         linked(prepare_spatial, m, scene),
-        linked(spatial_step, m, rows, scene, row),
         entry(
             advance_spatial,
             *(words, words[None], held, 1, words, steps, steps, rows, words[None]),
@@ -47,25 +45,21 @@ def _beam_kernels() -> tuple[Loads, Loads]:
         entry(spatial_energy, row, words, words),
         entry(spatial_momentum, row, words, words),
     ]
-    return first, second
 
 
-def _panel_kernels() -> tuple[Loads, Loads]:
+def _panel_kernels() -> Loads:
     width = np.ones(3)
     surface = surface_of_sections(1.0, width, width, elements=2, around=4)
     given = Referenced(surface), Referenced(new_panel_work(surface))
     directors = np.zeros((2, 3, 3))
     row, rows, layers = directors[0, 0], directors[0], directors
-    first = [
+    return [
         linked(panel_added_mass, directors, *given, rows),
-        entry(influence, rows, rows, 3, True, rows, rows, layers),
-    ]
-    second = [
         linked(panel_shape_force, directors, row, *given, rows),
+        entry(influence, rows, rows, 3, True, rows, rows, layers),
         entry(lay_panels, rows, surface.faces, rows, rows),
         entry(panel_mass, directors, *given, rows),
     ]
-    return first, second
 
 
 BEAM = KernelGroup(__name__, "BEAM", "kernels of the spatial beam", "compiled_beam", _beam_kernels)
