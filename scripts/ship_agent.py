@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from swim_agents.commands.command_line import add_options, print_result, progress_bar, run
-from swim_agents.comparison.contest import FIRST_SEED, entries_of, hold_contest, steps_to_play
+from swim_agents.commands.command_line import add_options, print_result, run, share_bar
+from swim_agents.comparison.contest import FIRST_SEED, entries_of, hold_contest
 from swim_agents.learning.saved import load_agent
 from swim_agents.learning.shipping import SHIPPED_FILES, scores_of, ship_agent
 from swim_agents.policies import PRETRAINED_FOLDER
@@ -69,8 +69,7 @@ def main(arguments: list[str] | None = None) -> int:
     if task == "target":
         entries = entries[-1:]  # waves aim at nothing
     geometry_of(scene).load()
-    total = steps_to_play(scene, len(entries), options.starts)
-    with progress_bar(total, "s", "score") as progress:
+    with share_bar("score") as progress:
         contest = hold_contest(
             scene,
             entries,

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from swim_agents.baselines import WavePolicy, paper_wave
 from swim_agents.rollout import play_episode, ratio
 from swim_agents.tuned_wave import LATERAL, WAVE_FIELDS, check_wave, wave_of_share, wave_on
-from swim_agents.verification import fine_scene, verify_rollout
+from swim_agents.verification import finer_scenes, part_of, verify_rollout, work_of
 from swim_env import SwimEnv, __version__, natural_frequencies
 from swim_env.envs.vector import SwimVectorEnv
 from swim_env.errors import SceneError
@@ -341,12 +341,14 @@ def check_candidates(
     """Verify the result of `search_wave`, from the best wave down, until one is verified.
 
     In space, where that takes minutes, it is the best wave alone. Returns the ``wave`` and the
-    `Verification` of each. Progress counts seconds, of the closed loop and then as that of
-    `verify_rollout`.
+    `Verification` of each. Progress counts shares of a wave's check, its closed loop and what
+    `verify_rollout` does.
     """
-    interval = scene.episode.control_interval
-    report = None if progress is None else lambda actions: progress(actions * interval)
-    env, fine = SwimEnv(scene), SwimEnv(fine_scene(scene))
+    finer_ones = list(finer_scenes(scene).values())
+    work = [work_of(finer_ones[-1]), sum(map(work_of, finer_ones))]
+    closed, again = (part_of(progress, one / sum(work)) for one in work)
+    report = part_of(closed, 1.0 / scene.actions_per_episode)
+    env, fine = SwimEnv(scene), SwimEnv(finer_ones[-1])
     quiet = {"noise": 0.0}
     checked: list[dict[str, Any]] = []
     for candidate in found["candidates"][: 1 if scene.dimension == 3 else None]:
@@ -354,7 +356,7 @@ def check_candidates(
         policy = WavePolicy(scene, wave)
         rollout = play_episode(env, policy, options=quiet)
         closed_loop = play_episode(fine, policy, options=quiet, progress=report)
-        verification = verify_rollout(rollout, closed_loop, progress=progress)
+        verification = verify_rollout(rollout, closed_loop, progress=again)
         checked.append({"wave": _fields(wave), **verification.to_dict()})
         if verification.verified:
             break

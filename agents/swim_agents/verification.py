@@ -34,10 +34,13 @@ __all__ = [
     "Verification",
     "fine_scene",
     "finer_scenes",
+    "part_of",
     "verify_rollout",
+    "work_of",
 ]
 
 Array = NDArray[np.float64]
+Progress = Callable[[float], object]
 
 #: The finer computation: time step divided by this, panels per element at least as many and at
 #: least twice the scene's.
@@ -186,12 +189,30 @@ def finer_scenes(scene: Scene) -> dict[str, Scene]:
         ) from None
 
 
+def work_of(scene: Scene) -> float:
+    """Return roughly how long a second of a scene takes to compute (s), to compare scenes by."""
+    step = 1e-5
+    if isinstance(scene, SpatialScene):
+        step = 7e-5
+        if scene.fluid is not None and scene.fluid.model == _FINE_MODEL:
+            step += 3e-10 * scene.fluid.panels_in_all(scene.beam) ** 3
+    elif scene.fluid is not None and FLUID_TABLE[scene.fluid.model].panels:
+        panels = scene.beam.elements * scene.fluid.panels_per_element
+        step += 2e-8 * panels**2 + 3e-11 * panels**3
+    return step / scene.integrator.time_step
+
+
+def part_of(progress: Progress | None, share: float) -> Progress | None:
+    """Return what reports the progress of a part that has this share of the work."""
+    return None if progress is None else lambda done: progress(share * done)
+
+
 def verify_rollout(
     rollout: Rollout,
     closed_loop: Rollout | None = None,
     tolerance: float = TOLERANCE,
     source_tolerance: float = SOURCE_TOLERANCE,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress | None = None,
 ) -> Verification:
     """Compare an episode with its torques, and its policy, in finer scenes.
 
@@ -214,8 +235,8 @@ def verify_rollout(
     tolerance, source_tolerance : float
         Shares of the score.
     progress : callable, optional
-        Called with the simulated seconds that were played again since its last call; they come to
-        the episode's duration for each of the `finer_scenes`.
+        Called with the share of the work that was done since its last call. Shares come to 1 where
+        nothing ends early.
 
     Raises
     ------
@@ -231,13 +252,15 @@ def verify_rollout(
         _check_closed_loop(rollout, closed_loop, fine)
         closed = _played(closed_loop)
     replays = {}
+    work = {name: work_of(scene) for name, scene in scenes.items()}
     for name, scene in scenes.items():
+        report = part_of(progress, work[name] / sum(work.values()))
         if closed_loop is not None and scene == fine and _same_torques(rollout, closed_loop):
             replays[name] = _played(closed_loop)
-            if progress is not None:
-                progress(closed_loop.steps * scene.integrator.time_step)
+            if report is not None:
+                report(1.0)
         else:
-            replays[name] = _replay(rollout, scene, progress)
+            replays[name] = _replay(rollout, scene, report)
     together = list(replays.values())[-1]
     runs = {**replays, "together": together}
     if closed is not None:
@@ -325,10 +348,10 @@ def _played(rollout: Rollout) -> _Run:
     )
 
 
-def _replay(rollout: Rollout, scene: Scene, progress: Callable[[float], object] | None) -> _Run:
+def _replay(rollout: Rollout, scene: Scene, progress: Progress | None) -> _Run:
     """Play an episode's torques in another scene."""
-    step = scene.integrator.time_step
-    report = None if progress is None else lambda steps: progress(steps * step)
+    duration = rollout.steps * rollout.scene.integrator.time_step
+    report = part_of(progress, scene.integrator.time_step / duration if rollout.steps else 0.0)
     try:
         run = rollout.simulate(scene, report)
     except SimulationEndedError as error:

@@ -360,14 +360,14 @@ def test_the_closed_loop_of_a_wave_is_its_torques_played_again(env, name):
     fine = fine_scene(env.scene)
     closed_loop = play_episode(SwimEnv(fine), policy, seed=1)
     again = rollout.simulate(fine)
-    seconds: list[float] = []
-    checked = verify_rollout(rollout, closed_loop, progress=seconds.append)
+    shares: list[float] = []
+    checked = verify_rollout(rollout, closed_loop, progress=shares.append)
     assert checked.closed_displacement == checked.fine_displacement
     assert checked.fine_displacement == pytest.approx(score(rollout, again.path[-1]), abs=1e-13)
     assert checked.closed_energy_drift == pytest.approx(again.energy_drift, rel=1e-9)
     assert checked.changes["closed_loop"] == checked.changes["together"]
-    # Four finer computations of a second each, whether or not one was played before.
-    assert sum(seconds) == pytest.approx(4.0)
+    assert max(shares) == shares[-1] > 0.5, "the finest computation, which was played before"
+    assert sum(shares) == pytest.approx(1.0)
     alone = verify_rollout(rollout)
     assert alone.changes == pytest.approx({name: checked.changes[name] for name in alone.changes})
     assert alone.fine_energy_drift == pytest.approx(checked.fine_energy_drift, rel=1e-9)

@@ -248,6 +248,14 @@ def progress_bar(
         yield update
 
 
+@contextlib.contextmanager
+def share_bar(label: str) -> Iterator[Callable[[float], None]]:
+    """Show a `progress_bar` of work that is reported in shares, which come to 1."""
+    bar_format = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}"
+    with progress_bar(1000, "", label, bar_format=bar_format) as bar:
+        yield lambda share: bar(1000.0 * share)
+
+
 # ---- exit codes --------------------------------------------------------------------------------
 
 

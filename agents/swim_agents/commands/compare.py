@@ -13,7 +13,6 @@ from swim_agents.comparison.contest import (
     checked_seeds,
     entries_of,
     hold_contest,
-    steps_to_play,
 )
 from swim_agents.comparison.report import SPATIAL_CONTEST_FILES, as_text, write_contest
 from swim_agents.policies import policy_label, policy_names, run_label
@@ -103,8 +102,7 @@ def main(options: argparse.Namespace) -> int:
         )
         file = recording_file(options.record, label)
     geometry_of(scene).load()
-    total = steps_to_play(scene, len(entries), len(seeds))
-    with cli.progress_bar(total, "s", "simulated") as progress:
+    with cli.share_bar("comparison") as progress:
         contest = hold_contest(
             scene, entries, seeds, options.task, options.noise, task_options, progress=progress
         )

@@ -19,7 +19,7 @@ from swim_agents.optimal_gait import GAIT_SUFFIX, GOALS, OptimalGait, gait_file
 from swim_agents.optimising import Problem, Result, search_gait
 from swim_agents.rollout import Rollout, play_episode
 from swim_agents.tuned_wave import find_tuned_wave
-from swim_agents.verification import fine_scene, finer_scenes, verify_rollout
+from swim_agents.verification import fine_scene, verify_rollout
 from swim_env import SwimEnv, SwimEnv3D, __version__, natural_frequencies
 from swim_env.errors import OptionError, SceneError, SwimError
 from swim_env.files.provenance import where_and_when
@@ -253,8 +253,7 @@ def _record(
     }
     check_gait(record, options.minutes)
     if options.verify:
-        seconds = len(finer_scenes(scene)) + 1
-        with cli.progress_bar(round(seconds * scene.episode.duration), "s", "check") as bar:
+        with cli.share_bar("check") as bar:
             closed = _episode(fine_scene(scene), gait)
             record["verification"] = verify_rollout(rollout, closed, progress=bar).to_dict()
     return record | {"actions": gait.table.tolist(), "scene_fields": scene.to_dict()}

@@ -21,7 +21,6 @@ from swim_agents.tuning import (
     record_of,
     search_wave,
 )
-from swim_agents.verification import finer_scenes
 from swim_env.envs.assessment import load_assessment
 from swim_env.errors import SwimError
 from swim_env.files.atomic import write_atomically
@@ -109,8 +108,7 @@ def main(options: argparse.Namespace) -> int:
         )
     checked = []
     if options.verify:
-        seconds = math.ceil((1 + len(finer_scenes(scene))) * scene.episode.duration)
-        with cli.progress_bar(seconds, "s", "check") as bar:
+        with cli.share_bar("check") as bar:
             checked = check_candidates(scene, found, bar)
     record = record_of(scene, found, checked)
     record["seconds"] = round(time.perf_counter() - start, 1)

@@ -26,9 +26,10 @@ from swim_agents.verification import (
     SOURCE_TOLERANCE,
     SOURCES,
     TOLERANCE,
-    fine_scene,
     finer_scenes,
+    part_of,
     verify_rollout,
+    work_of,
 )
 from swim_env import __version__
 from swim_env.envs.tasks import NOISE, Task, check_task, make_task
@@ -174,17 +175,6 @@ def _labels(name: str, run: Path | None, policy: Policy) -> tuple[str, str]:
     return label, label
 
 
-def steps_to_play(scene: Scene, entries: int, seeds: int) -> int:
-    """Return what the progress of `hold_contest` adds up to: seconds simulated and checked."""
-    return math.ceil(entries * _seconds_to_play(scene, seeds))
-
-
-def _seconds_to_play(scene: Scene, seeds: int) -> float:
-    """Return how long an entry plays and is checked (s) where nothing ends early."""
-    runs = 2 + len(finer_scenes(scene))  # the episode, the closed loop, the torques played again
-    return runs * seeds * scene.episode.duration
-
-
 def checked_seeds(seeds: Sequence[int]) -> list[int]:
     """Return seeds of starts as plain numbers; OptionError unless they differ and are usable."""
     try:
@@ -229,8 +219,7 @@ def hold_contest(
     threads : int, optional
         As many as numba uses unless given.
     progress : callable, optional
-        Called with the simulated seconds that were played or checked since the last call; what
-        ends early counts as played to its end, so they come to `steps_to_play`.
+        Called with the share of the work that was done since the last call; shares come to 1.
 
     Returns
     -------
@@ -273,18 +262,22 @@ def hold_contest(
     performances: dict[str, list[Performance]] = {}
     kept: dict[str, list[Rollout]] = {}
     trajectories: dict[str, list[Trajectory]] = {}
-    fine = fine_scene(scene)
+    finer_ones = list(finer_scenes(scene).values())
+    fine = finer_ones[-1]
+    # Of an entry: its episodes, its closed loops, and its torques played again.
+    work = [work_of(scene), work_of(fine), sum(map(work_of, finer_ones))]
+    episodes, closed, again = (one / sum(work) / len(entries) for one in work)
     lock, stopped = threading.Lock(), threading.Event()
     reported = 0.0
 
-    def report(seconds: float) -> None:
+    def report(share: float) -> None:
         nonlocal reported
         if stopped.is_set():
             raise KeyboardInterrupt
         if progress is not None:
             with lock:
-                reported += seconds
-                progress(seconds)
+                reported += share
+                progress(share)
 
     def make(played: Scene) -> SwimVectorEnv:
         return SwimVectorEnv(
@@ -297,19 +290,15 @@ def hold_contest(
         )
 
     def play(
-        env: SwimVectorEnv, policy: Policy, starts: Sequence[Rollout] | None = None
+        env: SwimVectorEnv, policy: Policy, share: float, starts: Sequence[Rollout] | None = None
     ) -> list[Rollout]:
-        seconds = scene.episode.control_interval * count
-
-        def advance(actions: int) -> None:
-            report(actions * seconds)
-
+        advance = part_of(report, share / scene.actions_per_episode)
         options = {"noise": noise}
         return play_episodes(env, policy, seeds, options, progress=advance, starts=starts)
 
     def assess(rollout: Rollout, closed_loop: Rollout) -> tuple[Performance, Trajectory]:
         trajectory = rollout.simulate()
-        verification = verify_rollout(rollout, closed_loop, progress=report)
+        verification = verify_rollout(rollout, closed_loop, progress=part_of(report, again / count))
         return measure_performance(rollout, trajectory, verification), trajectory
 
     with ExitStack() as stack:
@@ -319,11 +308,11 @@ def hold_contest(
         except SimulationEndedError as error:  # not even the scene's own start
             finer, reason = None, error.reason
         for number, entry in enumerate(entries, start=1):
-            rollouts = play(env, entry.policy)
+            rollouts = play(env, entry.policy, episodes)
             if finer is None:
                 closed_loops = [one.refused(fine, reason) for one in rollouts]
             else:
-                closed_loops = play(finer, entry.policy, rollouts)
+                closed_loops = play(finer, entry.policy, closed, rollouts)
             # The kernels release the interpreter's lock.
             with ThreadPoolExecutor(workers) as pool:
                 try:
@@ -331,9 +320,9 @@ def hold_contest(
                 except BaseException:
                     stopped.set()  # what still plays would hold up the end
                     raise
-            left_out = number * _seconds_to_play(scene, count) - reported
-            if left_out > 1e-9 * reported:
-                report(left_out)
+            ended_early = number / len(entries) - reported
+            if ended_early > 1e-9:
+                report(ended_early)
             performances[entry.name] = [performance for performance, _ in assessed]
             kept[entry.name] = rollouts[:keep]
             trajectories[entry.name] = [trajectory for _, trajectory in assessed[:keep]]
