@@ -7,7 +7,6 @@ FOLDER gets the pictures and gallery.json; the page is FOLDER.md beside it.
 from __future__ import annotations
 
 import argparse
-import math
 import shlex
 import sys
 from dataclasses import replace
@@ -15,12 +14,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # studies are not installed
 
-from swim_agents.commands.command_line import (
-    add_options,
-    print_result,
-    progress_bar,
-    run,
-)
+from swim_agents.commands.command_line import add_options, print_result, run, share_bar
 
 from studies.gallery.page import check_gallery, make_gallery
 from studies.gallery.runs import FULL, QUICK
@@ -62,7 +56,7 @@ def main(arguments: list[str] | None = None) -> int:
     require_matplotlib()
     check_gallery(folder)
     load_assessment()
-    with progress_bar(math.ceil(plan.seconds()), "s", "simulated") as progress:
+    with share_bar("gallery") as progress:
         record = make_gallery(folder, plan, shown_name(shlex.join(command)), progress)
     lines = [
         f"{name:12s} {rows[-1]['net_displacement']:+.4f} body lengths for "

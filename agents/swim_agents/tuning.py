@@ -13,6 +13,7 @@ share of the torque limit of each.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
@@ -21,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swim_agents.baselines import WavePolicy, paper_wave
-from swim_agents.rollout import play_episode, ratio
+from swim_agents.rollout import Rollout, play_episode, ratio
 from swim_agents.tuned_wave import LATERAL, WAVE_FIELDS, check_wave, wave_of_share, wave_on
-from swim_agents.verification import finer_scenes, part_of, verify_rollout, work_of
+from swim_agents.verification import Progress, check_rollout, part_of
 from swim_env import SwimEnv, __version__, natural_frequencies
 from swim_env.envs.vector import SwimVectorEnv
 from swim_env.errors import SceneError
@@ -335,28 +336,26 @@ def _fields(wave: Actuation) -> dict[str, Any]:
     return found
 
 
+def _play(policy: WavePolicy, scene: Scene, progress: Progress | None = None) -> Rollout:
+    """Play an episode from the scene's own start."""
+    return play_episode(SwimEnv(scene), policy, options={"noise": 0.0}, progress=progress)
+
+
 def check_candidates(
     scene: Scene, found: dict[str, Any], progress: Callable[[float], object] | None = None
 ) -> list[dict[str, Any]]:
     """Verify the result of `search_wave`, from the best wave down, until one is verified.
 
     In space, where that takes minutes, it is the best wave alone. Returns the ``wave`` and the
-    `Verification` of each. Progress counts shares of a wave's check, its closed loop and what
-    `verify_rollout` does.
+    `Verification` of each. Progress counts shares of the work if all had to be checked.
     """
-    finer_ones = list(finer_scenes(scene).values())
-    work = [work_of(finer_ones[-1]), sum(map(work_of, finer_ones))]
-    closed, again = (part_of(progress, one / sum(work)) for one in work)
-    report = part_of(closed, 1.0 / scene.actions_per_episode)
-    env, fine = SwimEnv(scene), SwimEnv(finer_ones[-1])
-    quiet = {"noise": 0.0}
+    candidates = found["candidates"][: 1 if scene.dimension == 3 else None]
+    part = part_of(progress, 1.0 / max(1, len(candidates)))
     checked: list[dict[str, Any]] = []
-    for candidate in found["candidates"][: 1 if scene.dimension == 3 else None]:
+    for candidate in candidates:
         wave = _wave(scene, found["wave"], [candidate[name] for name in _CANDIDATE])
-        policy = WavePolicy(scene, wave)
-        rollout = play_episode(env, policy, options=quiet)
-        closed_loop = play_episode(fine, policy, options=quiet, progress=report)
-        verification = verify_rollout(rollout, closed_loop, progress=again)
+        play = functools.partial(_play, WavePolicy(scene, wave))
+        verification = check_rollout(play(scene), play, part)
         checked.append({"wave": _fields(wave), **verification.to_dict()})
         if verification.verified:
             break

@@ -32,11 +32,13 @@ __all__ = [
     "TIME_STEP_DIVISOR",
     "TOLERANCE",
     "Verification",
+    "check_rollout",
     "fine_scene",
     "finer_scenes",
     "part_of",
     "verify_rollout",
     "work_of",
+    "work_of_check",
 ]
 
 Array = NDArray[np.float64]
@@ -54,6 +56,8 @@ SOURCES = ("time_step", "panels", "ends")
 SPATIAL_SOURCES = ("time_step", "model")
 #: Models in space that stand for the one of panels on every shape.
 _SIMPLER_MODELS, _FINE_MODEL = ("strip", "frozen"), "panels"
+#: Models in the plane that need the panels of every shape.
+_PANELS_OF_SHAPES = ("panels", "centreline")
 #: Displacements below this (BL) are rounding, and agree with each other.
 _NOTHING = 1e-9
 
@@ -196,10 +200,16 @@ def work_of(scene: Scene) -> float:
         step = 7e-5
         if scene.fluid is not None and scene.fluid.model == _FINE_MODEL:
             step += 3e-10 * scene.fluid.panels_in_all(scene.beam) ** 3
-    elif scene.fluid is not None and FLUID_TABLE[scene.fluid.model].panels:
+    elif scene.fluid is not None and scene.fluid.model in _PANELS_OF_SHAPES:
         panels = scene.beam.elements * scene.fluid.panels_per_element
         step += 2e-8 * panels**2 + 3e-11 * panels**3
     return step / scene.integrator.time_step
+
+
+def work_of_check(scene: Scene) -> tuple[float, float]:
+    """Return the same for the check of an episode: of its closed loop, and of its torques."""
+    work = [work_of(one) for one in finer_scenes(scene).values()]
+    return work[-1], sum(work)
 
 
 def part_of(progress: Progress | None, share: float) -> Progress | None:
@@ -303,6 +313,29 @@ def verify_rollout(
         closed_success=closed and closed.success,
         closed_return=None if closed_loop is None else float(closed_loop.rewards.sum()),
     )
+
+
+def check_rollout(
+    rollout: Rollout,
+    play: Callable[[Scene, Progress | None], Rollout],
+    progress: Progress | None = None,
+) -> Verification:
+    """Have a policy play its episode again in the `fine_scene`, and verify it by that as well.
+
+    Parameters
+    ----------
+    rollout : Rollout
+        The episode.
+    play : callable
+        Plays it in a scene, and calls what it is given with the number of actions since the last
+        call.
+    progress : callable, optional
+        As for `verify_rollout`, with the work of playing.
+    """
+    work = work_of_check(rollout.scene)
+    closed, again = (part_of(progress, one / sum(work)) for one in work)
+    report = part_of(closed, 1.0 / rollout.scene.actions_per_episode)
+    return verify_rollout(rollout, play(fine_scene(rollout.scene), report), progress=again)
 
 
 def _check_closed_loop(rollout: Rollout, closed_loop: Rollout, fine: Scene) -> None:

@@ -55,8 +55,8 @@ def _kept_bytecode() -> Iterator[dict[str, str]]:
 def measure_warm_start(rounds: int, progress: Progress = no_progress) -> dict[str, Any]:
     """Measure starts with the compiled kernels in the cache, each in a process of its own.
 
-    One more start comes first, which does not count. Returns spreads of
-    PHASES (s), ``aim`` for the total, and ``met``: whether its median is below.
+    One more start comes first, which does not count. Returns spreads of PHASES (s), ``aim`` for the
+    total, and ``met``: whether its median is below.
     """
     runs = []
     with _kept_bytecode() as variables:

@@ -17,7 +17,7 @@ from swim_agents.comparison.contest import FIRST_SEED, REFERENCES
 from swim_agents.learning.logs import read_log
 from swim_agents.policies import PRETRAINED_FOLDER, load_policy
 from swim_agents.rollout import Rollout, play_episode
-from swim_agents.verification import fine_scene, finer_scenes, verify_rollout
+from swim_agents.verification import check_rollout, work_of, work_of_check
 
 from swim_env.envs.single import SwimEnv, SwimTargetEnv
 from swim_env.errors import OptionError
@@ -64,12 +64,13 @@ class Plan:
             scene = scene.replace("episode.duration", self.duration)
         return scene
 
-    def seconds(self) -> float:
-        """Return what `play_all` reports progress of: simulated seconds, played and checked."""
-        episode = self.scene().episode.duration
-        played = len(PAPER_SCENES) * self.paper_duration + episode
-        runs = 2 + len(finer_scenes(self.scene()))
-        return played + runs * episode * len(FORWARD) * len(self.strengths)
+    def work(self) -> float:
+        """Return roughly how long `play_all` takes on one core (s)."""
+        scene = self.scene()
+        each = work_of(scene) + sum(work_of_check(scene))
+        episodes = work_of(scene) + each * len(FORWARD) * len(self.strengths)
+        paper = sum(work_of(load_scene(name)) for name in PAPER_SCENES)
+        return self.paper_duration * paper + scene.episode.duration * episodes
 
 
 FULL = Plan()
@@ -120,32 +121,36 @@ class _Weaker:
 
 
 def play_all(plan: Plan, progress: Progress) -> Runs:
-    """Play everything that the gallery shows; progress is in simulated seconds."""
-    lock = threading.Lock()
+    """Play everything that the gallery shows; progress is in shares of the work."""
+    lock, total = threading.Lock(), plan.work()
 
-    def every(seconds: float) -> Callable[[float], None]:
-        """Return the progress of steps that take so long."""
+    def every(work: float) -> Progress:
+        """Return the progress of steps that take so long (s)."""
 
         def advance(steps: float) -> None:
             with lock:
-                progress(steps * seconds)
+                progress(steps * work / total)
 
         return advance
 
-    def play(env: SwimEnv, policy: Policy) -> Rollout:
+    def play(env: SwimEnv, policy: Policy, report: Progress | None = None) -> Rollout:
         with closing(env):
-            interval = env.scene.episode.control_interval
-            return play_episode(env, policy, plan.seed, progress=every(interval))
+            work = work_of(env.scene) * env.scene.episode.control_interval
+            return play_episode(env, policy, plan.seed, progress=report or every(work))
 
     def check(policy: Policy, rollout: Rollout) -> Episode:
-        closed_loop = play(SwimEnv(fine_scene(rollout.scene)), policy)
-        found = verify_rollout(rollout, closed_loop, progress=every(1.0))
+        def again(finer: Scene, report: Progress | None) -> Rollout:
+            return play(SwimEnv(finer), policy, report)
+
+        work = sum(work_of_check(rollout.scene)) * rollout.scene.episode.duration
+        found = check_rollout(rollout, again, every(work))
         return Episode(rollout, rollout.simulate(), found.fine_displacement, found.verified)
 
     paper = {}
     for name in PAPER_SCENES:
         driven = load_scene(name)
-        paper[name], _ = replay(driven, plan.paper_duration, every(driven.integrator.time_step))
+        report = every(work_of(driven) * driven.integrator.time_step)
+        paper[name], _ = replay(driven, plan.paper_duration, report)
     scene = plan.scene()
     weaker: dict[str, list[_Weaker]] = {}
     rollouts: dict[str, list[Rollout]] = {}

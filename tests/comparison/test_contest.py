@@ -319,6 +319,7 @@ def test_progress_comes_to_its_end_where_episodes_end_early():
     [
         ("swimmer", {"integrator.time_step": 0.00125}, 4.0),
         ("swimmer", {"fluid.panels_per_element": 12}, 7.0),
+        ("swimmer", {"fluid.model": "frozen"}, 0.2),
         ("eel_3d", {"fluid.model": "panels"}, 100.0),
     ],
 )

@@ -74,10 +74,10 @@ def test_figures_are_those_of_an_episode(made):
 
 
 def test_progress_comes_to_what_was_announced():
-    steps: list[float] = []
+    shares: list[float] = []
     plan = replace(QUICK, duration=0.1, paper_duration=0.1, strengths=(1.0,))
-    runs = play_all(plan, steps.append)
-    assert sum(steps) == pytest.approx(plan.seconds())
+    runs = play_all(plan, shares.append)
+    assert sum(shares) == pytest.approx(1.0)
     assert runs.forward["paper_wave"].trajectory.duration == pytest.approx(0.1)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import hashlib
 import json
 import os
@@ -19,7 +20,7 @@ from swim_agents.optimal_gait import GAIT_SUFFIX, GOALS, OptimalGait, gait_file
 from swim_agents.optimising import Problem, Result, search_gait
 from swim_agents.rollout import Rollout, play_episode
 from swim_agents.tuned_wave import find_tuned_wave
-from swim_agents.verification import fine_scene, verify_rollout
+from swim_agents.verification import Progress, check_rollout
 from swim_env import SwimEnv, SwimEnv3D, __version__, natural_frequencies
 from swim_env.errors import OptionError, SceneError, SwimError
 from swim_env.files.provenance import where_and_when
@@ -221,17 +222,17 @@ def check_gait(record: dict[str, Any], minutes: float) -> None:
         )
 
 
-def _episode(scene: Scene, gait: OptimalGait) -> Rollout:
+def _episode(gait: OptimalGait, scene: Scene, progress: Progress | None = None) -> Rollout:
     """Play an episode from the scene's own start."""
     env: Any = (SwimEnv if scene.dimension == 2 else SwimEnv3D)(scene)
-    return play_episode(env, gait, options={"noise": 0.0})
+    return play_episode(env, gait, options={"noise": 0.0}, progress=progress)
 
 
 def _record(
     scene: Scene, problem: Problem, gait: OptimalGait, result: Result, options: argparse.Namespace
 ) -> dict[str, Any]:
     """Play the gait as a policy and return all that there is to know of it."""
-    rollout = _episode(scene, gait)
+    rollout = _episode(gait, scene)
     run = rollout.simulate()
     summary = run.summary()
     record: dict[str, Any] = {
@@ -254,8 +255,8 @@ def _record(
     check_gait(record, options.minutes)
     if options.verify:
         with cli.share_bar("check") as bar:
-            closed = _episode(fine_scene(scene), gait)
-            record["verification"] = verify_rollout(rollout, closed, progress=bar).to_dict()
+            play = functools.partial(_episode, gait)
+            record["verification"] = check_rollout(rollout, play, bar).to_dict()
     return record | {"actions": gait.table.tolist(), "scene_fields": scene.to_dict()}
 
 

@@ -26,10 +26,11 @@ from swim_agents.verification import (
     SOURCE_TOLERANCE,
     SOURCES,
     TOLERANCE,
-    finer_scenes,
+    fine_scene,
     part_of,
     verify_rollout,
     work_of,
+    work_of_check,
 )
 from swim_env import __version__
 from swim_env.envs.tasks import NOISE, Task, check_task, make_task
@@ -262,10 +263,9 @@ def hold_contest(
     performances: dict[str, list[Performance]] = {}
     kept: dict[str, list[Rollout]] = {}
     trajectories: dict[str, list[Trajectory]] = {}
-    finer_ones = list(finer_scenes(scene).values())
-    fine = finer_ones[-1]
+    fine = fine_scene(scene)
     # Of an entry: its episodes, its closed loops, and its torques played again.
-    work = [work_of(scene), work_of(fine), sum(map(work_of, finer_ones))]
+    work = work_of(scene), *work_of_check(scene)
     episodes, closed, again = (one / sum(work) / len(entries) for one in work)
     lock, stopped = threading.Lock(), threading.Event()
     reported = 0.0
@@ -320,9 +320,9 @@ def hold_contest(
                 except BaseException:
                     stopped.set()  # what still plays would hold up the end
                     raise
-            ended_early = number / len(entries) - reported
-            if ended_early > 1e-9:
-                report(ended_early)
+            left_out = number / len(entries) - reported
+            if left_out > 1e-9:
+                report(left_out)
             performances[entry.name] = [performance for performance, _ in assessed]
             kept[entry.name] = rollouts[:keep]
             trajectories[entry.name] = [trajectory for _, trajectory in assessed[:keep]]

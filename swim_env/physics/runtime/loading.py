@@ -182,13 +182,17 @@ class KernelGroup:
         """
         if not sys.executable:
             return True
-        try:
-            folder = tempfile.TemporaryDirectory(prefix="swim_env-")
-        except OSError:
-            return True
-        with folder as claims:
-            started = self._start_compilers(claims)
+        number = min(numba_config.NUMBA_DEFAULT_NUM_THREADS, _MOST_PROCESSES, len(self._kernels()))
+        started: list[subprocess.Popen[bytes]] = []
+        with contextlib.ExitStack() as stack:
             try:
+                with contextlib.suppress(OSError):
+                    claims = tempfile.TemporaryDirectory(
+                        dir=cache_folder(), prefix="claims-", ignore_cleanup_errors=True
+                    )
+                    folder = stack.enter_context(claims)
+                    while len(started) < number:
+                        started.append(self._start_compiler(folder))
                 return all([process.wait() == 0 for process in started])
             except BaseException:
                 for process in started:
@@ -196,24 +200,18 @@ class KernelGroup:
                     process.wait()
                 raise
 
-    def _start_compilers(self, claims: str) -> list[subprocess.Popen[bytes]]:
-        """Start as many processes as there are processors to use, as far as that is possible."""
+    def _start_compiler(self, claims: str) -> subprocess.Popen[bytes]:
+        """Start a process that compiles its share of the kernels."""
         root = str(Path(__file__).parents[3])
         code = (
             f"import sys; sys.path.append({root!r}); "
             f"import {self._module} as module; "
             f"module.{self._attribute}.compile_share({claims!r})"
         )
-        started = []
-        with contextlib.suppress(OSError):
-            for _ in range(min(numba_config.NUMBA_DEFAULT_NUM_THREADS, _MOST_PROCESSES)):
-                started.append(
-                    subprocess.Popen(
-                        [sys.executable, "-P", "-c", code],
-                        stdin=subprocess.DEVNULL,
-                        # What stops them stops this process as well, and it says so once.
-                        stderr=subprocess.DEVNULL,
-                        env={**os.environ, "NUMBA_CACHE_DIR": str(cache_folder().parent)},
-                    )
-                )
-        return started
+        return subprocess.Popen(
+            [sys.executable, "-P", "-c", code],
+            stdin=subprocess.DEVNULL,
+            # What stops them stops this process as well, and it says so once.
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, "NUMBA_CACHE_DIR": str(cache_folder().parent)},
+        )
