@@ -5,12 +5,14 @@ import json
 import pickle
 from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 import pytest
 
 from swim_env import Simulator, load_scene
 from swim_env.physics.runtime.compile import entry_kernel, kernel
-from swim_env.physics.runtime.references import Referenced, by_value, reader, words_of
+from swim_env.physics.runtime.references import Referenced, by_value, reader, type_of, words_of
+from swim_env.physics.solve.constants import SAMPLE_SCENE
 from tests.support import Array, run_python
 
 
@@ -105,6 +107,22 @@ def test_fields_of_another_type_than_a_kernel_reads_are_refused():
     for other in (views._replace(share=1), views._replace(cube=np.zeros((2, 3)))):
         with pytest.raises(TypeError, match=r"kernels read Outer\(float64, Inner"):
             Referenced(other, outer())
+
+
+def test_the_type_is_found_once_as_finding_it_takes_longer_than_a_step():
+    one = Referenced(outer())
+    assert numba.typeof(one) is numba.typeof(one) == type_of(one.views)
+
+
+def test_a_type_from_another_process_is_found_in_tables():
+    """Hashes of names differ between processes, and a kept one would hide the cached code."""
+    code = (
+        "import pickle; from swim_env.physics.runtime.references import type_of; "
+        "from swim_env.physics.solve.constants import SAMPLE_SCENE; "
+        "found = type_of(SAMPLE_SCENE); hash(found); print(pickle.dumps(found).hex())"
+    )
+    found = pickle.loads(bytes.fromhex(run_python("-c", code, PYTHONHASHSEED="1").out))
+    assert found in {type_of(SAMPLE_SCENE): "code"}
 
 
 @pytest.mark.parametrize("model", ["expansion", "panels"])

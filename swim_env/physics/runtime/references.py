@@ -42,12 +42,23 @@ class Reference(types.Type):
 
     def __init__(self, views: Any) -> None:
         self.views = views
+        self._hash: int | None = None
         super().__init__(f"Reference[{views.instance_class.__name__}]")
 
     @property
     def key(self) -> Any:
         """What makes two references the same type."""
         return self.views
+
+    def __hash__(self) -> int:
+        # Every call asks for it, and it is made of sixty types.
+        if self._hash is None:
+            self._hash = hash(self.views)
+        return self._hash
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Hashes of strings differ from process to process.
+        return {**self.__dict__, "_hash": None}
 
 
 register_model(Reference)(models.OpaqueModel)
@@ -72,9 +83,16 @@ class Referenced:
         self.views = views
         self.words = words_of(views)
         self.address = self.words.ctypes.data
+        self._kind: Any = None
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.views, name)
+
+    def kind(self) -> Any:
+        """Return numba's type; every call asks for it, and finding it takes half a millisecond."""
+        if self._kind is None:
+            self._kind = type_of(self.views)
+        return self._kind
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A copy has arrays of its own.
@@ -228,7 +246,7 @@ def _read_attribute(context: Any, builder: Any, kind: Reference, address: Any, n
 
 @typeof_impl.register(Referenced)
 def _typeof(value: Referenced, context: Any) -> Any:
-    return type_of(value.views)
+    return value.kind()
 
 
 @unbox(Reference)
