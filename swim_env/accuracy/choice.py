@@ -6,6 +6,7 @@ in order of cost until one is within the tolerance. That takes a few seconds.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -13,7 +14,14 @@ from dataclasses import dataclass, replace
 from swim_env.accuracy.front import load_front
 from swim_env.accuracy.outcome import play
 from swim_env.accuracy.reference import FINE, PILOT, plan_for, reference_of
-from swim_env.accuracy.settings import Settings, duration_for, even, pace_of, refuse_lists
+from swim_env.accuracy.settings import (
+    Settings,
+    duration_for,
+    even,
+    pace_of,
+    refuse_lists,
+    slower_paces_of,
+)
 from swim_env.errors import SceneError, SwimError
 from swim_env.scene import Scene, require_planar
 from swim_env.scene.checks import checked_option, is_number, real
@@ -157,9 +165,9 @@ def _candidates(scene: Scene, keep_elements: bool) -> tuple[list[tuple[Settings,
     problem = "it has none"
     found: dict[Settings, float] = {}
     pace = pace_of(scene)
-    for one in load_front():
-        settings, cost = one.settings, one.cost
-        settings = replace(settings, time_step=pace * settings.time_step)
+    for one, slower in itertools.product(load_front(), slower_paces_of(scene)):
+        settings, cost = one.settings, one.cost * pace / slower
+        settings = replace(settings, time_step=slower * settings.time_step)
         if keep_elements:
             # As many panels along the body as were measured; the cost grows a little faster than
             # the number of elements.

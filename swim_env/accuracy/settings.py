@@ -86,9 +86,22 @@ def pace_of(scene: Scene) -> float:
     interval: the same settings then do the same for a body of any size. Without a drive it is the
     control interval.
     """
-    interval = scene.episode.control_interval
+    return scene.episode.control_interval / _coarsest_in_interval(scene) / _COARSEST
+
+
+def slower_paces_of(scene: Scene) -> list[float]:
+    """Return the pace of a scene, and slower ones up to that of its control interval.
+
+    A fast drive need not be resolved as well as the front's.
+    """
+    most = _coarsest_in_interval(scene)
+    return [factor * pace_of(scene) for factor in range(1, most + 1) if most % factor == 0]
+
+
+def _coarsest_in_interval(scene: Scene) -> int:
+    """Return how many of the coarsest steps make a control interval."""
     frequency = abs(scene.actuation.frequency) / math.tau if scene.actuation else 0.0
-    return interval / max(1, round(_IN_PERIOD * frequency * interval)) / _COARSEST
+    return max(1, round(_IN_PERIOD * frequency * scene.episode.control_interval))
 
 
 def duration_for(scene: Scene, wanted: float) -> float:

@@ -17,6 +17,7 @@ from studies.accuracy.front import front_to_json
 from studies.accuracy.study import energy_error, path_error
 from swim_env import Scene, SceneError, SimulationEndedError, SwimError, Trajectory, load_scene
 from swim_env.accuracy import Choice, Outcome, Reference, Settings, choose, play, reference_of
+from swim_env.accuracy.choice import _candidates
 from swim_env.accuracy.front import Measured, load_front
 from swim_env.accuracy.outcome import SAMPLES, outcome_of, relative_error
 from swim_env.accuracy.reference import FINE, PILOT, Refinements, plan_for
@@ -579,13 +580,24 @@ def test_the_first_that_fits_and_is_good_enough_is_chosen(
         assert choice.error < 1e-9 and choice.uncertainty < 1e-9
 
 
+def test_a_fast_drive_may_have_the_steps_of_a_slow_one_where_they_are_good_enough(use_front):
+    """The front is measured at 1 Hz. What took 10 ms there takes 2 at 5 Hz, or 10 if that will do."""
+    use_front(FROZEN)
+    fast = {"actuation.frequency": 5.0 * math.tau, "episode.control_interval": 0.02}
+    steps = [settings.time_step for settings, _ in _candidates(short(fast), False)[0]]
+    assert steps == pytest.approx([0.01, 0.002])
+    costs = [cost for _, cost in _candidates(short(fast), False)[0]]
+    assert costs == pytest.approx([0.02, 0.1])
+    assert [one.time_step for one, _ in _candidates(short(), False)[0]] == [0.01]
+
+
 def test_settings_that_end_early_are_passed_over(use_front, monkeypatch):
     """On the way or at the start, whatever the displacement was until then."""
     at_once, soon = (replace(FROZEN, time_step=step) for step in (0.02, 0.0125))
     use_front(at_once, soon, FROZEN)
 
     def breaking(scene: Scene, duration: float) -> Outcome:
-        if settings_of(scene) == at_once:
+        if settings_of(scene).time_step >= at_once.time_step:
             raise SimulationEndedError("mass_not_positive", 0.0, "made up")
         reason = "turn_too_large" if settings_of(scene) == soon else ""
         return replace(play(scene, duration), termination_reason=reason)
