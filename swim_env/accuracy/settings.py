@@ -77,6 +77,8 @@ class Settings:
 _COARSEST, _IN_PERIOD = 0.02, 50
 #: Most of them in a run on which settings are compared: errors of a steady gait do not grow.
 _MOST_COMPARED = 1000
+#: Largest factor by which steps may be longer than a drive's period asks for.
+_SLOWEST = 5
 
 
 def pace_of(scene: Scene) -> float:
@@ -90,12 +92,12 @@ def pace_of(scene: Scene) -> float:
 
 
 def slower_paces_of(scene: Scene) -> list[float]:
-    """Return the pace of a scene, and slower ones up to that of its control interval.
+    """Return the pace of a scene, and slower ones that a fast drive may do with.
 
-    A fast drive need not be resolved as well as the front's.
+    Their coarsest steps make the control interval as well, and are at most a tenth of the period.
     """
     most = _coarsest_in_interval(scene)
-    return [factor * pace_of(scene) for factor in range(1, most + 1) if most % factor == 0]
+    return [factor * pace_of(scene) for factor in range(1, _SLOWEST + 1) if most % factor == 0]
 
 
 def _coarsest_in_interval(scene: Scene) -> int:

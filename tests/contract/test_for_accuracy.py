@@ -581,7 +581,7 @@ def test_the_first_that_fits_and_is_good_enough_is_chosen(
 
 
 def test_a_fast_drive_may_have_the_steps_of_a_slow_one_where_they_are_good_enough(use_front):
-    """The front is measured at 1 Hz. What took 10 ms there takes 2 at 5 Hz, or 10 if that will do."""
+    """What took 10 ms at 1 Hz, where the front is measured, takes 2 at 5 Hz, or 10 if they do."""
     use_front(FROZEN)
     fast = {"actuation.frequency": 5.0 * math.tau, "episode.control_interval": 0.02}
     steps = [settings.time_step for settings, _ in _candidates(short(fast), False)[0]]
@@ -713,7 +713,7 @@ def test_a_missing_empty_or_coarse_front_is_refused(use_front):
 
 
 def test_a_scene_that_no_settings_fit_is_told_why():
-    seldom = load_scene("swimmer", {"episode.control_interval": 5e3, "episode.duration": 1e4})
+    seldom = load_scene("swimmer", {"episode.control_interval": 5e4, "episode.duration": 1e5})
     why = "episode.control_interval must be at most 100,000 steps of integrator.time_step"
     with refuses(SwimError, "no settings of the measured front fit scene swimmer: ", why):
         seldom.for_accuracy(0.1)
