@@ -713,7 +713,8 @@ def test_a_missing_empty_or_coarse_front_is_refused(use_front):
 
 
 def test_a_scene_that_no_settings_fit_is_told_why():
-    seldom = load_scene("swimmer", {"episode.control_interval": 5e4, "episode.duration": 1e5})
+    seconds = {"episode.control_interval": 2e4, "episode.duration": 2e4}
+    seldom = load_scene("swimmer", {**seconds, "integrator.time_step": 0.02})
     why = "episode.control_interval must be at most 100,000 steps of integrator.time_step"
     with refuses(SwimError, "no settings of the measured front fit scene swimmer: ", why):
         seldom.for_accuracy(0.1)
