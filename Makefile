@@ -52,7 +52,7 @@ recording: $(STAMP_TRAIN) ## set up, record an agent beside the paper's wave, an
 benchmark: $(STAMP_DEV) ## set up and measure all costs into docs/benchmark (4 minutes, on an idle machine)
 	$(BIN)/python scripts/benchmark.py --output docs/benchmark
 
-accuracy: $(STAMP_DEV) ## set up and run the study of accuracy and cost into docs/accuracy (40 minutes)
+accuracy: $(STAMP_DEV) ## set up and run the study of accuracy and cost into docs/accuracy (25 minutes)
 	$(BIN)/python scripts/accuracy_cost.py --output docs/accuracy --refresh-front
 	$(BIN)/python scripts/accuracy_cost.py --output docs/accuracy --sweeps
 	$(BIN)/python scripts/accuracy_cost.py --output docs/accuracy --held-out

@@ -96,7 +96,7 @@ def _by_runs(folder: Path) -> str:
 STORED = (
     Stored("stability/stability.json", "make stability", "45 min", _by_kernels),
     Stored("paper", "make paper", "15 min", _by_keys),
-    Stored("accuracy", "make accuracy", "40 min", _by_runs),
+    Stored("accuracy", "make accuracy", "25 min", _by_runs),
     Stored(
         "accuracy/effects.json",
         "scripts/benchmark.py --only effects --rounds 201 --json",
