@@ -358,5 +358,7 @@ def check_candidates(
         verification = check_rollout(play(scene), play, part)
         checked.append({"wave": _fields(wave), **verification.to_dict()})
         if verification.verified:
+            if part is not None:
+                part(len(candidates) - len(checked))
             break
     return checked

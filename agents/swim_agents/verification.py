@@ -56,7 +56,7 @@ SOURCES = ("time_step", "panels", "ends")
 SPATIAL_SOURCES = ("time_step", "model")
 #: Models in space that stand for the one of panels on every shape.
 _SIMPLER_MODELS, _FINE_MODEL = ("strip", "frozen"), "panels"
-#: Models in the plane that need the panels of every shape.
+#: Models in the plane that solve for the panels of every shape.
 _PANELS_OF_SHAPES = ("panels", "centreline")
 #: Displacements below this (BL) are rounding, and agree with each other.
 _NOTHING = 1e-9

@@ -19,8 +19,8 @@ from swim_env.accuracy.settings import (
     duration_for,
     even,
     pace_of,
+    paces_of,
     refuse_lists,
-    slower_paces_of,
 )
 from swim_env.errors import SceneError, SwimError
 from swim_env.scene import Scene, require_planar
@@ -165,7 +165,7 @@ def _candidates(scene: Scene, keep_elements: bool) -> tuple[list[tuple[Settings,
     problem = "it has none"
     found: dict[Settings, float] = {}
     pace = pace_of(scene)
-    for one, slower in itertools.product(load_front(), slower_paces_of(scene)):
+    for one, slower in itertools.product(load_front(), paces_of(scene)):
         settings, cost = one.settings, one.cost * pace / slower
         settings = replace(settings, time_step=slower * settings.time_step)
         if keep_elements:

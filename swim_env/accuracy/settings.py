@@ -10,7 +10,15 @@ from typing import Any
 from swim_env.errors import SwimError
 from swim_env.scene import Scene
 
-__all__ = ["PAPER_SETTINGS", "Settings", "duration_for", "even", "pace_of", "refuse_lists"]
+__all__ = [
+    "PAPER_SETTINGS",
+    "Settings",
+    "duration_for",
+    "even",
+    "pace_of",
+    "paces_of",
+    "refuse_lists",
+]
 
 #: Where a scene holds them.
 _PATHS = {
@@ -91,10 +99,11 @@ def pace_of(scene: Scene) -> float:
     return scene.episode.control_interval / _coarsest_in_interval(scene) / _COARSEST
 
 
-def slower_paces_of(scene: Scene) -> list[float]:
-    """Return the pace of a scene, and slower ones that a fast drive may do with.
+def paces_of(scene: Scene) -> list[float]:
+    """Return the pace of a scene, and slower ones that may do where a drive is fast.
 
-    Their coarsest steps make the control interval as well, and are at most a tenth of the period.
+    Their coarsest steps make the control interval as well, and are at most about a tenth of the
+    period.
     """
     most = _coarsest_in_interval(scene)
     return [factor * pace_of(scene) for factor in range(1, _SLOWEST + 1) if most % factor == 0]
@@ -107,9 +116,15 @@ def _coarsest_in_interval(scene: Scene) -> int:
 
 
 def duration_for(scene: Scene, wanted: float) -> float:
-    """Return how long (s) to play for a duration (s): 20 s of the front at most, in whole steps."""
-    step = pace_of(scene) * _COARSEST
-    return min(max(1, round(wanted / step)), _MOST_COMPARED) * step
+    """Return how long (s) to play for a duration (s): 20 s of the front at most.
+
+    All steps that are compared divide it: it is whole control intervals, unless one is too long.
+    """
+    step, together = pace_of(scene) * _COARSEST, _coarsest_in_interval(scene)
+    if together > _MOST_COMPARED:
+        together = 1
+    most = _MOST_COMPARED // together
+    return min(max(1, round(wanted / step / together)), most) * together * step
 
 
 #: What the paper computes with.

@@ -21,7 +21,7 @@ from swim_env.accuracy.choice import _candidates
 from swim_env.accuracy.front import Measured, load_front
 from swim_env.accuracy.outcome import SAMPLES, outcome_of, relative_error
 from swim_env.accuracy.reference import FINE, PILOT, Refinements, plan_for
-from swim_env.accuracy.settings import PAPER_SETTINGS
+from swim_env.accuracy.settings import PAPER_SETTINGS, duration_for
 from tests.support import call_script, refuses
 
 Array = NDArray[np.float64]
@@ -589,6 +589,9 @@ def test_a_fast_drive_may_have_the_steps_of_a_slow_one_where_they_are_good_enoug
     costs = [cost for _, cost in _candidates(short(fast), False)[0]]
     assert costs == pytest.approx([0.02, 0.1])
     assert [one.time_step for one, _ in _candidates(short(), False)[0]] == [0.01]
+    # All of them divide the time on which they are compared: at 3 Hz 333 intervals, not 1000 steps.
+    thrice = short({**fast, "actuation.frequency": 3.0 * math.tau})
+    assert duration_for(thrice, 20.0) == pytest.approx(6.66, abs=1e-12)
 
 
 def test_settings_that_end_early_are_passed_over(use_front, monkeypatch):
